@@ -1,0 +1,250 @@
+"""The configuration: pydantic models over the core's settings, to and from TOML.
+
+Every key has a unit and a default here; an unknown key is an error that lists the valid ones. The
+defaults are the reach of Table I and the settings of section VI.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from rivid.core.settings import DEFAULT_ALPHA, JmapSettings, Prior
+from rivid.errors import ConfigError
+
+T = TypeVar("T", bound=BaseModel)
+NAME = r"^[A-Za-z0-9._-]+$"
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Column = str | list[str]
+Stamp = Literal["instant", "start", "end"]
+FLOWS = ("u_Qi", "u_Qo", "Q_L")
+"""Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class ReachConfig(_Section):
+    """`[reach]`: the reach and its geometry (Table I)."""
+
+    name: str = Field("reach", pattern=NAME, max_length=80)
+    kind: Literal["pool", "river"] = "pool"
+    length: Positive = 8200.0
+    width: Positive = 81.6
+    depth: Positive = 4.9
+    bed_level: float | None = Field(None, allow_inf_nan=False)
+    surface_area: Positive = 6.7e5
+    discharge_range: tuple[Positive, Positive] = (100.0, 800.0)
+    sample_time: Annotated[float, Field(ge=1, le=86_400, allow_inf_nan=False)] = 133.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ReachConfig":
+        low, high = self.discharge_range
+        if low > high:
+            raise ValueError(f"discharge_range = [{low}, {high}]: expected lowest, highest [m3/s]")
+        return self
+
+    @property
+    def output(self) -> str:
+        """Canonical column that the estimators explain: the level, or a river's discharge."""
+        return "h_L" if self.kind == "pool" else "Q_L"
+
+    @property
+    def output_unit(self) -> str:
+        """Unit of the output."""
+        return "m" if self.kind == "pool" else "m3/s"
+
+
+class InputConfig(_Section):
+    """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here."""
+
+    time: str = "time"
+    u_Qi: Column = "u_Qi"
+    u_Qo: Column | None = "u_Qo"
+    h_L: Column | None = "h_L"
+    Q_L: Column | None = "Q_L"
+    units: dict[str, str] = Field(default_factory=dict)
+    stamp: dict[str, Stamp] = Field(default_factory=dict)
+    interval: dict[str, Positive] = Field(default_factory=dict)
+    time_zone: str | None = None
+    time_format: str | None = None
+    ambiguous: Literal["error", "first", "second"] = "error"
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
+    decimal: Literal[".", ","] = "."
+    thousands: Literal["", ",", ".", " ", "'"] = ""
+    encoding: str = "utf-8"
+    skip_rows: Annotated[int, Field(ge=0, le=1000)] = 0
+    unit_rows: Annotated[int, Field(ge=0, le=10)] = 0
+    missing: list[str] = ["", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"]
+    sentinels: list[float] = []
+    max_gap: Annotated[float, Field(ge=0, le=86_400)] = 600.0
+    max_filled: Annotated[float, Field(ge=0, le=1)] = 0.2
+
+    @field_validator("units", "stamp", "interval")
+    @classmethod
+    def _known_columns(cls, value: dict[str, Any]) -> dict[str, Any]:
+        valid = ("u_Qi", "u_Qo", "h_L", "Q_L")
+        for key in value:
+            if key not in valid:
+                raise ValueError(f"unknown column {key!r}; valid: {', '.join(valid)}")
+        return value
+
+    @field_validator("units")
+    @classmethod
+    def _known_units(cls, value: dict[str, str]) -> dict[str, str]:
+        for column, unit in value.items():
+            valid = UNITS["level" if column == "h_L" else "flow"]
+            if unit not in valid:
+                raise ValueError(f"{column} = {unit!r}; valid units: {', '.join(valid)}")
+        return value
+
+    @field_validator("time_zone")
+    @classmethod
+    def _known_zone(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                ZoneInfo(value)
+            except (ZoneInfoNotFoundError, ValueError, OSError):
+                raise ValueError(
+                    f"{value!r} is not a time zone; expected a name like Europe/Paris or UTC"
+                ) from None
+        return value
+
+
+UNITS: dict[str, dict[str, float]] = {
+    "flow": {"m3/s": 1.0, "cfs": 0.028316846592, "L/s": 1e-3, "m3/h": 1 / 3600},
+    "level": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
+}
+"""Factors to m3/s and to m of the units that `[input.units]` knows."""
+
+EstimatorName = Literal[
+    "ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"
+]
+ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
+"""Names of the estimators that `rivid run` knows."""
+
+
+class RunConfig(_Section):
+    """`[run]`: which estimators, on data sets of how many days."""
+
+    estimators: list[EstimatorName] = Field(["jmap"], min_length=1)
+    window_days: Annotated[int, Field(ge=1, le=31)] = 1
+    min_motion: Annotated[float, Field(ge=0, le=1)] = 1e-4
+
+    @field_validator("estimators")
+    @classmethod
+    def _no_repeats(cls, value: list[str]) -> list[str]:
+        return list(dict.fromkeys(value))
+
+
+class JmapConfig(_Section):
+    """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
+
+    order: Annotated[int, Field(ge=6, le=1000)] | Literal["bounds"] = JmapSettings.order
+    d_min: Annotated[int, Field(ge=1)] = JmapSettings.d_min
+    d_max: Annotated[int, Field(ge=1)] | Literal["bounds"] = JmapSettings.d_max
+    sigma_d: Positive | Literal["bounds"] = JmapSettings.delay_scale
+    alpha: Positive = DEFAULT_ALPHA
+    d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = JmapSettings.tolerance
+    max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
+
+
+class Config(_Section):
+    """All of a run's configuration."""
+
+    reach: ReachConfig = ReachConfig()
+    input: InputConfig = InputConfig()
+    run: RunConfig = RunConfig()
+    jmap: JmapConfig = JmapConfig()
+
+    def jmap_settings(
+        self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True
+    ) -> JmapSettings:
+        """The core's settings, with "bounds" taken from the reach's hydraulics.
+
+        Raises
+        ------
+        ConfigError
+            Where the settings contradict each other (d_max beyond the FIR, for example).
+        """
+        j = self.jmap
+        order, d_max, sigma_d = j.order, j.d_max, j.sigma_d
+        if "bounds" in (order, d_max, sigma_d):
+            from rivid.core.hydraulics import propose_delays
+
+            r = self.reach
+            proposal = propose_delays(
+                r.discharge_range, length=r.length, width=r.width, depth=r.depth,
+                sample_time=r.sample_time, kind=r.kind,
+            )  # fmt: skip
+            order = proposal.order if order == "bounds" else order
+            d_max = proposal.d_max if d_max == "bounds" else d_max
+            sigma_d = proposal.delay_scale if sigma_d == "bounds" else sigma_d
+        assert not isinstance(order, str) and not isinstance(d_max, str)
+        return JmapSettings(
+            order=order,
+            d_min=j.d_min,
+            d_max=d_max,
+            prior=prior,
+            delay_scale=float(sigma_d),
+            alpha=j.alpha if fixed_alpha else None,
+            inverse_gamma=inverse_gamma,
+            d_init=j.d_init,
+            tolerance=j.tolerance,
+            max_iterations=j.max_iterations,
+        )
+
+
+def load_toml(path: Path, model: type[T]) -> T:
+    """Read a TOML file into a model.
+
+    Raises
+    ------
+    ConfigError
+        In one line: the file, the key, what came and what is valid.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    return parse(raw, model, str(path))
+
+
+def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:
+    """Validate a nested dict; the first fault becomes a one-line :class:`ConfigError`."""
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(f"{source}: {_explain(first, model)}") from None
+
+
+def load_config(path: Path | None) -> Config:
+    """The configuration in a file, or the defaults (Table I, section VI) without one."""
+    return Config() if path is None else load_toml(path, Config)
+
+
+def _explain(fault: Any, model: type[BaseModel]) -> str:
+    where = ".".join(str(part) for part in fault["loc"] if not str(part).startswith("function-"))
+    if fault["type"] == "extra_forbidden":
+        fields = _fields_at(model, fault["loc"][:-1])
+        return f"unknown key {where}; valid keys here: {', '.join(fields)}"
+    came = repr(fault.get("input"))
+    came = came if len(came) <= 60 else came[:57] + "..."
+    message = fault["msg"].removeprefix("Value error, ")
+    return f"{where} = {came}: {message[:1].lower()}{message[1:]}"
+
+
+def _fields_at(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
+    for part in loc:
+        field = model.model_fields.get(str(part))
+        if field is not None and isinstance(field.annotation, type):
+            if issubclass(field.annotation, BaseModel):
+                model = field.annotation
+    return sorted(model.model_fields)

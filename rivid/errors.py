@@ -1,0 +1,39 @@
+"""The kinds of error that rivid raises on purpose.
+
+Every message says what came, what was expected and what to do. ``exit_code`` is what the
+command line returns for it.
+"""
+
+from typing import ClassVar
+
+
+class RividError(Exception):
+    """Base of all errors that rivid raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class ConfigError(RividError):
+    """The configuration or the command line cannot be used."""
+
+    exit_code = 2
+
+
+class DataError(RividError):
+    """A log, or one day of it, cannot be used; the message is the day's reason."""
+
+
+class NoDataError(RividError):
+    """There is nothing to work on."""
+
+    exit_code = 10
+
+
+class LockedError(RividError):
+    """Another run holds the output directory."""
+
+    exit_code = 11
+
+
+class PendingError(DataError):
+    """Today's log is not finished: not a failure, only not yet a day."""

@@ -1,0 +1,188 @@
+"""The results of a run as arrays: what tables hold, and figures and the report draw."""
+
+import datetime as dt
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.errors import NoDataError, RividError
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class EstimatorResults:
+    """What one estimator says of every day, in date order; NaN where it says nothing.
+
+    Attributes
+    ----------
+    estimator : str
+        Its name, "jmap" for example.
+    dates : list of datetime.date
+        One per row, n of them, failed days included.
+    status : list of str
+        ok, unidentifiable, degenerate, pending or failed, n of them.
+    messages : list of str
+        The reason beside the status; empty where there is nothing to say.
+    delay : ndarray, shape (n,)
+        Delay d [samples].
+    at_bound, prior_only : ndarray of bool, shape (n,)
+        The delay is d_min or d_max; the data do not separate the candidates.
+    fir : ndarray, shape (n, M)
+        Impulse response [output unit per m3/s].
+    candidates : ndarray, shape (K,)
+        The delays tried [samples]; empty where the estimator has none.
+    criterion : ndarray, shape (n, K)
+        The criterion of each candidate.
+    alpha, noise_sd, roughness_sd, condition : ndarray, shape (n,)
+        The row's columns of the same name in delays.csv.
+    mean_inflow : ndarray, shape (n,)
+        Mean inflow of the data set [m3/s].
+    bound_gravity_s, bound_kinematic_s : ndarray, shape (n,)
+        Bounds (5) of the travel time [s].
+    """
+
+    estimator: str
+    dates: list[dt.date]
+    status: list[str]
+    messages: list[str]
+    delay: Floats
+    at_bound: Bools
+    prior_only: Bools
+    fir: Floats
+    candidates: Floats
+    criterion: Floats
+    alpha: Floats
+    noise_sd: Floats
+    roughness_sd: Floats
+    condition: Floats
+    mean_inflow: Floats
+    bound_gravity_s: Floats
+    bound_kinematic_s: Floats
+
+    @property
+    def answered(self) -> Bools:
+        """Rows with an FIR that may be believed as far as its status goes (ok, degenerate)."""
+        return np.array([s in ("ok", "degenerate") for s in self.status], bool)
+
+
+@dataclass(frozen=True)
+class Results:
+    """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration.
+
+    Attributes
+    ----------
+    reach : str
+        Name of the reach.
+    sample_time : float
+        T_s [s].
+    output_unit : str
+        m for a pool (level), m3/s for a river (discharge).
+    delay_scale : float
+        sigma_d in use [samples], the mode of the Rayleigh prior.
+    estimators : list of EstimatorResults
+        In the order of the configuration.
+    """
+
+    reach: str
+    sample_time: float
+    output_unit: str
+    delay_scale: float
+    estimators: list[EstimatorResults]
+
+
+def load_results(out: Path) -> Results:
+    """Read delays.parquet, fir.parquet, criterion.parquet and run.json of a run.
+
+    Raises
+    ------
+    NoDataError
+        Where `out` holds no finished run.
+    """
+    import json
+
+    import pyarrow.parquet as pq
+
+    try:
+        run = json.loads((out / "run.json").read_text(encoding="utf-8"))
+        delays, fir, criterion = (
+            pq.read_table(out / f"{name}.parquet", page_checksum_verification=True)
+            for name in ("delays", "fir", "criterion")
+        )
+    except FileNotFoundError as error:
+        raise NoDataError(
+            f"{out} holds no finished run ({Path(error.filename).name} is missing): "
+            "run `rivid run DATA_DIR --out OUT` first"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise RividError(f"{out}: results cannot be read ({error}): run again") from None
+
+    names = delays["estimator"].to_numpy(zero_copy_only=False)
+    order = [str(name) for name in run["estimators"]]
+    estimators = []
+    for name in order:
+        rows = delays.filter(names == name)
+        columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
+        dates: list[dt.date] = rows["date"].to_pylist()
+        where = {date: i for i, date in enumerate(dates)}
+        estimators.append(
+            EstimatorResults(
+                estimator=name,
+                dates=dates,
+                status=[str(s) for s in columns["status"]],
+                messages=[str(s) for s in columns["message"]],
+                delay=_floats(columns["delay_samples"]),
+                at_bound=_bools(columns["at_bound"]),
+                prior_only=_bools(columns["prior_only"]),
+                fir=_matrix(fir, name, where, "lag")[1],
+                candidates=(curve := _matrix(criterion, name, where, "delay_samples"))[0],
+                criterion=curve[1],
+                **{
+                    key: _floats(columns[column])
+                    for key, column in {
+                        "alpha": "alpha",
+                        "noise_sd": "noise_sd",
+                        "roughness_sd": "roughness_sd",
+                        "condition": "condition",
+                        "mean_inflow": "mean_inflow_m3s",
+                        "bound_gravity_s": "bound_gravity_s",
+                        "bound_kinematic_s": "bound_kinematic_s",
+                    }.items()
+                },
+            )
+        )
+    return Results(
+        reach=str(run["reach"]),
+        sample_time=float(run["sample_time"]),
+        output_unit=str(run["output_unit"]),
+        delay_scale=float(run["delay_scale"]),
+        estimators=estimators,
+    )
+
+
+def _floats(column: NDArray[np.generic]) -> Floats:
+    return np.array([np.nan if v is None else v for v in column], float)
+
+
+def _bools(column: NDArray[np.generic]) -> Bools:
+    return np.array([bool(v) for v in column], bool)
+
+
+def _matrix(
+    table: object, estimator: str, where: dict[dt.date, int], axis: str
+) -> tuple[Floats, Floats]:
+    """A long table (date, estimator, axis, value) as its axis and a (days, axis) matrix."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    assert isinstance(table, pa.Table)
+    rows = table.filter(pc.equal(table["estimator"], estimator))
+    at = rows[axis].to_numpy()
+    labels = np.unique(at)
+    matrix = np.full((len(where), len(labels)), np.nan)
+    row = np.array([where[d] for d in rows["date"].to_pylist()], int)
+    matrix[row, np.searchsorted(labels, at)] = rows[table.column_names[-1]].to_numpy()
+    return labels.astype(float), matrix
