@@ -16,7 +16,7 @@ GRAVITY = 9.80665
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TravelBounds:
     """Bounds (5) of the travel time of a wave down the reach.
 
@@ -41,7 +41,7 @@ class TravelBounds:
     kinematic: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DelayProposal:
     """What the hydraulics of a reach propose for its estimator; see :func:`propose_delays`."""
 

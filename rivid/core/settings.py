@@ -11,7 +11,7 @@ from rivid.errors import ConfigError
 Prior = Literal["rayleigh", "uniform"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class JmapSettings:
     """How the joint MAP estimate of the delay and the FIR is made.
 
