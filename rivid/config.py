@@ -120,9 +120,7 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """Factors to m3/s and to m of the units that `[input.units]` knows."""
 
-EstimatorName = Literal[
-    "ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"
-]
+EstimatorName = Literal["ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"]
 ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
 """Names of the estimators that `rivid run` knows."""
 

@@ -171,9 +171,7 @@ def _bools(column: NDArray[np.generic]) -> Bools:
     return np.array([bool(v) for v in column], bool)
 
 
-def _matrix(
-    table: object, estimator: str, where: dict[dt.date, int], axis: str
-) -> tuple[Floats, Floats]:
+def _matrix(table: object, estimator: str, where: dict[dt.date, int], axis: str) -> tuple[Floats, Floats]:
     """A long table (date, estimator, axis, value) as its axis and a (days, axis) matrix."""
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -52,9 +52,7 @@ class DelayProposal:
     wave: str
 
 
-def travel_bounds(
-    discharge: ArrayLike, *, length: float, width: float, depth: ArrayLike
-) -> TravelBounds:
+def travel_bounds(discharge: ArrayLike, *, length: float, width: float, depth: ArrayLike) -> TravelBounds:
     """Froude number and bounds of the travel time, (4)-(6).
 
     Parameters

@@ -55,8 +55,7 @@ class JmapSettings:
     def __post_init__(self) -> None:
         if not 1 <= self.d_min <= self.d_max:
             raise ConfigError(
-                f"d_min = {self.d_min} and d_max = {self.d_max}: "
-                "expected 1 <= d_min <= d_max (samples)"
+                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
             )
         if self.d_max > self.order - 3:
             raise ConfigError(
