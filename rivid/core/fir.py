@@ -1,0 +1,141 @@
+"""FIR estimates without a delay: maximum likelihood (17) and maximum a posteriori (22)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.core import lanes
+from rivid.core.settings import DEFAULT_ALPHA, MAX_CONDITION
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+Strings = NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class FirResult:
+    """An FIR for each day; a leading axis of days, or none for a single day.
+
+    Attributes
+    ----------
+    fir : ndarray, shape (days, M)
+        h [output unit per m3/s]; NaN on a day that cannot be identified.
+    noise_variance : ndarray, shape (days,)
+        Mean square of ``y - U h`` [output unit^2].
+    condition : ndarray, shape (days,)
+        2-norm condition number of U'U.
+    status : ndarray of str, shape (days,)
+        "ok" or "unidentifiable".
+    """
+
+    fir: Floats
+    noise_variance: Floats
+    condition: Floats
+    status: Strings
+
+
+def second_difference(order: int) -> Floats:
+    """D: the M x M lower-triangular Toeplitz matrix with first column (1, -2, 1, 0, ...), of (20)."""
+    return np.eye(order) - 2.0 * np.eye(order, k=-1) + np.eye(order, k=-2)
+
+
+def ml(u: ArrayLike, y: ArrayLike, order: int = 30) -> FirResult:
+    """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17).
+
+    Parameters
+    ----------
+    u : array_like, shape (N,) or (days, N)
+        Inflow deviations from the day's first sample [m3/s].
+    y : array_like, same shape
+        Output deviations [output unit].
+    order : int
+        Length M of the FIR.
+
+    Returns
+    -------
+    FirResult
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or fewer samples than M.
+
+    Examples
+    --------
+    >>> u = np.r_[0.0, 1.0, 0.0, 2.0, -1.0, 0.5, 0.0, 1.0]
+    >>> y = np.convolve(u, [0.0, -1.0, 2.0])[:8]
+    >>> ml(u, y, order=3).fir.round(9) + 0.0
+    array([ 0., -1.,  2.])
+    """
+    return _regularised(u, y, order, 0.0)
+
+
+def map_fir(u: ArrayLike, y: ArrayLike, order: int = 30, alpha: float = DEFAULT_ALPHA) -> FirResult:
+    """Maximum a posteriori FIR with a smoothness prior, ``h = (U'U + alpha D'D)^-1 U'y`` (22).
+
+    Parameters
+    ----------
+    u, y, order
+        As for :func:`ml`.
+    alpha : float
+        Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
+
+    Returns
+    -------
+    FirResult
+    """
+    return _regularised(u, y, order, alpha)
+
+
+def as_days(u: ArrayLike, y: ArrayLike, order: int) -> tuple[Floats, Floats, bool]:
+    """Check u and y and give them as (days, N) arrays; the flag tells that a single day came.
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or fewer samples than M.
+    """
+    inputs, outputs = np.asarray(u, float), np.asarray(y, float)
+    if inputs.shape != outputs.shape or inputs.ndim not in (1, 2):
+        raise RividError(
+            f"u has shape {inputs.shape} and y {outputs.shape}: expected the same shape, (N,) or (days, N)"
+        )
+    single = inputs.ndim == 1
+    inputs, outputs = np.atleast_2d(inputs), np.atleast_2d(outputs)
+    if inputs.shape[1] <= order:
+        raise RividError(f"{inputs.shape[1]} samples a day: an FIR of order {order} needs more")
+    bad = np.flatnonzero(~(np.isfinite(inputs).all(axis=1) & np.isfinite(outputs).all(axis=1)))
+    if len(bad):
+        raise RividError(f"values that are not finite on {len(bad)} days, first on row {bad[0]}: mask them")
+    return inputs, outputs, single
+
+
+def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
+    """Lanes in which the input or the output never leaves its first value."""
+    return (yy <= 0.0) | (G[0, 0] <= 0.0)
+
+
+def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float) -> FirResult:
+    inputs, outputs, single = as_days(u, y, order)
+    n, N = inputs.shape
+    D = second_difference(order)
+    P = (alpha * (D.T @ D))[:, :, None]
+    fir = np.empty((n, order))
+    noise, condition = np.empty(n), np.empty(n)
+    for days, take in lanes.blocks(n):
+        G, b, yy = lanes.gram(inputs[take].T.copy(), outputs[take].T.copy(), order)
+        L, z, _ = lanes.cholesky(G + P, b)
+        h = lanes.back_substitute(L, z)
+        # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
+        rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
+        here = slice(0, days.stop - days.start)
+        condition[days] = lanes.condition_numbers(G[..., here])
+        fir[days] = np.where(motionless(yy, G), np.nan, h)[:, here].T
+        noise[days] = np.maximum(rss, 0.0)[here] / N
+    bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
+    fir[bad], noise[bad] = np.nan, np.nan
+    status = np.where(bad, "unidentifiable", "ok")
+    if single:
+        return FirResult(fir[0], noise[0], condition[0], status[0])
+    return FirResult(fir, noise, condition, status)
