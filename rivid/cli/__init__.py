@@ -1,0 +1,85 @@
+"""The command line: it translates options into a configuration and a result into an exit code.
+
+One file per command, imported only when its command is called, so that ``rivid --help`` answers at once.
+"""
+
+import importlib
+import os
+import signal
+import sys
+from typing import Any
+
+import click
+
+from rivid import __version__
+from rivid.errors import RividError
+
+COMMANDS = {
+    "run": "Estimate every day of DATA_DIR that is new or changed.",
+    "check": "Say what is wrong with the logs, without estimating.",
+    "sniff": "Propose an [input] block for a foreign CSV.",
+    "bounds": "Travel-time bounds of the reach, and what they propose.",
+    "simulate": "Make daily logs of a simulated reach, and their truth.",
+    "figures": "Redraw figures and report from stored results.",
+}
+
+
+class _Lazy(click.Group):
+    def list_commands(self, context: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        if name not in COMMANDS:
+            return None
+        command = importlib.import_module(f"rivid.cli.{name}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="rivid")
+def cli() -> None:
+    """Identify a managed river reach from what its dams log every day.
+
+    \b
+    Exit codes: 0 all well; 1 failure; 2 usage or configuration; 3 days failed that had
+    not failed before; 10 no data; 11 another run holds OUT; 130, 143 interrupted.
+    """
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def _terminate(number: int, frame: Any) -> None:
+    raise _Terminated
+
+
+def main() -> None:
+    """Entry point of the command ``rivid``."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # before numpy: days run side by side, one thread each
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        status = cli.main(standalone_mode=False)
+        code = status if isinstance(status, int) else 0
+    except click.exceptions.Abort:
+        code = 130
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except RividError as error:
+        click.echo(f"rivid: {error}", err=True)
+        code = error.exit_code
+    except KeyboardInterrupt:
+        code = 130
+    except _Terminated:
+        code = 143
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 1
+    sys.exit(code)

@@ -1,0 +1,5 @@
+"""``python -m rivid``."""
+
+from rivid.cli import main
+
+main()

@@ -1,0 +1,213 @@
+"""One pure function on a batch of days: read, estimate, and give the rows.
+
+It knows nothing of processes, of the store or of what other days say; the same batch gives the same
+rows, and a day the same row in any batch.
+"""
+
+import datetime as dt
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from rivid import estimators
+from rivid.config import Config
+from rivid.core.hydraulics import travel_bounds
+from rivid.core.jmap import JmapResult
+from rivid.errors import DataError, PendingError
+from rivid.logs.find import DaySource
+from rivid.logs.read import DataSet, read_window
+from rivid.tables import SEGMENT, to_table
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Window:
+    """One data set to be: the days it is made of, and the key of its content."""
+
+    date: dt.date
+    sources: tuple[DaySource, ...]
+    key: str
+    missing: tuple[dt.date, ...] = ()
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Windows to work on together, with all they need."""
+
+    root: Path
+    config: Config
+    windows: tuple[Window, ...]
+    today: dt.date
+
+    def halves(self) -> tuple["Batch", "Batch"]:
+        """The same work in two batches."""
+        middle = len(self.windows) // 2
+        return (
+            Batch(self.root, self.config, self.windows[:middle], self.today),
+            Batch(self.root, self.config, self.windows[middle:], self.today),
+        )
+
+
+def estimate_batch(batch: Batch) -> pa.Table:
+    """Read and estimate every window of a batch.
+
+    Parameters
+    ----------
+    batch : Batch
+
+    Returns
+    -------
+    pyarrow.Table
+        Of schema :data:`rivid.tables.SEGMENT`: a row for every window and estimator, whatever happened to
+        the day.
+    """
+    config = batch.config
+    answers: dict[str, list[Row]] = {}
+    alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
+    for window in batch.windows:
+        try:
+            data = _read(batch, window)
+        except PendingError as error:
+            answers[window.key] = [_unread(window, config, name, "pending", error) for name in _names(config)]
+        except DataError as error:
+            answers[window.key] = [_unread(window, config, name, "failed", error) for name in _names(config)]
+        else:
+            alike[len(data.inflow), data.outflow is None].append((window, data))
+    with threadpool_limits(1):
+        for group in alike.values():
+            for window, rows in _estimate(group, config):
+                answers[window.key] = rows
+    rows = [row for window in batch.windows for row in answers[window.key]]
+    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
+
+
+def failed_batch(batch: Batch, reason: str) -> pa.Table:
+    """The rows of a batch that cannot be worked on at all."""
+    rows = [
+        _unread(window, batch.config, name, "failed", DataError(reason))
+        for window in batch.windows
+        for name in _names(batch.config)
+    ]
+    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
+
+
+def _names(config: Config) -> list[str]:
+    return [str(name) for name in config.run.estimators]
+
+
+def _read(batch: Batch, window: Window) -> DataSet:
+    if window.missing:
+        days = ", ".join(str(day) for day in window.missing)
+        raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
+    try:
+        return read_window(batch.root, window.sources, batch.config, today=batch.today)
+    except (OSError, MemoryError, ValueError) as error:
+        raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
+
+
+def _unread(window: Window, config: Config, name: str, status: str, error: DataError) -> Row:
+    return {
+        "key": window.key,
+        "date": window.date,
+        "reach": config.reach.name,
+        "estimator": name,
+        "status": status,
+        "output_unit": config.reach.output_unit,
+        "message": " ".join(str(error).split())[:500],
+    }
+
+
+def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple[Window, list[Row]]]:
+    """All estimators on data sets of one length."""
+    inflow = np.stack([data.inflow for _, data in group])
+    output = np.stack([data.output for _, data in group])
+    u, y = inflow - inflow[:, :1], output - output[:, :1]
+    still = np.ptp(u, axis=1) < config.run.min_motion * np.abs(inflow).max(axis=1)
+    u[still] = 0.0  # so that rounding noise on a constant is not taken for motion
+    answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
+    for estimator in estimators.build(config):
+        if u.shape[1] <= estimator.settings.order:
+            for (window, rows), (_, data) in zip(answers, group, strict=True):
+                reason = DataError(
+                    f"{len(data.inflow)} samples are too few for an FIR of order {estimator.settings.order}: "
+                    "lower [jmap] order, or raise [run] window_days"
+                )
+                rows.append(_unread(window, config, estimator.name, "failed", reason))
+            continue
+        result = estimator.estimate(u, y)
+        for i, (window, data) in enumerate(group):
+            answers[i][1].append(_row(window, data, config, estimator, result, i, u[i], y[i]))
+    return answers
+
+
+def _row(
+    window: Window,
+    data: DataSet,
+    config: Config,
+    estimator: estimators.Estimator,
+    result: JmapResult,
+    i: int,
+    u: estimators.Floats,
+    y: estimators.Floats,
+) -> Row:
+    reach, settings = config.reach, estimator.settings
+    status = str(result.status[i])
+    mean_inflow = float(data.inflow.mean())
+    level = float(data.output.mean()) if reach.kind == "pool" else np.nan
+    depth = reach.depth if reach.bed_level is None or np.isnan(level) else level - reach.bed_level
+    notes = [data.notes] if data.notes else []
+    if status == "unidentifiable":
+        notes.insert(0, _why(u, y, float(result.condition[i]), config))
+    if depth <= 0:
+        notes.append(f"mean level {level:.2f} m is not above [reach] bed_level: depth of [reach] taken")
+        depth = reach.depth
+    bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
+    delay = float(result.delay[i])
+    row: Row = {
+        "key": window.key,
+        "date": window.date,
+        "reach": reach.name,
+        "estimator": estimator.name,
+        "status": status,
+        "delay_samples": delay,
+        "delay_s": delay * reach.sample_time,
+        "alpha": float(result.alpha[i]),
+        "noise_sd": float(np.sqrt(result.noise_variance[i])),
+        "roughness_sd": float(np.sqrt(result.roughness_variance[i])),
+        "output_unit": reach.output_unit,
+        "iterations": int(result.iterations[i]),
+        "condition": float(result.condition[i]),
+        "n_samples": len(data.inflow),
+        "n_filled": data.n_filled,
+        "mean_inflow_m3s": mean_inflow,
+        "mean_level_m": level,
+        "froude": float(bounds.froude),
+        "bound_gravity_s": float(bounds.gravity),
+        "bound_kinematic_s": float(bounds.kinematic),
+        "message": "; ".join(notes),
+    }
+    if status != "unidentifiable":
+        row["fir"] = result.fir[i]
+        if len(result.candidates):
+            row["at_bound"] = delay in (settings.d_min, settings.d_max)
+            row["prior_only"] = bool(result.prior_only[i])
+            row["criterion"] = float(np.min(result.criterion[i]))
+            row["first_candidate"] = int(result.candidates[0])
+            row["curve"] = result.criterion[i]
+    return row
+
+
+def _why(u: estimators.Floats, y: estimators.Floats, condition: float, config: Config) -> str:
+    """What keeps a day from being identified."""
+    if not u.any():
+        return "the inflow does not move enough: nothing to identify"
+    if not y.any():
+        what = "level" if config.reach.kind == "pool" else "output discharge"
+        return f"the {what} does not move: nothing to identify (gauge stuck?)"
+    return f"the inflow moves too little: condition number of U'U is {condition:.1e}"

@@ -1,0 +1,195 @@
+"""``rivid run``."""
+
+import datetime as dt
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rivid.config import ESTIMATORS
+
+_DATE = click.DateTime(["%Y-%m-%d"])
+
+
+@click.command("run", short_help="Estimate every day of DATA_DIR that is new or changed.")
+@click.argument("data_dir", type=click.Path(path_type=Path))
+@click.option(
+    "--config", "-c", type=click.Path(path_type=Path), help="Configuration (TOML); default: Table I."
+)
+@click.option(
+    "--out", "-o", type=click.Path(path_type=Path), default="out", show_default=True, help="Results."
+)
+@click.option("--workers", type=click.IntRange(1, 512), help="Worker processes; default: as many as pay off.")
+@click.option("--estimator", "estimators", multiple=True, type=click.Choice(ESTIMATORS), help="Repeatable.")
+@click.option("--from", "first", type=_DATE, metavar="DATE", help="First day to estimate.")
+@click.option("--to", "last", type=_DATE, metavar="DATE", help="Last day to estimate.")
+@click.option("--force", is_flag=True, help="Estimate again what is done already.")
+@click.option("--verify", is_flag=True, help="Hash every file, also where size and time are unchanged.")
+@click.option("--strict", is_flag=True, help="Exit 3 for any failed day, also one that had failed before.")
+@click.option("--no-figures", is_flag=True, help="Tables only.")
+@click.option("--dry-run", is_flag=True, help="Say what would be done, and stop.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="A JSON line per day, and one for the whole, on stdout."
+)
+@click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")
+@click.option("--today", type=_DATE, metavar="DATE", hidden=True, help="Take DATE for today.")
+def command(
+    data_dir: Path,
+    config: Path | None,
+    out: Path,
+    workers: int | None,
+    estimators: tuple[str, ...],
+    first: dt.datetime | None,
+    last: dt.datetime | None,
+    force: bool,
+    verify: bool,
+    strict: bool,
+    no_figures: bool,
+    dry_run: bool,
+    as_json: bool,
+    quiet: bool,
+    today: dt.datetime | None,
+) -> int:
+    """Estimate every day of DATA_DIR that is new or changed.
+
+    Reads daily logs, estimates the delay and the impulse response of each day, and writes tables, figures
+    and a report to OUT.
+
+    \b
+    Examples:
+      rivid run sample_data/basse_isere --config configs/basse_isere.toml
+      rivid run logs --config reach.toml --out results --quiet     (cron)
+    """
+    from rivid.config import load_config, parse
+    from rivid.run import Options, make_plan, run
+
+    settings = load_config(config)
+    if estimators:
+        raw = settings.model_dump(mode="json", exclude_none=True)
+        raw["run"]["estimators"] = list(estimators)
+        settings = parse(raw, type(settings), "--estimator")
+    options = Options(
+        workers=workers,
+        first=first.date() if first else None,
+        last=last.date() if last else None,
+        force=force,
+        verify=verify,
+        figures=not no_figures,
+        today=today.date() if today else None,
+    )
+    if dry_run:
+        return _dry_run(make_plan(data_dir, settings, options), out, settings)
+    summary = run(data_dir, out, settings, options, None if quiet or as_json else _progress)
+    if as_json:
+        _print_json(summary)
+    for path, reason in summary.bad_files:
+        click.echo(f"rivid: {path}: {reason}", err=True)
+    for name in summary.damaged:
+        click.echo(f"rivid: damaged, its days are computed again: {name}", err=True)
+    if not as_json and not quiet:
+        _print_summary(summary, settings)
+    if strict:
+        return 3 if summary.failures or summary.bad_files else 0
+    return 3 if summary.new_failures or summary.new_bad_files else 0
+
+
+def _dry_run(planned: Any, out: Path, settings: Any) -> int:
+    from rivid.store import Store
+
+    done: set[str] = set()
+    if (out / ".rivid").exists():
+        with Store(out) as store:
+            rows = store.read()
+        done = {
+            k
+            for k, s in zip(rows["key"].to_pylist(), rows["status"].to_pylist(), strict=True)
+            if s != "pending"
+        }
+    new = [w for w in planned.asked if w.key not in done]
+    click.echo(
+        f"{len(planned.windows)} data sets in all, {len(planned.asked)} asked for, {len(new)} to estimate"
+    )
+    click.echo(f"estimators: {', '.join(settings.run.estimators)}; results would go to {out}")
+    for window in new[:5]:
+        click.echo(f"  {window.date}")
+    if len(new) > 5:
+        click.echo(f"  ... {new[-1].date}")
+    return 0
+
+
+def _progress(total: int) -> Any:
+    """A progress bar on a terminal, silence elsewhere."""
+    from contextlib import contextmanager
+
+    @contextmanager
+    def bar() -> Any:
+        import sys
+
+        if not sys.stderr.isatty():
+            yield lambda _: None
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("estimating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task("days", total=total)
+            yield lambda n: progress.advance(task, n)
+
+    return bar()
+
+
+def _print_json(summary: Any) -> None:
+    import json
+
+    from rivid.tables import DELAYS
+
+    for row in summary.rows.select(["key", *DELAYS.names]).to_pylist():
+        key = row.pop("key")
+        if key in summary.asked_keys:
+            row["computed"] = key in summary.computed_keys
+            click.echo(json.dumps(row, default=str))
+    whole = {
+        "summary": {
+            "out": str(summary.out),
+            "data_sets": summary.windows,
+            "computed": summary.computed,
+            "reused": summary.reused,
+            "failed": summary.failures,
+            "newly_failed": summary.new_failures,
+            "counts": summary.counts,
+            "bad_files": summary.bad_files,
+            "seconds": round(summary.seconds, 3),
+        }
+    }
+    click.echo(json.dumps(whole))
+
+
+def _print_summary(summary: Any, settings: Any) -> None:
+    """A few lines for a person."""
+    import numpy as np
+
+    T_s = settings.reach.sample_time
+    click.echo(
+        f"{settings.reach.name}: {summary.windows} data sets, {summary.computed} estimated now, "
+        f"{summary.reused} done before ({summary.seconds:.1f} s)"
+    )
+    names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
+    for name, counts in summary.counts.items():
+        rows = summary.rows.filter(names == name)
+        d = rows["delay_samples"].to_numpy(zero_copy_only=False).astype(float)
+        d = d[np.isfinite(d)]
+        said = ", ".join(f"{n} {status}" for status, n in counts.items())
+        if len(d):
+            values, n = np.unique(d, return_counts=True)
+            top = sorted(values[np.argsort(-n)][:2])
+            share = np.isin(d, top).mean()
+            words = " or ".join(f"{v:.0f}" for v in top)
+            span = " to ".join(f"{v * T_s / 60:.1f}" for v in sorted({top[0], top[-1]}))
+            said += f"; delay {words} samples ({span} min) on {share:.0%} of answered days"
+        click.echo(f"  {name}: {said}")
+    for row in summary.rows.to_pylist():
+        if row["status"] == "failed" and row["key"] in summary.computed_keys:
+            if row["estimator"] == settings.run.estimators[0]:
+                click.echo(f"  {row['date']} failed: {row['message']}", err=True)
+    click.echo(f"report: {summary.out / 'report.html'}")
