@@ -113,7 +113,8 @@ def as_days(u: ArrayLike, y: ArrayLike, order: int) -> tuple[Floats, Floats, boo
 
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
     """Lanes in which the input or the output never leaves its first value."""
-    return (yy <= 0.0) | (G[0, 0] <= 0.0)
+    still: NDArray[np.bool_] = (yy <= 0.0) | (G[0, 0] <= 0.0)
+    return still
 
 
 def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float) -> FirResult:

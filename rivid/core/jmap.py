@@ -115,8 +115,9 @@ def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **cha
     inputs, outputs, single = as_days(u, y, settings.order)
     parts = []
     for days, take in lanes.blocks(len(inputs)):
-        block = _Block(inputs[take].T.copy(), outputs[take].T.copy(), settings)
-        parts.append(block.result(days.stop - days.start))
+        with np.errstate(invalid="ignore", divide="ignore"):  # lanes that cannot be identified
+            block = _Block(inputs[take].T.copy(), outputs[take].T.copy(), settings)
+            parts.append(block.result(days.stop - days.start))
     merged: dict[str, Any] = {
         name: np.concatenate([part[name] for part in parts]) if parts else _nothing(name, settings)
         for name in JmapResult.__dataclass_fields__
@@ -130,8 +131,8 @@ def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **cha
 def _nothing(name: str, settings: JmapSettings) -> NDArray[Any]:
     """The column of a call without days."""
     width = {"fir": (0, settings.order), "criterion": (0, settings.d_max - settings.d_min + 1)}
-    kind = {"iterations": np.intp, "status": "U14", "prior_only": bool}
-    return np.empty(width.get(name, 0), kind.get(name, float))
+    kind: dict[str, Any] = {"iterations": np.intp, "status": "U14", "prior_only": bool}
+    return np.empty(width.get(name, (0,)), kind.get(name, float))
 
 
 class _Candidates:
@@ -152,11 +153,10 @@ class _Candidates:
         own = np.einsum("rkb,rkb->rb", V, V)
         next_ = np.einsum("rkb,rkb->rb", V[:-1], V[1:])
         on_y = np.einsum("rkb,kb->rb", V, self.z)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            a11, a22 = 1 / alpha - own[:-1], 1 / alpha - own[1:]
-            det = a11 * a22 - next_ * next_
-            self.c1 = (a22 * on_y[:-1] + next_ * on_y[1:]) / det
-            self.c2 = (a11 * on_y[1:] + next_ * on_y[:-1]) / det
+        a11, a22 = 1 / alpha - own[:-1], 1 / alpha - own[1:]
+        det = a11 * a22 - next_ * next_
+        self.c1 = (a22 * on_y[:-1] + next_ * on_y[1:]) / det
+        self.c2 = (a11 * on_y[1:] + next_ * on_y[:-1]) / det
         # min over h of ||y - U h||^2 + alpha ||D_d h||^2, shape (K, lanes)
         self.cost = yy - np.einsum("kb,kb->b", self.z, self.z) - (self.c1 * on_y[:-1] + self.c2 * on_y[1:])
 
@@ -277,11 +277,12 @@ class _Block:
                     for array in (G, b, yy, take, h, fidelity, index)
                 )
                 working = np.arange(len(keep)) < len(left)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return 2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h)
+        terms: Floats = 2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h)
+        return terms
 
     def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:
-        return np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N
+        noise: Floats = np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N
+        return noise
 
     def _roughness(self, h: Floats, index: Ints) -> Floats:
         """||D_d h||^2 of each lane, d being candidate number `index`."""
@@ -289,4 +290,5 @@ class _Block:
         row = np.arange(len(h) - 1, 2, -1)[:, None]
         free = self.settings.d_min + index + 1
         x[(row == free) | (row == free + 1)] = 0.0
-        return np.einsum("ib,ib->b", x, x)
+        roughness: Floats = np.einsum("ib,ib->b", x, x)
+        return roughness

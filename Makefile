@@ -1,0 +1,62 @@
+# rivid: `make run` does the main job on the sample year, `make test` proves the rest. Both set up first.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out
+export OPENBLAS_NUM_THREADS = 1
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run week glen-canyon test test-long check bench accuracy figures sample-data lock clean
+
+help:  ## what there is to make
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+
+$(VENV)/.ready: pyproject.toml requirements.lock
+	$(PYTHON) -c "import sys; assert sys.version_info >= (3, 11), 'rivid needs Python 3.11 or newer'"
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+setup: $(VENV)/.ready  ## the environment, with locked versions, in .venv
+
+run: setup  ## the main job: estimate the sample year and write its report
+	$(BIN)/rivid run sample_data/basse_isere --config configs/basse_isere.toml --out $(OUT)/basse_isere
+
+week: setup  ## the same for a week of CSV files
+	$(BIN)/rivid run sample_data/basse_isere_csv --config configs/basse_isere.toml --out $(OUT)/basse_isere_csv
+
+glen-canyon: setup  ## the measured river: Lees Ferry to mile 30, and dam to Lees Ferry
+	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon_rm30.toml --out $(OUT)/glen_canyon_rm30
+	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon.toml --out $(OUT)/glen_canyon
+
+test: setup  ## all tests but the long loops
+	$(BIN)/python -m pytest -n auto -m "not long"
+
+test-long: setup  ## the long loops too
+	$(BIN)/python -m pytest -n auto
+
+check: setup  ## ruff, mypy strict, and the layers
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/test_layers.py
+
+bench: setup  ## speed and memory, written to docs/performance.md
+	$(BIN)/python -m benchmarks.performance
+
+accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
+	$(BIN)/python -m benchmarks.accuracy
+
+figures: run  ## redraw the figures of the sample year from its stored results
+	$(BIN)/rivid figures $(OUT)/basse_isere
+
+sample-data: setup  ## make the simulated sample data again, the same bytes
+	$(BIN)/python sample_data/make.py
+
+lock: setup  ## resolve the versions of requirements.lock anew (needs uv)
+	uv pip compile --universal --extra dev pyproject.toml -o requirements.lock --no-annotate --no-header
+
+clean:  ## remove the environment and all output
+	rm -rf $(VENV) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,173 @@
+"""JMAP against the transcription of Tables V and VI, and what must hold for any data."""
+
+import numpy as np
+import pytest
+
+from rivid.core.jmap import jmap
+from rivid.core.settings import JmapSettings
+from rivid.errors import ConfigError, RividError
+from tests.core.transcription import table_v, table_vi
+
+N = 649
+PER_DAY = ("delay", "fir", "alpha", "noise_variance", "roughness_variance", "criterion")
+
+
+def season(n, seed=0, noise=0.003):
+    """Held commands in steps, a response with two jumps (10), drift and gauge noise; the true delays."""
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(size=(n, N)) * (rng.random((n, N)) < 0.1) * 15
+    u = np.cumsum(steps, axis=1).round()
+    u -= u[:, :1]
+    delays = rng.integers(3, 13, n)
+    y = np.empty_like(u)
+    for i, d in enumerate(delays):
+        h = np.r_[0.0, -1.2e-4 * 0.95 ** np.arange(59)]
+        h[d + 1 :] += 1e-4 * 0.95 ** np.arange(59 - d)
+        drift = np.cumsum(rng.normal(size=N)) * 2e-4
+        y[i] = np.convolve(u[i], h)[:N] + drift + rng.normal(size=N) * noise
+    return u, y - y[:, :1], delays
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("settings", "slow"),
+    [
+        (JmapSettings(), {}),
+        (JmapSettings(prior="uniform"), {"sigma_d": None}),
+        (JmapSettings(delay_scale=10.0, d_init=4), {"sigma_d": 10.0, "d_init": 4}),
+        (JmapSettings(order=20, d_min=2, d_max=17), {}),
+        (JmapSettings(order=50, d_max=30, delay_scale=9.0), {"sigma_d": 9.0}),
+    ],
+)
+def test_table_vi_as_transcribed(seed, settings, slow):
+    u, y, _ = season(12, seed)
+    result = jmap(u, y, settings)
+    delays = list(range(settings.d_min, settings.d_max + 1))
+    assert result.candidates.tolist() == delays
+    for i in range(len(u)):
+        d, h, criterion, s_w, s_h, iterations = table_vi(u[i], y[i], settings.order, delays, **slow)
+        assert result.delay[i] == d
+        assert result.iterations[i] == iterations
+        assert np.allclose(result.fir[i], h, rtol=0, atol=1e-9 * np.abs(h).max())
+        assert np.allclose(result.criterion[i], criterion, rtol=1e-9, atol=1e-6)
+        assert result.noise_variance[i] == pytest.approx(s_w, rel=1e-8)
+        assert result.roughness_variance[i] == pytest.approx(s_h, rel=1e-7)
+        assert result.alpha[i] == pytest.approx(s_w / s_h, rel=1e-7)
+
+
+@pytest.mark.parametrize("alpha", [10.0, 1e3, 1e4])
+def test_table_v_as_transcribed(alpha):
+    u, y, _ = season(12, 3)
+    result = jmap(u, y, prior="uniform", alpha=alpha)
+    for i in range(len(u)):
+        d, h, criterion = table_v(u[i], y[i], 30, range(1, 16), alpha)
+        assert result.delay[i] == d
+        assert np.allclose(result.fir[i], h, rtol=0, atol=1e-9 * np.abs(h).max())
+        assert np.allclose(result.criterion[i], criterion, rtol=1e-8)
+    assert (result.iterations == 1).all()
+    assert np.allclose(result.alpha, alpha)
+
+
+def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
+    u, y, _ = season(30, 4)
+    result = jmap(u, y, inverse_gamma=False, max_iterations=6)
+    for i in range(len(u)):
+        d, _, _, s_w, s_h, _ = table_vi(u[i], y[i], 30, range(1, 16), inverse_gamma=False, most=6)
+        if s_w / s_h < 1e8:  # beyond it the plain solution has too few digits to compare with
+            assert result.alpha[i] == pytest.approx(s_w / s_h, rel=1e-3)
+            assert result.delay[i] == d
+    ran = jmap(u, y, inverse_gamma=False)
+    assert (ran.alpha > 100 * jmap(u, y).alpha).all()
+    assert set(ran.status) <= {"ok", "degenerate"}
+    assert (ran.status == "degenerate").any()
+    assert np.isfinite(ran.fir).all()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [JmapSettings(), JmapSettings(prior="uniform", alpha=1e4), JmapSettings(inverse_gamma=False)],
+)
+def test_a_days_bits_do_not_depend_on_its_batch(settings):
+    u, y, _ = season(211, 5)
+    whole = jmap(u, y, settings)
+    order = np.random.default_rng(0).permutation(len(u))
+    permuted = jmap(u[order], y[order], settings)
+    sevens = [jmap(u[i : i + 7], y[i : i + 7], settings) for i in range(0, 105, 7)]
+    ones = [jmap(u[i], y[i], settings) for i in range(0, 211, 10)]
+    for name in PER_DAY:
+        column = getattr(whole, name)
+        assert np.array_equal(getattr(permuted, name), column[order])
+        assert np.array_equal(np.concatenate([getattr(part, name) for part in sevens]), column[:105])
+        assert np.array_equal(np.stack([getattr(part, name) for part in ones]), column[::10])
+
+
+def test_noise_free_data_give_the_delay_with_the_uniform_prior():
+    rng = np.random.default_rng(6)
+    u = np.cumsum(rng.normal(size=(14, 300)), axis=1)
+    u -= u[:, :1]
+    y = np.empty_like(u)
+    for i in range(14):
+        h = np.r_[0.0, np.linspace(-1.0, -0.4, 29)]
+        h[i + 2 :] += 0.8
+        y[i] = np.convolve(u[i], h)[:300]
+    assert jmap(u, y, prior="uniform", order=30).delay.tolist() == list(range(1, 15))
+
+
+def test_scaling_the_output_scales_the_fir_and_leaves_the_delay():
+    u, y, _ = season(20, 7)
+    plain, scaled = jmap(u, y), jmap(u, 1000.0 * y)
+    assert np.array_equal(plain.delay, scaled.delay)
+    assert np.allclose(scaled.fir, 1000.0 * plain.fir, rtol=1e-7, atol=1e-12)
+    assert np.allclose(scaled.alpha, plain.alpha, rtol=1e-7)  # both variances scale alike
+    assert np.allclose(scaled.noise_variance, 1e6 * plain.noise_variance, rtol=1e-7)
+
+
+def test_unrelated_output_is_the_priors_answer_and_says_so():
+    u, y, _ = season(120, 8)
+    result = jmap(np.roll(u, 1, axis=0), y)
+    assert (result.prior_only).mean() > 0.9
+    assert np.isin(result.delay[result.prior_only], [5, 6, 7, 8]).mean() > 0.9
+
+
+def test_motionless_days_are_unidentifiable_and_leave_the_others_alone():
+    u, y, _ = season(6, 9)
+    alone = jmap(u[[0, 3]], y[[0, 3]])
+    u[1] = 0.0
+    y[2] = 0.0
+    u[4], u[4, -5:] = 0.0, 3.0  # one step at the very end: U'U has rank 5
+    result = jmap(u, y)
+    assert result.status.tolist() == ["ok", "unidentifiable", "unidentifiable", "ok", "unidentifiable", "ok"]
+    for name in PER_DAY:
+        assert np.isnan(getattr(result, name)[[1, 2, 4]]).all()
+        assert np.array_equal(getattr(result, name)[[0, 3]], getattr(alone, name))
+
+
+def test_no_days_give_an_empty_result():
+    result = jmap(np.empty((0, 100)), np.empty((0, 100)))
+    assert result.delay.shape == (0,)
+    assert result.fir.shape == (0, 30)
+    assert result.criterion.shape == (0, 15)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"d_max": 28},
+        {"d_min": 0},
+        {"d_min": 9, "d_max": 8},
+        {"alpha": 1e4},
+        {"prior": "uniform", "alpha": -1.0},
+        {"delay_scale": float("nan")},
+        {"max_iterations": 1},
+    ],
+)
+def test_settings_that_contradict_each_other_are_refused(changes):
+    with pytest.raises(ConfigError):
+        JmapSettings(**changes)
+
+
+def test_values_that_are_not_finite_name_their_row():
+    u, y, _ = season(3)
+    y[2, 5] = np.inf
+    with pytest.raises(RividError, match="row 2"):
+        jmap(u, y)
