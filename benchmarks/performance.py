@@ -1,0 +1,148 @@
+"""Speed and memory: ratios measured side by side in one run, medians; writes docs/performance.md.
+
+Usage: python -m benchmarks.performance [--quick]
+"""
+
+import argparse
+import datetime as dt
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ[name] = "1"
+
+import numpy as np
+
+from benchmarks.measure import PYTHON, functions_in_turn, in_turn, machine, median, process, table
+from rivid.core import lanes
+from rivid.core.jmap import jmap
+from rivid.logs.write import write_day
+from rivid.scenario import load_scenario
+from rivid.simulate import Season, simulate
+from tests.core.transcription import table_vi
+
+ROOT = Path(__file__).parent.parent
+CONFIG = ROOT / "configs" / "basse_isere.toml"
+
+
+def core(season: Season) -> str:
+    """The fast estimator against the plain transcription of Table VI."""
+    u = season.inflow[:, :649] - season.inflow[:, :1]
+    y = season.level[:, :649] - season.level[:, :1]
+    few = slice(0, 40)
+    plain = lambda: [table_vi(a, b, 30, range(1, 16)) for a, b in zip(u[few], y[few], strict=True)]
+    fast = lambda: jmap(u, y)
+    G, _, _ = lanes.gram(u[:192].T.copy(), y[:192].T.copy(), 30)
+    seconds = functions_in_turn(
+        {"plain": plain, "fast": fast, "condition": lambda: lanes.condition_numbers(G)}, runs=9
+    )
+    slow = [s / 40 * 1e6 for s in seconds["plain"]]
+    quick = [s / len(u) * 1e6 for s in seconds["fast"]]
+    condition = median(seconds["condition"]) / 192 * 1e6
+    ratio = median([a / b for a, b in zip(slow, quick, strict=True)])
+    same = sum(d == r for (d, *_), r in zip([table_vi(a, b, 30, range(1, 16)) for a, b in zip(u, y, strict=True)],
+                                            jmap(u, y).delay, strict=True))  # fmt: skip
+    one = median(functions_in_turn({"one": lambda: jmap(u[0], y[0])}, runs=20)["one"]) * 1e3
+    rows = [
+        ["Table VI, plain transcription, U'U once a day", f"{median(slow):.0f} us a day", "1"],
+        ["`jmap`, 332 days in one call", f"{median(quick):.0f} us a day", f"{ratio:.1f}"],
+        ["of which condition numbers", f"{condition:.0f} us a day", ""],
+        ["`jmap`, a single day", f"{one:.1f} ms", ""],
+    ]
+    text = "## The estimator, one core\n\nM = 30, 15 candidate delays, N = 649.\n\n"
+    text += table(["what", "time", "times the plain one"], rows)
+    return text + f"\nThe same delay on {same} of {len(u)} days.\n"
+
+
+def year(season: Season, work: Path, runs: int) -> str:
+    """A year of CSV days, end to end, against the floor."""
+    data = work / "year"
+    write(season, data, 1)
+    out = work / "out"
+    commands = {
+        "floor": [PYTHON, "-m", "benchmarks.floor", str(data), str(work / "floor.png")],
+        "jmap": [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q"],
+        "four": [PYTHON, "-m", "rivid", "run", str(data), "--config", str(CONFIG), "--out", str(out), "-q"],
+        "tables": [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"],
+    }
+    usages = in_turn(commands, runs, lambda _: shutil.rmtree(out, ignore_errors=True))
+    process(commands["jmap"])
+    again = in_turn({"again": commands["jmap"]}, runs, lambda _: None)["again"]
+    floor = usages["floor"]
+    names = {
+        "floor": "floor: same libraries, same files, one figure",
+        "jmap": "`rivid run`, jmap, tables, figures, report",
+        "four": "`rivid run`, ml, map, jmap, jmap-uniform, tables, figures, report",
+        "tables": "`rivid run --no-figures`, jmap",
+        "again": "`rivid run` again, nothing new",
+    }
+    rows = []
+    for key, used in (usages | {"again": again}).items():
+        ratio = median([a.seconds / b.seconds for a, b in zip(used, floor, strict=True)])
+        rows.append(
+            [names[key], f"{median([u.seconds for u in used]):.2f} s", f"{ratio:.2f}",
+             f"{median([u.peak_mb for u in used]):.0f} MB"]
+        )  # fmt: skip
+    text = f"## A year of CSV days ({len(season.dates)} files), end to end\n\n"
+    return text + table(["what", "wall time", "times the floor", "largest process"], rows)
+
+
+def scale(season: Season, work: Path, years: list[int]) -> str:
+    """Days per second and memory as the record grows; tables without figures, two workers."""
+    rows = []
+    for n in years:
+        data, out = work / f"years{n}", work / f"out{n}"
+        write(season, data, n)
+        command = [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
+        used = process([*command, "--workers", "2"])
+        days = n * len(season.dates)
+        rows.append([f"{days:,}", f"{used.seconds:.1f} s", f"{days / used.seconds:.0f}", f"{used.peak_mb:.0f} MB"])
+        shutil.rmtree(data)
+        shutil.rmtree(out)
+    text = "## As the record grows\n\nCSV days, `jmap`, two workers, tables without figures.\n\n"
+    return text + table(["days", "wall time", "days a second", "largest process"], rows)
+
+
+def write(season: Season, data: Path, years: int) -> None:
+    """The season's days as CSV, over and over from 1900 on, each year with its own flow."""
+    data.mkdir(parents=True)
+    date = dt.date(1900, 1, 1)
+    for year in range(years):
+        for i in range(len(season.dates)):
+            write_day(
+                data / f"{date}.csv",
+                date,
+                {
+                    "u_Qi": season.inflow[i] + year,
+                    "u_Qo": season.outflow[i] + year,
+                    "h_L": season.level[i],
+                },
+                sample_time=season.sample_time,
+                offset=dt.timedelta(hours=1),
+            )
+            date += dt.timedelta(days=1)
+
+
+def main() -> None:
+    """Run all, print, and write docs/performance.md."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true", help="fewer runs, shorter records; nothing is written")
+    quick = parser.parse_args().quick
+    season = simulate(load_scenario(ROOT / "configs" / "scenarios" / "basse_isere.toml"), seed=1)
+    with tempfile.TemporaryDirectory() as directory:
+        work = Path(directory)
+        parts = [core(season), year(season, work, 2 if quick else 7)]
+        parts.append(scale(season, work, [1, 2] if quick else [1, 10, 100]))
+    text = (
+        "# Performance\n\nWritten by `make bench`. Ratios are medians of pairs measured in turn in one run; "
+        f"absolute times are of this machine: {machine()}, numpy {np.__version__}.\n\n" + "\n".join(parts)
+    )
+    print(text)
+    if not quick:
+        (ROOT / "docs" / "performance.md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
