@@ -31,7 +31,9 @@ def process(command: Sequence[str]) -> Usage:
     return Usage(time.perf_counter() - began, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
 
 
-def in_turn(commands: dict[str, Sequence[str]], runs: int, before: Callable[[str], None]) -> dict[str, list[Usage]]:
+def in_turn(
+    commands: dict[str, Sequence[str]], runs: int, before: Callable[[str], None]
+) -> dict[str, list[Usage]]:
     """Run commands A B A B ..., so that a slow minute of the machine meets all of them."""
     usages: dict[str, list[Usage]] = {name: [] for name in commands}
     for turn in range(runs + 1):

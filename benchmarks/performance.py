@@ -5,22 +5,19 @@ Usage: python -m benchmarks.performance [--quick]
 
 import argparse
 import datetime as dt
-import os
 import shutil
 import tempfile
 from pathlib import Path
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-    os.environ[name] = "1"
-
 import numpy as np
+from rivid.logs.write import write_day
+from rivid.scenario import load_scenario
+from rivid.simulate import Season, simulate
+from threadpoolctl import threadpool_limits
 
 from benchmarks.measure import PYTHON, functions_in_turn, in_turn, machine, median, process, table
 from rivid.core import lanes
 from rivid.core.jmap import jmap
-from rivid.logs.write import write_day
-from rivid.scenario import load_scenario
-from rivid.simulate import Season, simulate
 from tests.core.transcription import table_vi
 
 ROOT = Path(__file__).parent.parent
@@ -32,18 +29,19 @@ def core(season: Season) -> str:
     u = season.inflow[:, :649] - season.inflow[:, :1]
     y = season.level[:, :649] - season.level[:, :1]
     few = slice(0, 40)
-    plain = lambda: [table_vi(a, b, 30, range(1, 16)) for a, b in zip(u[few], y[few], strict=True)]
-    fast = lambda: jmap(u, y)
+
+    def plain(days: slice = few) -> list[float]:
+        return [table_vi(a, b, 30, range(1, 16))[0] for a, b in zip(u[days], y[days], strict=True)]
+
     G, _, _ = lanes.gram(u[:192].T.copy(), y[:192].T.copy(), 30)
     seconds = functions_in_turn(
-        {"plain": plain, "fast": fast, "condition": lambda: lanes.condition_numbers(G)}, runs=9
+        {"plain": plain, "fast": lambda: jmap(u, y), "condition": lambda: lanes.condition_numbers(G)}, runs=9
     )
     slow = [s / 40 * 1e6 for s in seconds["plain"]]
     quick = [s / len(u) * 1e6 for s in seconds["fast"]]
     condition = median(seconds["condition"]) / 192 * 1e6
     ratio = median([a / b for a, b in zip(slow, quick, strict=True)])
-    same = sum(d == r for (d, *_), r in zip([table_vi(a, b, 30, range(1, 16)) for a, b in zip(u, y, strict=True)],
-                                            jmap(u, y).delay, strict=True))  # fmt: skip
+    same = int(np.sum(np.array(plain(slice(None))) == jmap(u, y).delay))
     one = median(functions_in_turn({"one": lambda: jmap(u[0], y[0])}, runs=20)["one"]) * 1e3
     rows = [
         ["Table VI, plain transcription, U'U once a day", f"{median(slow):.0f} us a day", "1"],
@@ -98,7 +96,8 @@ def scale(season: Season, work: Path, years: list[int]) -> str:
         command = [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
         used = process([*command, "--workers", "2"])
         days = n * len(season.dates)
-        rows.append([f"{days:,}", f"{used.seconds:.1f} s", f"{days / used.seconds:.0f}", f"{used.peak_mb:.0f} MB"])
+        speed = f"{days / used.seconds:.0f}"
+        rows.append([f"{days:,}", f"{used.seconds:.1f} s", speed, f"{used.peak_mb:.0f} MB"])
         shutil.rmtree(data)
         shutil.rmtree(out)
     text = "## As the record grows\n\nCSV days, `jmap`, two workers, tables without figures.\n\n"
@@ -128,8 +127,9 @@ def write(season: Season, data: Path, years: int) -> None:
 def main() -> None:
     """Run all, print, and write docs/performance.md."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="fewer runs, shorter records; nothing is written")
+    parser.add_argument("--quick", action="store_true", help="fewer runs, shorter; writes nothing")
     quick = parser.parse_args().quick
+    threadpool_limits(1)
     season = simulate(load_scenario(ROOT / "configs" / "scenarios" / "basse_isere.toml"), seed=1)
     with tempfile.TemporaryDirectory() as directory:
         work = Path(directory)

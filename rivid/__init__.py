@@ -9,19 +9,32 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Config": "config",
-    "load_config": "config",
     "JmapSettings": "core.settings",
+    "RividError": "errors",
     "jmap": "core.jmap",
-    "ml": "core.fir",
-    "map_fir": "core.fir",
-    "travel_bounds": "core.hydraulics",
-    "propose_delays": "core.hydraulics",
+    "load_config": "config",
     "load_results": "results",
     "load_scenario": "scenario",
-    "RividError": "errors",
+    "map_fir": "core.fir",
+    "ml": "core.fir",
+    "propose_delays": "core.hydraulics",
+    "travel_bounds": "core.hydraulics",
 }
 
-__all__ = [*_HOME, "__version__"]
+__all__ = [
+    "Config",
+    "JmapSettings",
+    "RividError",
+    "__version__",
+    "jmap",
+    "load_config",
+    "load_results",
+    "load_scenario",
+    "map_fir",
+    "ml",
+    "propose_delays",
+    "travel_bounds",
+]
 
 if TYPE_CHECKING:
     from rivid.config import Config, load_config

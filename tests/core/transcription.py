@@ -52,7 +52,9 @@ def table_vi(
     alpha_h = M / 2 if inverse_gamma else -1.0
     beta_h = np.sum((second_differences(M) @ h) ** 2) / 2 if inverse_gamma else 0.0
     d, before = d_init, None
-    for iteration in range(1, most + 1):
+    iteration = 0
+    while iteration < most:
+        iteration += 1
         s_h = (np.sum((jump_matrix(M, d) @ h) ** 2) + 2 * beta_h) / (M + 2 * (alpha_h + 1))
         s_w = np.sum((y - U @ h) ** 2) / N
         s_h = max(s_h, s_w / alpha_cap)
