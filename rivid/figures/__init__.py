@@ -1,0 +1,87 @@
+"""Figures of a run: results in, PNG files out.
+
+Importing this package loads no matplotlib; drawing does.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import datetime as dt
+
+    from rivid.results import Results
+
+
+@dataclass(frozen=True)
+class FigureFile:
+    """A figure that has been written.
+
+    Attributes
+    ----------
+    kind : str
+        tdr, histogram, delay_map, delay_discharge or fir_day.
+    estimator : str
+        Whose results it shows; empty for all of them.
+    path : Path
+        The PNG file.
+    title, caption : str
+        What it is, and how to read it.
+    width, height : int
+        Size [pixels].
+    """
+
+    kind: str
+    estimator: str
+    path: Path
+    title: str
+    caption: str
+    width: int
+    height: int
+
+
+def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> list[FigureFile]:
+    """Draw every figure of a run into OUT/figures, over those that are there.
+
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+    out : Path
+        OUT; files are written to its folder ``figures``.
+    day : datetime.date, optional
+        The day whose impulse responses are shown; a typical one by default.
+
+    Returns
+    -------
+    list of FigureFile
+        Per estimator: tdr and, where it estimates delays, histogram, delay_map and delay_discharge; then
+        the responses of one day. Nothing for an estimator without a single row.
+
+    Raises
+    ------
+    ConfigError
+        Where `day` is not among the results.
+    RividError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    Source: Figs 12-18. The same results give the same bytes.
+    """
+    from rivid.figures import delay_map, discharge, fir_day, histogram, style, tdr
+
+    folder = out / "figures"
+    files = []
+    with style.styled():
+        for estimator in results.estimators:
+            if not estimator.dates:
+                continue
+            files.append(tdr.draw(results, estimator, folder))
+            if estimator.candidates.size:
+                for figure in (histogram, delay_map, discharge):
+                    files.append(figure.draw(results, estimator, folder))
+        one_day = fir_day.draw(results, folder, day=day)
+        if one_day is not None:
+            files.append(one_day)
+    return files

@@ -1,0 +1,128 @@
+"""The delay of each day over the record (Fig. 17), against the travel time of the wave that carries it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from rivid.figures import FigureFile, style
+from rivid.figures.dates import calendar, day_numbers
+from rivid.figures.words import count, day_range, estimator_words, output_words
+from rivid.results import EstimatorResults, Results
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MARKS: dict[str, dict[str, Any]] = {
+    "data decide": {"marker": "o", "color": style.INK},
+    "data do not separate": {"marker": "o", "color": style.GREY, "markerfacecolor": "white"},
+    "degenerate": {"marker": "x", "color": style.GREY},
+    "at a bound": {"marker": "^", "color": style.ACCENT},
+}
+"""How a day is marked; the last that holds for it counts."""
+
+
+def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
+    """Which days belong to which mark, each day to one; arrays of shape (n,)."""
+    e = estimator
+    found = ~np.isnan(e.delay) & e.answered
+    degenerate = np.array([s == "degenerate" for s in e.status], bool)
+    holds = {
+        "data decide": found,
+        "data do not separate": found & e.prior_only,
+        "degenerate": found & degenerate,
+        "at a bound": found & e.at_bound,
+    }
+    taken = np.zeros(len(e.dates), bool)
+    chosen = {}
+    for name in reversed(holds):
+        chosen[name] = holds[name] & ~taken
+        taken |= chosen[name]
+    return dict(reversed(chosen.items()))
+
+
+def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """A line over days that breaks where days are missing: NaN between day numbers more than 1 apart."""
+    breaks = np.flatnonzero(np.diff(x) > 1) + 1
+    return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
+
+
+def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureFile:
+    """Draw the delay of each day for an estimator that has candidates.
+
+    Parameters
+    ----------
+    results : Results
+        All of the run, for what its estimators share.
+    estimator : EstimatorResults
+        With at least one candidate.
+    folder : Path
+        Where ``delay_map_<estimator>.png`` goes.
+
+    Returns
+    -------
+    FigureFile
+
+    Notes
+    -----
+    Source: Fig. 17; the bounds are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
+    tau / T_s - 1.
+    """
+    e, dates = estimator, estimator.dates
+    found = ~np.isnan(e.delay) & e.answered
+    n = int(found.sum())
+    page = style.sheet(
+        f"Delay of each day: {e.estimator}",
+        f"{results.reach} · {estimator_words(e.estimator)} · {count(n, 'day')} of {len(dates):,}, "
+        f"{day_range(dates[0], dates[-1])}",
+    )
+    axes = page.axes
+    calendar(page, dates, e.status)
+    x = day_numbers(dates)
+    style.lag_ticks(axes, float(e.candidates[0]) - 0.8, float(e.candidates[-1]) + 0.8, bins=16)
+    axes.yaxis.grid(True)
+    size = float(np.clip(160 / np.sqrt(len(dates)) / 2.4, 2.2, 6.0))
+    handles: list[object] = []
+    for name, days in kinds(e).items():
+        if days.any():
+            mark = {**MARKS[name], "linestyle": "none", "markeredgewidth": 0.8}
+            axes.plot(x[days], e.delay[days], markersize=size, zorder=3, **mark)
+            handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
+    if not n:
+        style.say(axes, f"None of the {count(len(dates), 'day')} has a delay.")
+    handles += _bounds(axes, x, e, results)
+    axes.set_ylabel("delay d [samples]")
+    style.second_axis(axes, results.sample_time, "d T_s [minutes]")
+    style.key(page, handles)
+    path = folder / f"delay_map_{e.estimator}.png"
+    style.save(page.figure, path)
+    return style.figure_file(
+        page, "delay_map", e.estimator, path, "Delay of each day", _caption(results.output_unit)
+    )
+
+
+def _bounds(axes: Axes, x: Floats, e: EstimatorResults, results: Results) -> list[object]:
+    """Lines of the travel times (5) as delays, where they are within the panel; their legend entries."""
+    low, high = axes.get_ylim()
+    lines: list[object] = []
+    bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
+    if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
+        bounds.append(("kinematic wave", e.bound_kinematic_s, (0, (4, 2))))
+    for name, seconds, dash in bounds:
+        delay = seconds / results.sample_time - 1
+        if np.any((delay >= low) & (delay <= high)):
+            lines += axes.plot(
+                *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
+                label=f"{name}, as a delay", zorder=2, scalex=False, scaley=False,
+            )  # fmt: skip
+    return lines
+
+
+def _caption(unit: str) -> str:
+    return (
+        "One mark per day. The blue line is the travel time of the wave at the day's discharge, as a delay: "
+        f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. Hollow marks are "
+        "days whose data do not separate the candidates; triangles lie at d_min or d_max."
+    )

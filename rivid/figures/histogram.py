@@ -1,0 +1,159 @@
+"""The histogram of the delays (Fig. 18), with what the prior alone would say."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+from numpy.typing import NDArray
+
+from rivid.figures import FigureFile, style
+from rivid.figures.words import RAYLEIGH, count, estimator_words, number, statuses
+from rivid.results import EstimatorResults, Results
+
+Floats = NDArray[np.float64]
+
+
+def rayleigh(delays: Floats, scale: float) -> Floats:
+    """Rayleigh prior on the candidates, summing to one.
+
+    Parameters
+    ----------
+    delays : ndarray, shape (K,)
+        Candidates d [samples].
+    scale : float
+        sigma_d [samples].
+
+    Returns
+    -------
+    ndarray, shape (K,)
+
+    Notes
+    -----
+    Source: (26), lost in the paper's copy; its terms in (27) and (35) give it back.
+
+    Examples
+    --------
+    >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
+    >>> int(np.argmax(p)) + 1, round(float(p.sum()), 6)
+    (6, 1.0)
+    """
+    logs = np.log(delays) - delays**2 / (2 * scale**2)
+    weights = np.exp(logs - logs.max())
+    p: Floats = weights / weights.sum()
+    return p
+
+
+def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureFile:
+    """Draw the share of days per delay for an estimator that has candidates.
+
+    Parameters
+    ----------
+    results : Results
+        All of the run, for what its estimators share.
+    estimator : EstimatorResults
+        With at least one candidate.
+    folder : Path
+        Where ``histogram_<estimator>.png`` goes.
+
+    Returns
+    -------
+    FigureFile
+    """
+    e = estimator
+    found = ~np.isnan(e.delay) & e.answered
+    n = int(found.sum())
+    without = statuses(e.status)
+    page = style.sheet(
+        f"How often each delay: {e.estimator}",
+        f"{results.reach} · {estimator_words(e.estimator)} · n = {count(n, 'day')}"
+        + (f" ({without} left out)" if without else ""),
+        height=4.1,
+        right=0.25,
+        bottom=0.92,
+    )
+    axes = page.axes
+    d_min, d_max = float(e.candidates[0]), float(e.candidates[-1])
+    places = e.candidates
+    own, prior = (
+        _shares(places, e.delay[found & which]) / max(n, 1) for which in (~e.prior_only, e.prior_only)
+    )
+    handles: list[object] = []
+    if n:
+        bars = (
+            (own, np.zeros_like(own), style.INK, "data decide"),
+            (prior, own, style.LIGHT, "data do not separate"),
+        )
+        for share, bottom, colour, label in bars:
+            drawn = axes.bar(places, 100 * share, bottom=100 * bottom, width=0.78, color=colour, linewidth=0)
+            for at, patch in zip(places, drawn.patches, strict=True):
+                if at in (d_min, d_max):
+                    patch.set(hatch="////", edgecolor=style.ACCENT)
+            if share.any():
+                days = round(float(share.sum()) * n)
+                handles.append(Patch(color=colour, label=f"{label} ({days:,})"))
+        at_bound = int((e.at_bound & found).sum())
+        if at_bound:
+            handles.append(
+                Patch(
+                    facecolor=style.FAINT, edgecolor=style.ACCENT, hatch="////", linewidth=0,
+                    label=f"at a bound ({at_bound:,})",
+                )
+            )  # fmt: skip
+    else:
+        style.say(axes, f"None of the {count(len(e.dates), 'day')} has a delay.")
+        axes.set_ylim(0, 100)
+    if e.estimator in RAYLEIGH:
+        line = axes.plot(
+            places, 100 * rayleigh(places, results.delay_scale), color=style.WATER, lw=1.2,
+            marker="o", ms=2.5, label=f"Rayleigh prior alone (sigma_d = {number(results.delay_scale)})",
+        )  # fmt: skip
+        handles += line
+    axes.set_ylabel("share of days [%]")
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+    axes.yaxis.grid(True)
+    axes.spines["right"].set_visible(False)
+    _delay_axes(page, d_min, d_max, results.sample_time)
+    style.key(page, handles)
+    path = folder / f"histogram_{e.estimator}.png"
+    style.save(page.figure, path)
+    return style.figure_file(
+        page, "histogram", e.estimator, path, "How often each delay", _caption(e.estimator in RAYLEIGH)
+    )
+
+
+def _shares(places: Floats, delays: Floats) -> Floats:
+    """Number of days at each candidate, shape (K,)."""
+    return np.array([np.count_nonzero(delays == at) for at in places], float)
+
+
+def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: float) -> None:
+    """Delays in samples under the panel, minutes under them, the bounds as dashed lines."""
+    axes = page.axes
+    margin = max(0.7, 0.02 * (d_max - d_min))
+    axes.set_xlim(d_min - margin, d_max + margin)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=20, integer=True, steps=[1, 2, 5, 10]))
+    hours = d_max * sample_time >= 36_000
+    scale = sample_time / (3600 if hours else 60)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * scale:.1f}"))
+    axes.tick_params(axis="x", length=3)
+    axes.set_xlabel(
+        f"delay d: above in samples, below in {'hours' if hours else 'minutes'} (d T_s)", labelpad=4
+    )
+    for bound, side, name in ((d_min, -0.5, "d_min"), (d_max, 0.5, "d_max")):
+        axes.axvline(bound + side, color=style.ACCENT, lw=0.8, ls=(0, (4, 3)))
+        axes.annotate(
+            name, (bound + side, 1), xycoords=("data", "axes fraction"), xytext=(-4 * np.sign(side), -3),
+            textcoords="offset points", ha="right" if side > 0 else "left", va="top",
+            fontsize=8, color=style.ACCENT, rotation=90,
+        )  # fmt: skip
+
+
+def _caption(with_prior: bool) -> str:
+    text = (
+        "Share of days at each delay d. Dark: the data separate the candidates. Light: they do not, so the "
+        "prior, or chance, decides. Hatched bars lie at d_min or d_max: the delay may be outside."
+    )
+    if with_prior:
+        text += " The line is the Rayleigh prior itself, before any data."
+    return text

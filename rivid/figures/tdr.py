@@ -1,0 +1,153 @@
+"""The time-day representation (Figs 13-16): a grey bar per day, side by side, with the delay over them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.figures import FigureFile, style
+from rivid.figures.dates import calendar, day_numbers
+from rivid.figures.words import count, day_range, estimator_words, output_words, response_unit
+from rivid.results import EstimatorResults, Results
+
+Floats = NDArray[np.float64]
+
+ROBUST = (1.0, 99.0)
+"""Percentiles of all coefficients that are white and black.
+
+One scale for the record: with a scale per day the grey of a bar hangs on its two most extreme, and least
+certain, coefficients, and the step at d drowns in stripes.
+"""
+
+
+def grey_limits(fir: Floats) -> tuple[float, float]:
+    """Values that are white and black, from impulse responses of shape (days, M)."""
+    values = fir[np.isfinite(fir)]
+    if not values.size:
+        return 0.0, 1.0
+    low, high = (float(v) for v in np.percentile(values, ROBUST))
+    return (low, high) if high > low else (low - 0.5 * abs(low) - 1e-12, high + 0.5 * abs(high) + 1e-12)
+
+
+def bars(results: EstimatorResults) -> Floats:
+    """The image, shape (M, calendar days): NaN on days without a row or an answer."""
+    at = (day_numbers(results.dates) - results.dates[0].toordinal()).astype(int)
+    image = np.full((max(results.fir.shape[1], 1), at[-1] + 1), np.nan)
+    if results.fir.shape[1]:
+        image[:, at[results.answered]] = results.fir[results.answered].T
+    return image
+
+
+def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureFile:
+    """Draw the time-day representation of one estimator.
+
+    Parameters
+    ----------
+    results : Results
+        All of the run, for what its estimators share.
+    estimator : EstimatorResults
+        With at least one row.
+    folder : Path
+        Where ``tdr_<estimator>.png`` goes.
+
+    Returns
+    -------
+    FigureFile
+
+    Notes
+    -----
+    Source: section VI, Figs 13-16.
+    """
+    e, dates = estimator, estimator.dates
+    answered = int(e.answered.sum())
+    page = style.sheet(
+        f"Impulse response of each day: {e.estimator}",
+        f"{results.reach} · {estimator_words(e.estimator)} · {count(answered, 'day')} of {len(dates):,}, "
+        f"{day_range(dates[0], dates[-1])}",
+        height=4.3,
+    )
+    axes = page.axes
+    calendar(page, dates, e.status)
+    entries = []
+    image = bars(e)
+    low, high = grey_limits(image)
+    M = e.fir.shape[1]
+    axes.set_facecolor(style.NO_DATA)
+    delays = ~np.isnan(e.delay) & e.answered
+    if answered:
+        first, last = dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5
+        axes.imshow(
+            image,
+            cmap="Greys",
+            vmin=low,
+            vmax=high,
+            origin="lower",
+            aspect="auto",
+            extent=(first, last, -0.5, M - 0.5),
+        )
+        axes.set_autoscale_on(False)
+        if delays.any():
+            _delay_marks(page, day_numbers(dates)[delays], e.delay[delays], image.shape[1])
+            entries.append(style.dot("delay d", marker="s", color=style.ACCENT, markersize=4))
+        _grey_scale(page, low, high, response_unit(results.output_unit))
+    else:
+        style.say(axes, f"None of the {count(len(dates), 'day')} has an answer.")
+    if image.shape[1] > answered:
+        look = {"marker": "s", "color": style.NO_DATA, "markersize": 6, "markeredgecolor": style.LIGHT}
+        entries.append(style.dot("no response", **look))
+    style.lag_ticks(axes, -0.5, max(M, 1) - 0.5)
+    axes.set_ylabel("lag k [samples]")
+    style.second_axis(axes, results.sample_time, "lag [minutes]")
+    style.key(page, entries)
+    path = folder / f"tdr_{e.estimator}.png"
+    style.save(page.figure, path)
+    return style.figure_file(
+        page,
+        "tdr",
+        e.estimator,
+        path,
+        "Impulse response of each day",
+        _caption(results.output_unit, bool(delays.any())),
+    )
+
+
+def _delay_marks(page: style.Sheet, x: Floats, delay: Floats, days: int) -> None:
+    """A short line across each day's bar at lag d, with a white edge that reads on any grey."""
+    half = max(0.5, 0.75 * days / (72 * page.width))  # day; never thinner than 1.5 points
+    for colour, width in (("white", 2.9), (style.ACCENT, 1.7)):
+        page.axes.hlines(delay, x - half, x + half, colors=colour, linewidths=width)
+
+
+def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
+    """The scale of greys, at the top right: white for the lowest value, black for the highest."""
+    width, height = (float(v) for v in page.figure.get_size_inches())
+    box = page.axes.get_position()
+    right = box.x0 + box.width
+    bar = page.figure.add_axes((right - 1.75 / width, 1 - 0.69 / height, 1.1 / width, 0.1 / height))
+    bar.imshow(np.linspace(0, 1, 64)[None, :], cmap="Greys", aspect="auto")
+    for axis in (bar.xaxis, bar.yaxis):
+        axis.set_ticks([])
+    for spine in bar.spines.values():
+        spine.set_visible(True)
+        spine.set_linewidth(0.5)
+    words: dict[str, Any] = {"transform": bar.transAxes, "va": "center", "fontsize": 8}
+    bar.text(-0.04, 0.45, f"{low:.1e}", ha="right", **words)
+    bar.text(1.04, 0.45, f"{high:.1e}", ha="left", **words)
+    page.figure.text(
+        right, 1 - 0.5 / height, f"coefficient h[k], {unit}", ha="right", fontsize=8, color=style.GREY
+    )
+
+
+def _caption(unit: str, with_delay: bool) -> str:
+    text = (
+        "Each column is a day, each row a lag k. White is the lowest coefficient of the record, black the "
+        "highest (1st and 99th percentile). Where the inflow begins to act, the grey jumps from one row to "
+        "the next."
+    )
+    if with_delay:
+        text += (
+            " The coloured line is the estimated delay d: the inflow first moves the "
+            f"{output_words(unit)} at lag d + 1, the row just above it."
+        )
+    return text

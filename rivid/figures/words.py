@@ -1,0 +1,166 @@
+"""Words for numbers and names: delays in samples and minutes, estimators, dates, statuses.
+
+Shared by the figures and the report; imports nothing heavy.
+"""
+
+import datetime as dt
+import math
+from collections.abc import Sequence
+
+ESTIMATOR_WORDS = {
+    "ml": "maximum likelihood (17)",
+    "map": "smooth MAP (22)",
+    "jmap": "JMAP, Rayleigh prior (Table VI)",
+    "jmap-uniform": "JMAP, uniform prior, fixed alpha (Table V)",
+    "jmap-uniform-estimated": "JMAP, uniform prior, alpha estimated",
+    "jmap-degenerate": "JMAP without the inverse-gamma prior",
+}
+"""What an estimator is, in a few words."""
+
+RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
+"""Estimators that weigh the delay with the Rayleigh prior (26)."""
+
+NO_ANSWER = ("failed", "unidentifiable", "pending")
+"""Statuses of days without an answer, the gravest first."""
+
+
+def estimator_words(name: str) -> str:
+    """The estimator in words; its bare name where there are none."""
+    return ESTIMATOR_WORDS.get(name, name)
+
+
+def count(n: int, noun: str, plural: str | None = None) -> str:
+    """A counted noun.
+
+    Examples
+    --------
+    >>> count(1, "day"), count(1332, "day")
+    ('1 day', '1,332 days')
+    """
+    return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
+
+
+def listed(parts: Sequence[str], last: str = "and") -> str:
+    """Join words as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"]), listed(["6", "7"], "or")
+    ('a, b and c', '6 or 7')
+    """
+    if len(parts) < 2:
+        return "".join(parts)
+    return f"{', '.join(parts[:-1])} {last} {parts[-1]}"
+
+
+def number(value: float) -> str:
+    """A number without needless decimals: up to one above 1, two digits below.
+
+    Examples
+    --------
+    >>> number(6.0), number(13.3), number(0.0222)
+    ('6', '13.3', '0.022')
+    """
+    if not math.isfinite(value):
+        return "-"
+    if value != 0 and abs(value) < 1:
+        return f"{value:.2g}"
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def minutes(seconds: Sequence[float], joint: str = "to") -> str:
+    """Durations in minutes, in hours too from two hours on.
+
+    Parameters
+    ----------
+    seconds : sequence of float
+        One duration, or several in order [s].
+    joint : str
+        The word between them.
+
+    Examples
+    --------
+    >>> minutes([798]), minutes([798, 931]), minutes([3714, 21900]), minutes([23400])
+    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '390 min, 6.5 h')
+    """
+
+    def spell(values: Sequence[float], unit: str) -> str:
+        texts = list(dict.fromkeys(f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values))
+        return f"{listed(texts, joint)} {unit}"
+
+    text = spell([s / 60 for s in seconds], "min")
+    return text if min(seconds) < 7200 else f"{text}, {spell([s / 3600 for s in seconds], 'h')}"
+
+
+def delays(values: Sequence[float], sample_time: float) -> str:
+    """One delay, or several alternatives, in samples and minutes.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Delays d [samples], lowest first.
+    sample_time : float
+        T_s [s].
+
+    Examples
+    --------
+    >>> delays([6, 7], 133), delays([1], 133), delays([6, 9], 133)
+    ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 20.0 min)')
+    """
+    together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
+    noun = "sample" if list(values) == [1] else "samples"
+    span = minutes([v * sample_time for v in values], "to" if together else "or")
+    return f"{listed([number(v) for v in values], 'or')} {noun} ({span})"
+
+
+def share(part: int, whole: int) -> str:
+    """A share in per cent that is 0 or 100 only where it is exactly that.
+
+    Examples
+    --------
+    >>> share(327, 332), share(331, 332), share(1, 1000), share(5, 5)
+    ('98 %', '99.7 %', '0.1 %', '100 %')
+    """
+    if whole == 0:
+        return "-"
+    percent = 100 * part / whole
+    if 0 < percent < 1 or 99 < percent < 100:
+        return f"{min(max(percent, 0.1), 99.9):.1f} %"
+    return f"{percent:.0f} %"
+
+
+def day_range(first: dt.date, last: dt.date) -> str:
+    """A day, or from one to another.
+
+    Examples
+    --------
+    >>> day_range(dt.date(2008, 1, 1), dt.date(2008, 12, 31))
+    '2008-01-01 to 2008-12-31'
+    """
+    return f"{first}" if first == last else f"{first} to {last}"
+
+
+def output_words(unit: str) -> str:
+    """What the estimators explain: a pool's level or a river's discharge."""
+    return "level" if unit == "m" else "discharge"
+
+
+def response_unit(unit: str) -> str:
+    """Unit of the impulse response: m per m³/s for a level, none for a discharge."""
+    return "m per m³/s" if unit == "m" else "m³/s per m³/s"
+
+
+def statuses(status: Sequence[str]) -> str:
+    """How many days have no answer, and why.
+
+    Examples
+    --------
+    >>> statuses(["ok", "failed", "failed", "pending"])
+    '2 failed and 1 pending'
+    """
+    return listed([f"{n:,} {name}" for name in NO_ANSWER if (n := list(status).count(name))])
+
+
+def shorten(text: str, width: int) -> str:
+    """Cut a long text to `width` characters, with an ellipsis."""
+    return text if len(text) <= width else text[: width - 1] + "…"
