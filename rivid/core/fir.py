@@ -126,8 +126,8 @@ def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float) -> FirRes
     noise, condition = np.empty(n), np.empty(n)
     for days, take in lanes.blocks(n):
         G, b, yy = lanes.gram(inputs[take].T.copy(), outputs[take].T.copy(), order)
-        L, z, _ = lanes.cholesky(G + P, b)
-        h = lanes.back_substitute(L, z)
+        R, z, _ = lanes.cholesky(G + P, b)
+        h = lanes.back_substitute(R, z)
         # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
         rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
         here = slice(0, days.stop - days.start)

@@ -5,7 +5,7 @@ For one day and one alpha the penalties of all candidates differ from ``P0 = D_0
 
     U'U + alpha D_d'D_d = A - alpha (e1 e1' + e2 e2'),   A = U'U + alpha P0.
 
-With ``A = L L'``, ``z = L^-1 U'y`` and ``V = L^-1 E'`` for all rows e, each candidate is a 2 x 2 solve in
+With ``A = R'R``, ``z = R'^-1 U'y`` and ``V = R'^-1 E'`` for all rows e, each candidate is a 2 x 2 solve in
 the inner products of V and z, criterion included: no candidate needs its own factorisation, nor a
 residual. Days are lanes (:mod:`rivid.core.lanes`), and inside this module lags run backwards, from M - 1
 to 0: the rows e sit at short lags, so their forward substitution then has little left to do.
@@ -145,14 +145,16 @@ class _Candidates:
         E = D_0[settings.d_max + 2 : settings.d_min : -1]  # every d + 1 and d + 2, the longest first
         A = G.copy()
         P_0 = D_0.T @ D_0
-        for k in range(3):  # P_0 is banded; the lower triangle will do
-            A.reshape(-1, A.shape[-1])[k * len(A) :: len(A) + 1] += alpha * np.diag(P_0, -k)[:, None]
-        self.L, self.z, V = lanes.cholesky(A, b, E)
-        self.V = V = V[::-1]
-        # inner products of A^-1: with itself, with its neighbour, and with U'y
-        own = np.einsum("rkb,rkb->rb", V, V)
-        next_ = np.einsum("rkb,rkb->rb", V[:-1], V[1:])
-        on_y = np.einsum("rkb,kb->rb", V, self.z)
+        for k in range(3):  # P_0 is banded; the upper triangle will do
+            band = A.reshape(-1, A.shape[-1])[k :: len(A) + 1][: len(A) - k]
+            band += alpha * np.diag(P_0, k)[:, None]
+        self.R, self.z, self.V = lanes.cholesky(A, b, E)
+        # inner products of A^-1: with itself, with its neighbour, and with U'y; the shortest delay first
+        first = int(np.flatnonzero(E[0])[0])
+        V, z = self.V[first:], self.z[first:]
+        own = np.einsum("krb,krb->rb", V, V)[::-1]
+        next_ = np.einsum("krb,krb->rb", V[:, :-1], V[:, 1:])[::-1]
+        on_y = np.einsum("krb,kb->rb", V, z)[::-1]
         a11, a22 = 1 / alpha - own[:-1], 1 / alpha - own[1:]
         det = a11 * a22 - next_ * next_
         self.c1 = (a22 * on_y[:-1] + next_ * on_y[1:]) / det
@@ -162,11 +164,10 @@ class _Candidates:
 
     def fir(self, index: Ints) -> Floats:
         """The FIR, backwards, of candidate number `index` of each lane, shape (M, lanes)."""
-        lane = np.arange(len(index))
-        v = self.z.copy()
-        v += self.c1[index, lane] * self.V[index, :, lane].T
-        v += self.c2[index, lane] * self.V[index + 1, :, lane].T
-        return lanes.back_substitute(self.L, v)
+        lane, last = np.arange(len(index)), self.V.shape[1] - 1
+        v = self.z + self.c1[index, lane] * self.V[:, last - index, lane]
+        v += self.c2[index, lane] * self.V[:, last - index - 1, lane]
+        return lanes.back_substitute(self.R, v)
 
 
 class _Block:
@@ -233,8 +234,8 @@ class _Block:
     def _table_vi(self) -> Floats:
         """Both variances estimated in turn with d and h; gives the terms of (35) that know no d."""
         s, M = self.settings, self.settings.order
-        L, z, _ = lanes.cholesky(self.G, self.b)
-        h = lanes.back_substitute(L, z)  # (17)
+        R, z, _ = lanes.cholesky(self.G, self.b)
+        h = lanes.back_substitute(R, z)  # (17)
         fidelity = self.yy - np.einsum("kb,kb->b", z, z)
         if s.inverse_gamma:
             Dh = h.copy()
