@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from rivid.results import Results
 
 
+KINDS = ("tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day.")
+"""How the names of the figures begin that this package owns in OUT/figures."""
+
+
 @dataclass(frozen=True)
 class FigureFile:
     """A figure that has been written.
@@ -70,6 +74,7 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     Source: Figs 12-18. The same results give the same bytes.
     """
     from rivid.figures import delay_map, discharge, fir_day, histogram, style, tdr
+    from rivid.figures.selection import estimates_delay
 
     folder = out / "figures"
     files = []
@@ -78,10 +83,20 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
             if not estimator.dates:
                 continue
             files.append(tdr.draw(results, estimator, folder))
-            if estimator.candidates.size:
+            if estimates_delay(estimator):
                 for figure in (histogram, delay_map, discharge):
                     files.append(figure.draw(results, estimator, folder))
         one_day = fir_day.draw(results, folder, day=day)
         if one_day is not None:
             files.append(one_day)
+    _drop_old(folder, files)
     return files
+
+
+def _drop_old(folder: Path, files: list[FigureFile]) -> None:
+    """Remove figures of estimators that are no longer part of the run."""
+    kept = {file.path.name for file in files}
+    for kind in KINDS:
+        for path in folder.glob(f"{kind}*.png"):
+            if path.name not in kept:
+                path.unlink(missing_ok=True)

@@ -7,12 +7,11 @@ import datetime as dt
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
-from numpy.typing import NDArray
 
 from rivid.figures import style
+from rivid.figures.selection import day_numbers
 from rivid.figures.words import NO_ANSWER
 
 STATUS_COLOURS = {"failed": style.ACCENT, "unidentifiable": style.INK, "pending": style.LIGHT}
@@ -31,11 +30,6 @@ class Ticks:
     lines: list[float]
     places: list[float]
     labels: list[str]
-
-
-def day_numbers(dates: Sequence[dt.date]) -> NDArray[np.float64]:
-    """Ordinal numbers of dates, shape (n,)."""
-    return np.array([date.toordinal() for date in dates], float)
 
 
 def date_ticks(first: dt.date, last: dt.date) -> Ticks:
@@ -103,6 +97,7 @@ def date_axis(axes: Axes, first: dt.date, last: dt.date) -> None:
     ticks = date_ticks(first, last)
     axes.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
     axis = axes.xaxis
+    axis.remove_overlapping_locs = False  # a day's label stands at its line
     axis.set_major_locator(FixedLocator(ticks.lines))
     axis.set_major_formatter(NullFormatter())
     axis.set_minor_locator(FixedLocator(ticks.places))

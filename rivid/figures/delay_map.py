@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
-from rivid.figures.dates import calendar, day_numbers
+from rivid.figures.dates import calendar
+from rivid.figures.selection import candidates, day_numbers, found, kinds
 from rivid.figures.words import count, day_range, estimator_words, output_words
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MARKS: dict[str, dict[str, Any]] = {
     "data decide": {"marker": "o", "color": style.INK},
@@ -22,25 +22,6 @@ MARKS: dict[str, dict[str, Any]] = {
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
 """How a day is marked; the last that holds for it counts."""
-
-
-def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
-    """Which days belong to which mark, each day to one; arrays of shape (n,)."""
-    e = estimator
-    found = ~np.isnan(e.delay) & e.answered
-    degenerate = np.array([s == "degenerate" for s in e.status], bool)
-    holds = {
-        "data decide": found,
-        "data do not separate": found & e.prior_only,
-        "degenerate": found & degenerate,
-        "at a bound": found & e.at_bound,
-    }
-    taken = np.zeros(len(e.dates), bool)
-    chosen = {}
-    for name in reversed(holds):
-        chosen[name] = holds[name] & ~taken
-        taken |= chosen[name]
-    return dict(reversed(chosen.items()))
 
 
 def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -71,8 +52,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     tau / T_s - 1.
     """
     e, dates = estimator, estimator.dates
-    found = ~np.isnan(e.delay) & e.answered
-    n = int(found.sum())
+    n = int(found(e).sum())
     page = style.sheet(
         f"Delay of each day: {e.estimator}",
         f"{results.reach} · {estimator_words(e.estimator)} · {count(n, 'day')} of {len(dates):,}, "
@@ -81,8 +61,10 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     axes = page.axes
     calendar(page, dates, e.status)
     x = day_numbers(dates)
-    style.lag_ticks(axes, float(e.candidates[0]) - 0.8, float(e.candidates[-1]) + 0.8, bins=16)
-    axes.yaxis.grid(True)
+    tried = candidates(e)
+    if tried.size:
+        style.lag_ticks(axes, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=16)
+        axes.yaxis.grid(True)
     size = float(np.clip(160 / np.sqrt(len(dates)) / 2.4, 2.2, 6.0))
     handles: list[object] = []
     for name, days in kinds(e).items():
@@ -92,9 +74,12 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
             handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
     if not n:
         style.say(axes, f"None of the {count(len(dates), 'day')} has a delay.")
-    handles += _bounds(axes, x, e, results)
+    handles += _bounds(axes, x, e, results) if tried.size else []
     axes.set_ylabel("delay d [samples]")
-    style.second_axis(axes, results.sample_time, "d T_s [minutes]")
+    if tried.size:
+        style.second_axis(axes, results.sample_time, "d T_s [minutes]")
+    else:
+        axes.yaxis.set_ticks([])
     style.key(page, handles)
     path = folder / f"delay_map_{e.estimator}.png"
     style.save(page.figure, path)

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
-from rivid.figures.delay_map import MARKS, kinds
+from rivid.figures.delay_map import MARKS
+from rivid.figures.selection import candidates, found, kinds
 from rivid.figures.words import count, estimator_words, minutes
 from rivid.results import EstimatorResults, Results
 
@@ -44,16 +45,17 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     between d T_s and (d + 1) T_s.
     """
     e = estimator
-    found = ~np.isnan(e.delay) & e.answered & np.isfinite(e.mean_inflow)
-    n = int(found.sum())
+    shown = found(e) & np.isfinite(e.mean_inflow)
+    n = int(shown.sum())
     page = style.sheet(
         f"Delay and discharge: {e.estimator}",
         f"{results.reach} · {estimator_words(e.estimator)} · {count(n, 'day')}",
         height=4.1,
     )
     axes = page.axes
-    low, high = float(e.candidates[0]) + 1, float(e.candidates[-1]) + 1
-    style.lag_ticks(axes, low - 0.8, high + 0.8, bins=16)
+    tried = candidates(e)
+    if tried.size:
+        style.lag_ticks(axes, float(tried[0]) + 0.2, float(tried[-1]) + 1.8, bins=16)
     axes.grid(True)
     handles: list[object] = []
     if n:
@@ -61,20 +63,23 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         shift = spread(len(Q))
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
         for name, days in kinds(e).items():
-            days = days & found
+            days = days & shown
             if days.any():
                 mark = {**MARKS[name], "linestyle": "none", "markeredgewidth": 0.7}
                 y = (e.delay + 1 + (shift if n > 12 else 0))[days]
                 axes.plot(Q[days], y, markersize=size, alpha=0.75, zorder=3, **mark)
                 handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
-        _flow_axis(axes, Q[found])
-        handles += _bounds(page, e, found, results.sample_time)
+        _flow_axis(axes, Q[shown])
+        handles += _bounds(page, e, shown, results.sample_time)
     else:
         style.say(axes, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
         style.no_ticks(axes)
     axes.set_xlabel("mean inflow of the day [m³/s]")
     axes.set_ylabel("first sample that moves, d + 1")
-    style.second_axis(axes, results.sample_time, "(d + 1) T_s [minutes]")
+    if tried.size:
+        style.second_axis(axes, results.sample_time, "(d + 1) T_s [minutes]")
+    else:
+        axes.yaxis.set_ticks([])
     style.key(page, handles)
     path = folder / f"delay_discharge_{e.estimator}.png"
     style.save(page.figure, path)
@@ -88,7 +93,7 @@ def _flow_axis(axes: Axes, Q: Floats) -> None:
 
 
 def _bounds(
-    page: style.Sheet, e: EstimatorResults, found: NDArray[np.bool_], sample_time: float
+    page: style.Sheet, e: EstimatorResults, shown: NDArray[np.bool_], sample_time: float
 ) -> list[object]:
     """Both bounds as lines over discharge; one that leaves the panel is told in words."""
     axes = page.axes
@@ -100,7 +105,7 @@ def _bounds(
         ("kinematic wave", e.bound_kinematic_s, (0, (4, 2))),
     ):
         known = np.isfinite(e.mean_inflow) & np.isfinite(seconds)
-        if not (known & found).any():
+        if not (known & shown).any():
             continue
         Q, tau = e.mean_inflow[known], seconds[known]
         order = np.argsort(Q, kind="stable")

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from rivid.errors import ConfigError
 from rivid.figures import FigureFile, style
 from rivid.figures.tdr import grey_limits
-from rivid.figures.words import delays, estimator_words, response_unit
+from rivid.figures.words import delays, response_unit
 from rivid.results import EstimatorResults, Results
 
 
@@ -70,16 +70,16 @@ def draw(results: Results, folder: Path, *, day: dt.date | None = None) -> Figur
     page = style.sheet(
         f"Impulse responses of {chosen}",
         f"{results.reach} · h[k] in {response_unit(results.output_unit)} against the lag k in samples",
-        height=0.85 + 2.05 * rows,
+        height=0.85 + 2.15 * rows,
     )
     page.axes.remove()
     width, height = style.WIDTH, float(page.figure.get_size_inches()[1])
     gap = 0.65
-    each = ((style.WIDTH - 0.75 - 0.25) - gap * (columns - 1)) / columns
+    each = ((style.WIDTH - 0.68 - 0.25) - gap * (columns - 1)) / columns
     for number, (e, i) in enumerate(shown):
         row, column = divmod(number, columns)
-        x = (0.75 + column * (each + gap)) / width
-        y = (height - 0.72 - 2.05 * row - 1.35 - 0.12) / height
+        x = (0.68 + column * (each + gap)) / width
+        y = (height - 0.72 - 2.15 * row - 1.45 - 0.12) / height
         axes = page.figure.add_axes((x, y, each / width, 1.25 / height))
         bar = page.figure.add_axes((x, y - 0.17 / height, each / width, 0.11 / height))
         _panel(axes, bar, e, i, results.sample_time, _limits(shown))
@@ -113,15 +113,19 @@ def _panel(
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes.yaxis.get_offset_text().set_fontsize(7.5)
     axes.yaxis.get_offset_text().set_color(style.GREY)
-    axes.set_title(e.estimator, loc="right", fontsize=8.5, fontweight="bold", pad=4)
-    note = estimator_words(e.estimator)
+    note = "no delay of its own"
     if np.isfinite(d):
         axes.axvspan(d, d + 1, color=style.ACCENT, alpha=0.18, linewidth=0)
         axes.plot([d, d + 1], h[int(d) : int(d) + 2], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
-        note += f"\nd = {delays([float(d)], sample_time)}"
-    axes.text(
-        0.99, 0.03, note, transform=axes.transAxes, ha="right", va="bottom", fontsize=7.5, color=style.GREY
-    )
+        note = f"d = {delays([float(d)], sample_time)}"
+    for words, up, look in (
+        (e.estimator, 16, {"fontsize": 8.5, "fontweight": "bold"}),
+        (note, 4, {"fontsize": 8, "color": style.GREY}),
+    ):
+        axes.annotate(
+            words, (1, 1), xycoords="axes fraction", xytext=(0, up), textcoords="offset points", ha="right",
+            **look,
+        )  # fmt: skip
     low, high = grey_limits(h)
     bar.imshow(
         h[None, :], cmap="Greys", aspect="auto", extent=(-0.5, len(h) - 0.5, 0, 1), vmin=low, vmax=high

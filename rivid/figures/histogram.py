@@ -8,40 +8,11 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
+from rivid.figures.selection import candidates, found, rayleigh
 from rivid.figures.words import RAYLEIGH, count, estimator_words, number, statuses
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
-
-
-def rayleigh(delays: Floats, scale: float) -> Floats:
-    """Rayleigh prior on the candidates, summing to one.
-
-    Parameters
-    ----------
-    delays : ndarray, shape (K,)
-        Candidates d [samples].
-    scale : float
-        sigma_d [samples].
-
-    Returns
-    -------
-    ndarray, shape (K,)
-
-    Notes
-    -----
-    Source: (26), lost in the paper's copy; its terms in (27) and (35) give it back.
-
-    Examples
-    --------
-    >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
-    >>> int(np.argmax(p)) + 1, round(float(p.sum()), 6)
-    (6, 1.0)
-    """
-    logs = np.log(delays) - delays**2 / (2 * scale**2)
-    weights = np.exp(logs - logs.max())
-    p: Floats = weights / weights.sum()
-    return p
 
 
 def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureFile:
@@ -61,8 +32,8 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     FigureFile
     """
     e = estimator
-    found = ~np.isnan(e.delay) & e.answered
-    n = int(found.sum())
+    with_delay = found(e)
+    n = int(with_delay.sum())
     without = statuses(e.status)
     page = style.sheet(
         f"How often each delay: {e.estimator}",
@@ -73,10 +44,10 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         bottom=0.92,
     )
     axes = page.axes
-    d_min, d_max = float(e.candidates[0]), float(e.candidates[-1])
-    places = e.candidates
+    places = candidates(e)
+    d_min, d_max = (float(places[0]), float(places[-1])) if places.size else (np.nan, np.nan)
     own, prior = (
-        _shares(places, e.delay[found & which]) / max(n, 1) for which in (~e.prior_only, e.prior_only)
+        _shares(places, e.delay[with_delay & which]) / max(n, 1) for which in (~e.prior_only, e.prior_only)
     )
     handles: list[object] = []
     if n:
@@ -92,7 +63,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
             if share.any():
                 days = round(float(share.sum()) * n)
                 handles.append(Patch(color=colour, label=f"{label} ({days:,})"))
-        at_bound = int((e.at_bound & found).sum())
+        at_bound = int((e.at_bound & with_delay).sum())
         if at_bound:
             handles.append(
                 Patch(
@@ -103,7 +74,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     else:
         style.say(axes, f"None of the {count(len(e.dates), 'day')} has a delay.")
         axes.set_ylim(0, 100)
-    if e.estimator in RAYLEIGH:
+    if e.estimator in RAYLEIGH and places.size:
         line = axes.plot(
             places, 100 * rayleigh(places, results.delay_scale), color=style.WATER, lw=1.2,
             marker="o", ms=2.5, label=f"Rayleigh prior alone (sigma_d = {number(results.delay_scale)})",
@@ -113,7 +84,10 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     axes.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     axes.yaxis.grid(True)
     axes.spines["right"].set_visible(False)
-    _delay_axes(page, d_min, d_max, results.sample_time)
+    if places.size:
+        _delay_axes(page, d_min, d_max, results.sample_time)
+    else:
+        style.no_ticks(axes)
     style.key(page, handles)
     path = folder / f"histogram_{e.estimator}.png"
     style.save(page.figure, path)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
-from rivid.figures.dates import calendar, day_numbers
+from rivid.figures.dates import calendar
+from rivid.figures.selection import day_numbers, found
 from rivid.figures.words import count, day_range, estimator_words, output_words, response_unit
 from rivid.results import EstimatorResults, Results
 
@@ -74,7 +75,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     low, high = grey_limits(image)
     M = e.fir.shape[1]
     axes.set_facecolor(style.NO_DATA)
-    delays = ~np.isnan(e.delay) & e.answered
+    delays = found(e)
     if answered:
         first, last = dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5
         axes.imshow(
@@ -96,9 +97,12 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     if image.shape[1] > answered:
         look = {"marker": "s", "color": style.NO_DATA, "markersize": 6, "markeredgecolor": style.LIGHT}
         entries.append(style.dot("no response", **look))
-    style.lag_ticks(axes, -0.5, max(M, 1) - 0.5)
     axes.set_ylabel("lag k [samples]")
-    style.second_axis(axes, results.sample_time, "lag [minutes]")
+    if M:
+        style.lag_ticks(axes, -0.5, M - 0.5)
+        style.second_axis(axes, results.sample_time, "lag [minutes]")
+    else:
+        axes.yaxis.set_ticks([])
     style.key(page, entries)
     path = folder / f"tdr_{e.estimator}.png"
     style.save(page.figure, path)
@@ -123,8 +127,8 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
     """The scale of greys, at the top right: white for the lowest value, black for the highest."""
     width, height = (float(v) for v in page.figure.get_size_inches())
     box = page.axes.get_position()
-    right = box.x0 + box.width
-    bar = page.figure.add_axes((right - 1.75 / width, 1 - 0.69 / height, 1.1 / width, 0.1 / height))
+    left = box.x0 + box.width - 1.75 / width
+    bar = page.figure.add_axes((left, 1 - 0.69 / height, 1.1 / width, 0.1 / height))
     bar.imshow(np.linspace(0, 1, 64)[None, :], cmap="Greys", aspect="auto")
     for axis in (bar.xaxis, bar.yaxis):
         axis.set_ticks([])
@@ -132,11 +136,8 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
         spine.set_visible(True)
         spine.set_linewidth(0.5)
     words: dict[str, Any] = {"transform": bar.transAxes, "va": "center", "fontsize": 8}
-    bar.text(-0.04, 0.45, f"{low:.1e}", ha="right", **words)
+    bar.text(-0.04, 0.45, f"h[k] in {unit}:   {low:.1e}", ha="right", **words)
     bar.text(1.04, 0.45, f"{high:.1e}", ha="left", **words)
-    page.figure.text(
-        right, 1 - 0.5 / height, f"coefficient h[k], {unit}", ha="right", fontsize=8, color=style.GREY
-    )
 
 
 def _caption(unit: str, with_delay: bool) -> str:
