@@ -2,6 +2,7 @@
 
 import datetime as dt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -118,10 +119,11 @@ def _panel(
         axes.axvspan(d, d + 1, color=style.ACCENT, alpha=0.18, linewidth=0)
         axes.plot([d, d + 1], h[int(d) : int(d) + 2], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
         note = f"d = {delays([float(d)], sample_time)}"
-    for words, up, look in (
+    looks: list[tuple[str, int, dict[str, Any]]] = [
         (e.estimator, 16, {"fontsize": 8.5, "fontweight": "bold"}),
         (note, 4, {"fontsize": 8, "color": style.GREY}),
-    ):
+    ]
+    for words, up, look in looks:
         axes.annotate(
             words, (1, 1), xycoords="axes fraction", xytext=(0, up), textcoords="offset points", ha="right",
             **look,

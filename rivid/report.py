@@ -1,0 +1,265 @@
+"""report.html: one self-contained page that says what a run found, and shows it."""
+
+import base64
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rivid import __version__
+from rivid.atomic import write_text
+from rivid.figures import FigureFile
+from rivid.figures.selection import estimates_delay, found
+from rivid.figures.words import (
+    NO_ANSWER,
+    count,
+    day_range,
+    delays,
+    estimator_words,
+    number,
+    output_words,
+    share,
+)
+from rivid.headline import facts, headline, leading
+from rivid.results import EstimatorResults, Results
+
+SHOWN = 25
+"""Rows of days to look at that are open on the page; the others unfold."""
+
+MOST = 400
+"""Rows of days to look at on the page at all; delays.csv has every one."""
+
+
+@dataclass(frozen=True)
+class Attention:
+    """Consecutive days with the same thing to look at.
+
+    Attributes
+    ----------
+    first, last : datetime.date
+    days : int
+    kind : str
+        failed, unidentifiable, pending, degenerate or at a bound.
+    estimators : tuple of str
+        Who says so.
+    reason : str
+    """
+
+    first: dt.date
+    last: dt.date
+    days: int
+    kind: str
+    estimators: tuple[str, ...]
+    reason: str
+
+    @property
+    def when(self) -> str:
+        """The day, or the days from first to last."""
+        return day_range(self.first, self.last)
+
+
+def attention(results: Results) -> list[Attention]:
+    """Days to look at, in date order, with reasons.
+
+    An estimator that is degenerate by its making (jmap-degenerate) is left out where it answers.
+    """
+    said: dict[tuple[dt.date, str, str], list[str]] = {}
+    for e in results.estimators:
+        for date, kind, reason in _doubts(e, results.sample_time):
+            said.setdefault((date, kind, reason), []).append(e.estimator)
+    runs: list[Attention] = []
+    open_runs: dict[tuple[str, str, tuple[str, ...]], int] = {}
+    for (date, kind, reason), names in sorted(said.items()):
+        same = (kind, reason, tuple(names))
+        at = open_runs.get(same)
+        if at is not None and (date - runs[at].last).days == 1:
+            runs[at] = Attention(runs[at].first, date, runs[at].days + 1, kind, same[2], reason)
+        else:
+            open_runs[same] = len(runs)
+            runs.append(Attention(date, date, 1, kind, same[2], reason))
+    return runs
+
+
+def _doubts(e: EstimatorResults, sample_time: float) -> list[tuple[dt.date, str, str]]:
+    by_making = e.estimator == "jmap-degenerate"
+    with_delay = found(e)
+    doubts = []
+    for i, (date, status, message) in enumerate(zip(e.dates, e.status, e.messages, strict=True)):
+        if status in NO_ANSWER:
+            doubts.append((date, status, message))
+        elif status == "degenerate" and not by_making:
+            doubts.append((date, status, message or "alpha ran away: the data do not hold the response"))
+        elif with_delay[i] and e.at_bound[i] and not by_making:
+            words = delays([float(e.delay[i])], sample_time)
+            doubts.append((date, "at a bound", f"the delay is {words}, the edge of what was tried"))
+    return doubts
+
+
+def write_report(
+    results: Results, figures: Sequence[FigureFile], out: Path, *, summary: Mapping[str, Any]
+) -> Path:
+    """Write OUT/report.html.
+
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+    figures : sequence of FigureFile
+        Figures to embed, in order of their estimators.
+    out : Path
+        OUT.
+    summary : mapping
+        run.json; of it the page shows ``config`` (nested mappings), ``versions`` and, where they stand,
+        d_min, d_max, order and delay_scale in use.
+
+    Returns
+    -------
+    Path
+        The page; it needs no other file and asks no server for anything.
+
+    Raises
+    ------
+    RividError
+        Where the page cannot be written or a figure cannot be read.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("rivid", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    path = out / "report.html"
+    page = environment.get_template("report.html.j2").render(_context(results, figures, summary))
+    write_text(path, page)
+    return path
+
+
+def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[str, Any]) -> dict[str, Any]:
+    rows = attention(results)
+    dates = sorted({date for e in results.estimators for date in e.dates})
+    sentences = headline(results)
+    lead = leading(results)
+    return {
+        "reach": results.reach,
+        "version": __version__,
+        "period": day_range(dates[0], dates[-1]) if dates else "no days",
+        "days": count(len(dates), "day"),
+        "sample_time": number(results.sample_time),
+        "output": output_words(results.output_unit),
+        "unit": results.output_unit,
+        "lead": lead.estimator if lead else "",
+        "headline": sentences[0],
+        "sentences": sentences[1:],
+        "attention": rows[:SHOWN],
+        "more": rows[SHOWN:MOST],
+        "unlisted": max(len(rows) - MOST, 0),
+        "estimators": [_row(results, e) for e in results.estimators if e.dates],
+        "groups": _groups(figures, lead.estimator if lead else ""),
+        "settings": _settings(summary),
+        "versions": [(str(k), str(v)) for k, v in dict(summary.get("versions") or {}).items()],
+    }
+
+
+def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
+    """The line of one estimator in the table; a dash where it has no such number."""
+    f = facts(results, e)
+    with_delay = estimates_delay(e) and f.with_delay > 0
+    T_s = results.sample_time
+
+    def given(text: str) -> str:
+        return text if with_delay else "–"
+
+    modal = ""
+    if with_delay:
+        modal = f"{' and '.join(number(d) for d in f.common)}: {share(f.common_days, f.with_delay)}"
+    return {
+        "name": e.estimator,
+        "words": estimator_words(e.estimator),
+        "answered": f"{f.answered:,} of {f.days:,}",
+        "median": given(delays([f.median], T_s)),
+        "modal": given(modal),
+        "at_bound": given(f"{f.at_bound:,}"),
+        "prior_only": given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
+        "condition": power(f.condition),
+        "noise": power(f.noise_sd),
+        "alpha": power(f.alpha),
+    }
+
+
+def power(value: float) -> str:
+    """A number to two digits, with a power of ten where it is very large or small.
+
+    Examples
+    --------
+    >>> power(24877.7), power(0.0041), power(12.3)
+    ('2.5 × 10⁴', '0.0041', '12')
+    """
+    if not np.isfinite(value):
+        return "–"
+    if value == 0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:,.0f}" if abs(value) >= 10 else f"{value:.2g}"
+    digits, exponent = f"{value:.1e}".split("e")
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{digits} × 10{superscript}"
+
+
+def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
+    """Figures by estimator: the leading one first, those of all estimators after it, then the others."""
+    names = list(dict.fromkeys(f.estimator for f in figures))
+    order = sorted(names, key=lambda name: (name != lead, name != "", names.index(name)))
+    return [
+        {
+            "name": name,
+            "words": estimator_words(name) if name else "",
+            "figures": [(f, _data_uri(f.path)) for f in figures if f.estimator == name],
+        }
+        for name in order
+    ]
+
+
+def _data_uri(path: Path) -> str:
+    from rivid.errors import RividError
+
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RividError(f"cannot read {path}: {error.strerror}: draw the figures again") from None
+    return "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+
+
+def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Sections of the configuration as text, and what "bounds" came to."""
+    sections = []
+    used = [
+        (name, _plain(summary[name]))
+        for name in ("d_min", "d_max", "order", "delay_scale")
+        if name in summary
+    ]
+    if used:
+        sections.append(("in use", used))
+    config = summary.get("config") or {}
+    for section, keys in config.items():
+        if isinstance(keys, Mapping):
+            sections.append((f"[{section}]", [(str(k), _plain(v)) for k, v in keys.items()]))
+    return sections
+
+
+def _plain(value: Any) -> str:
+    """A setting as TOML would show it."""
+    if value is None:
+        return "not set"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} = {_plain(v)}" for k, v in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_plain(v) for v in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
