@@ -12,6 +12,7 @@ import numpy as np
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.figures import FigureFile
+from rivid.figures.headline import facts, headline, leading
 from rivid.figures.selection import estimates_delay, found
 from rivid.figures.words import (
     NO_ANSWER,
@@ -23,7 +24,6 @@ from rivid.figures.words import (
     output_words,
     share,
 )
-from rivid.headline import facts, headline, leading
 from rivid.results import EstimatorResults, Results
 
 SHOWN = 25
@@ -112,8 +112,8 @@ def write_report(
     out : Path
         OUT.
     summary : mapping
-        run.json; of it the page shows ``config`` (nested mappings), ``versions`` and, where they stand,
-        d_min, d_max, order and delay_scale in use.
+        run.json; of it the page shows ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of
+        file and reason) and, where they stand, d_min, d_max, order and delay_scale in use.
 
     Returns
     -------
@@ -154,6 +154,7 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "output": output_words(results.output_unit),
         "unit": results.output_unit,
         "lead": lead.estimator if lead else "",
+        "names": [e.estimator for e in results.estimators],
         "headline": sentences[0],
         "sentences": sentences[1:],
         "attention": rows[:SHOWN],
@@ -161,6 +162,7 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "unlisted": max(len(rows) - MOST, 0),
         "estimators": [_row(results, e) for e in results.estimators if e.dates],
         "groups": _groups(figures, lead.estimator if lead else ""),
+        "bad_files": [(str(f), str(why)) for f, why in summary.get("bad_files") or ()][:MOST],
         "settings": _settings(summary),
         "versions": [(str(k), str(v)) for k, v in dict(summary.get("versions") or {}).items()],
     }

@@ -55,7 +55,7 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
     if span <= 5500:
         return _between(_month_starts(first, last, 12), first, last, lambda day: str(day.year), years=False)
     every = -(-span // 5500)
-    starts = [day for day in _month_starts(first, last, 12) if day.year % every == 0]
+    starts = [day for day in _month_starts(first, last, 12) if day.year % every == 0 and first <= day <= last]
     at = [day.toordinal() - 0.5 for day in starts]
     return Ticks(at, at, [str(day.year) for day in starts])
 

@@ -46,23 +46,9 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     axes = page.axes
     places = candidates(e)
     d_min, d_max = (float(places[0]), float(places[-1])) if places.size else (np.nan, np.nan)
-    own, prior = (
-        _shares(places, e.delay[with_delay & which]) / max(n, 1) for which in (~e.prior_only, e.prior_only)
-    )
     handles: list[object] = []
     if n:
-        bars = (
-            (own, np.zeros_like(own), style.INK, "data decide"),
-            (prior, own, style.LIGHT, "data do not separate"),
-        )
-        for share, bottom, colour, label in bars:
-            drawn = axes.bar(places, 100 * share, bottom=100 * bottom, width=0.78, color=colour, linewidth=0)
-            for at, patch in zip(places, drawn.patches, strict=True):
-                if at in (d_min, d_max):
-                    patch.set(hatch="////", edgecolor=style.ACCENT)
-            if share.any():
-                days = round(float(share.sum()) * n)
-                handles.append(Patch(color=colour, label=f"{label} ({days:,})"))
+        handles += _bars(page, e, places)
         at_bound = int((e.at_bound & with_delay).sum())
         if at_bound:
             handles.append(
@@ -96,9 +82,37 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     )
 
 
-def _shares(places: Floats, delays: Floats) -> Floats:
-    """Number of days at each candidate, shape (K,)."""
-    return np.array([np.count_nonzero(delays == at) for at in places], float)
+def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
+    """Share of days [%] at each candidate by how far to trust them; arrays of shape (K,), 100 in all."""
+    with_delay = found(e)
+    degenerate = np.array([s == "degenerate" for s in e.status], bool)
+    classes = {
+        "data decide": ~e.prior_only & ~degenerate,
+        "data do not separate": e.prior_only & ~degenerate,
+        "degenerate": degenerate,
+    }
+    whole = max(int(with_delay.sum()), 1)
+    return {
+        name: np.array([100 * np.count_nonzero(e.delay[days & with_delay] == at) / whole for at in places])
+        for name, days in classes.items()
+    }
+
+
+def _bars(page: style.Sheet, e: EstimatorResults, places: Floats) -> list[object]:
+    """Stacked bars, hatched where they lie at a bound; their legend entries."""
+    colours = {"data decide": style.INK, "data do not separate": style.LIGHT, "degenerate": style.GREY}
+    n = int(found(e).sum())
+    below = np.zeros(len(places))
+    handles: list[object] = []
+    for name, share in shares(e, places).items():
+        if not share.any():
+            continue
+        drawn = page.axes.bar(places, share, bottom=below, width=0.78, color=colours[name], linewidth=0)
+        for patch in (drawn.patches[0], drawn.patches[-1]):
+            patch.set(hatch="////", edgecolor=style.ACCENT)
+        handles.append(Patch(color=colours[name], label=f"{name} ({round(share.sum() * n / 100):,})"))
+        below = below + share
+    return handles
 
 
 def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: float) -> None:
@@ -108,8 +122,8 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
     axes.set_xlim(d_min - margin, d_max + margin)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=20, integer=True, steps=[1, 2, 5, 10]))
     hours = d_max * sample_time >= 36_000
-    scale = sample_time / (3600 if hours else 60)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * scale:.1f}"))
+    unit = 3600 if hours else 60
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * sample_time / unit:.1f}"))
     axes.tick_params(axis="x", length=3)
     axes.set_xlabel(
         f"delay d: above in samples, below in {'hours' if hours else 'minutes'} (d T_s)", labelpad=4

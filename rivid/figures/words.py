@@ -105,7 +105,7 @@ def delays(values: Sequence[float], sample_time: float) -> str:
     Examples
     --------
     >>> delays([6, 7], 133), delays([1], 133), delays([6, 9], 133)
-    ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 20.0 min)')
+    ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 19.9 min)')
     """
     together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
     noun = "sample" if list(values) == [1] else "samples"

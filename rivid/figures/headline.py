@@ -1,0 +1,228 @@
+"""What a run found, in words made from its numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rivid.figures.selection import candidates, estimates_delay, found, rayleigh
+from rivid.figures.words import (
+    RAYLEIGH,
+    count,
+    delays,
+    listed,
+    minutes,
+    number,
+    output_words,
+    share,
+    statuses,
+)
+from rivid.results import EstimatorResults, Results
+
+SPREAD_OUT = 0.5
+"""With a smaller share of days at the two most frequent delays, a range says more than these two."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The numbers of one estimator over the record.
+
+    Attributes
+    ----------
+    days, answered, with_delay : int
+        Rows; those with an impulse response; those with a delay.
+    common : tuple of float
+        The two most frequent delays [samples], in order; one or none where there are no two.
+    common_days : int
+        Days at these delays.
+    median : float
+        Median delay [samples].
+    at_bound, prior_only, degenerate : int
+        Days, among those with a delay.
+    too_fast : int
+        Days whose wave would arrive more than a sample before the gravity wave of (5).
+    condition, noise_sd, alpha : float
+        Medians; noise_sd in the output's unit, alpha in (m3/s)^2.
+    """
+
+    days: int
+    answered: int
+    with_delay: int
+    common: tuple[float, ...]
+    common_days: int
+    median: float
+    at_bound: int
+    prior_only: int
+    degenerate: int
+    too_fast: int
+    condition: float
+    noise_sd: float
+    alpha: float
+
+
+def facts(results: Results, estimator: EstimatorResults) -> Facts:
+    """Count and condense one estimator's rows."""
+    e, days = estimator, found(estimator)
+    values, times = np.unique(e.delay[days], return_counts=True)
+    top = np.argsort(-times, kind="stable")[:2]
+    return Facts(
+        days=len(e.dates),
+        answered=int(e.answered.sum()),
+        with_delay=int(days.sum()),
+        common=tuple(sorted(float(v) for v in values[top])),
+        common_days=int(times[top].sum()),
+        median=_median(e.delay[days]),
+        at_bound=int((e.at_bound & days).sum()),
+        prior_only=int((e.prior_only & days).sum()),
+        degenerate=e.status.count("degenerate"),
+        too_fast=int(((e.delay + 2) * results.sample_time < e.bound_gravity_s)[days].sum()),
+        condition=_median(e.condition[e.answered]),
+        noise_sd=_median(e.noise_sd[e.answered]),
+        alpha=_median(e.alpha[e.answered]),
+    )
+
+
+def _median(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
+def leading(results: Results) -> EstimatorResults | None:
+    """The estimator the headline speaks of: jmap, or else the first with delays, or the first at all."""
+    having = [e for e in results.estimators if e.dates]
+    with_delay = [e for e in having if estimates_delay(e)]
+    named = [e for e in with_delay if e.estimator == "jmap"]
+    return next(iter(named + with_delay + having), None)
+
+
+def headline(results: Results) -> list[str]:
+    """Sentences about the leading estimator, the first of them the headline.
+
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+
+    Returns
+    -------
+    list of str
+        Plain text, at least one sentence.
+    """
+    e = leading(results)
+    if e is None:
+        return ["There is no day in these results."]
+    f = facts(results, e)
+    if not estimates_delay(e):
+        return [f"{count(f.answered, 'day')} of {f.days:,} have an impulse response ({e.estimator})."]
+    if not f.with_delay:
+        return [f"None of {count(f.days, 'day')} has a delay: {statuses(e.status)}."]
+    said = [_main(results, e, f)]
+    rest = _rest(e, f)
+    return said + rest + _wave(results, e, f) + _prior(results, e, f) + _doubts(results, e, f)
+
+
+def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
+    T_s = results.sample_time
+    words = delays(f.common, T_s)
+    if f.days == 1:
+        return f"On {e.dates[0]} the delay is {words}."
+    if f.common_days < SPREAD_OUT * f.with_delay:
+        low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
+        return (
+            f"Over {count(f.with_delay, 'day')} the median delay is {delays([f.median], T_s)}; on four days "
+            f"of five it is {number(low)} to {number(high)} samples ({minutes([low * T_s, high * T_s])})."
+        )
+    if f.common_days == f.days:
+        return f"On all {f.days:,} days the delay is {words}."
+    return f"On {f.common_days:,} of {f.days:,} days the delay is {words}."
+
+
+def _rest(e: EstimatorResults, f: Facts) -> list[str]:
+    other, without = f.with_delay - f.common_days, f.days - f.with_delay
+    parts = []
+    if other and f.common_days >= SPREAD_OUT * f.with_delay:
+        parts.append(f"{count(other, 'day')} {'says' if other == 1 else 'say'} something else")
+    if without:
+        reasons = statuses(e.status)
+        parts.append(f"{count(without, 'day')} {'has' if without == 1 else 'have'} no answer ({reasons})")
+    return [" and ".join(parts) + "."] if parts else []
+
+
+def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
+    """When the output first moves, and what the hydraulics say of it."""
+    T_s, days = results.sample_time, found(e)
+    output = output_words(results.output_unit)
+    usual = f.common if f.common_days >= SPREAD_OUT * f.with_delay else (f.median,)
+    arrival = minutes([(d + 1) * T_s for d in usual], "to" if _adjacent(usual) else "or")
+    text = f"The {output} first moves at sample d + 1, that is {arrival} after the inflow changes."
+    waves = []
+    bounds = [("gravity", e.bound_gravity_s)]
+    if results.output_unit != "m":
+        bounds.append(("kinematic", e.bound_kinematic_s))
+    for name, seconds in bounds:
+        finite = seconds[days & np.isfinite(seconds)]
+        if finite.size:
+            waves.append(f"a {name} wave takes {minutes([float(finite.min()), float(finite.max())])}")
+    if waves:
+        text += f" By the hydraulics of the reach, {listed(waves)}."
+    return [text]
+
+
+def _adjacent(values: tuple[float, ...]) -> bool:
+    return all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
+
+
+def _prior(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
+    """How much of the answer the prior decides."""
+    rayleighs = e.estimator in RAYLEIGH
+    cause = "the answer there may be the prior's" if rayleighs else "the answer there may be chance"
+    if f.prior_only == f.with_delay == 1:
+        said = f"The data do not separate the candidates: {cause.replace('there ', '')}."
+    elif f.prior_only:
+        part = share(f.prior_only, f.with_delay)
+        said = (
+            f"On {count(f.prior_only, 'day')} ({part} of those with a delay) the data do not separate the "
+            f"candidates: {cause}."
+        )
+    else:
+        said = "On every day with a delay, the data separate the candidates."
+    if not rayleighs:
+        return [said]
+    tried = candidates(e)
+    p = rayleigh(tried, results.delay_scale)
+    modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
+    spelt = [number(float(d)) for d in modes]
+    words = listed(spelt, "or") if len(spelt) < 3 else f"{spelt[0]} to {spelt[-1]}"
+    scale = number(results.delay_scale)
+    prior = f"The Rayleigh prior alone, without any data, answers {words} (sigma_d = {scale})"
+    if min(float(np.abs(modes - d).min()) for d in f.common) > 1:
+        return [said, f"{prior}: it is the data that lead elsewhere."]
+    return [said, f"{prior}: being near it proves little by itself.{_without_prior(results)}"]
+
+
+def _without_prior(results: Results) -> str:
+    """What an estimator with a uniform prior says of the same days, or where to get one."""
+    for e in results.estimators:
+        if e.estimator.startswith("jmap-uniform") and (f := facts(results, e)).with_delay:
+            return (
+                f" With a uniform prior, {e.estimator} puts {f.common_days:,} of {f.with_delay:,} days on "
+                f"{delays(f.common, results.sample_time)}."
+            )
+    return " The estimator jmap-uniform-estimated works without it: run it beside."
+
+
+def _doubts(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
+    said = []
+    if f.at_bound:
+        low, high = number(float(candidates(e)[0])), number(float(candidates(e)[-1]))
+        verb = "is" if f.at_bound == 1 else "are"
+        said.append(
+            f"{count(f.at_bound, 'day')} {verb} at a bound, d = {low} or {high}: the delay may lie outside."
+        )
+    if f.too_fast:
+        said.append(
+            f"On {count(f.too_fast, 'day')} the {output_words(results.output_unit)} would move more than a "
+            "sample before a gravity wave can arrive: doubt the answer, or the geometry in the configuration."
+        )
+    if f.degenerate and e.estimator != "jmap-degenerate":
+        said.append(f"On {count(f.degenerate, 'day')} the estimate is degenerate: alpha ran away.")
+    return said

@@ -1,0 +1,154 @@
+"""Results of a year that nobody measured: the response (10) with noise, and days that fail."""
+
+import dataclasses
+import datetime as dt
+
+import numpy as np
+
+from rivid.core.hydraulics import travel_bounds
+from rivid.results import EstimatorResults, Results
+
+T_S = 133.0
+ORDER = 30
+CANDIDATES = np.arange(1.0, 16.0)
+
+
+def response(delay, noise, rng, order=ORDER):
+    """The theoretical response (10), Fig. 10, plus white noise of the given size relative to its step."""
+    k = np.arange(1, order)
+    h = np.zeros(order)
+    h[1:] = -1.2e-4 * 0.88 ** (k - 1)
+    h[delay + 1 :] += 1e-4 * 0.88 ** (np.arange(delay + 1, order) - delay - 1)
+    return h + noise * 1e-4 * rng.standard_normal(order)
+
+
+def dates_of(n, start=dt.date(2008, 1, 1), missing=0, seed=0):
+    """Consecutive days, less some that are missing (never the first or the last)."""
+    days = [start + dt.timedelta(days=i) for i in range(n + missing)]
+    gone = np.random.default_rng(seed).choice(np.arange(1, n + missing - 1), missing, replace=False)
+    return [day for i, day in enumerate(days) if i not in set(gone.tolist())]
+
+
+def estimator(name, dates, *, seed=1, unanswered=0.02, noise=0.1):
+    """One estimator's results: delays of 6 and 7, some elsewhere, some at a bound, some the prior's."""
+    rng = np.random.default_rng(seed)
+    n = len(dates)
+    season = np.array([day.timetuple().tm_yday for day in dates])
+    inflow = 350 + 200 * np.sin(2 * np.pi * season / 365) + 30 * rng.standard_normal(n)
+    bounds = travel_bounds(inflow, length=8200, width=81.6, depth=4.9 + 0.05 * rng.standard_normal(n))
+    true = np.where(inflow > 330, 6, 7)
+    odd = rng.random(n)
+    delay = np.where(odd < 0.03, 15, np.where(odd < 0.08, rng.integers(2, 14, n), true)).astype(float)
+    fir = np.array([response(d, noise, rng) for d in true])
+    kind = rng.random(n)
+    status = np.where(kind < unanswered, "failed", np.where(kind < 2 * unanswered, "unidentifiable", "ok"))
+    messages = {"failed": "u_Qi has a gap of 3 h: longer than max_gap", "unidentifiable": "u does not move"}
+    if name == "jmap-degenerate":
+        status = np.where(status == "ok", "degenerate", status)
+    if n > 3:
+        status[-1] = "pending"
+    gone = ~np.isin(status, ["ok", "degenerate"])
+    with_delay = name not in ("ml", "map")
+    nan = np.full(n, np.nan)
+
+    def answered(values):
+        return np.where(gone, np.nan, values)
+
+    delay = answered(delay) if with_delay else nan
+    fir[gone] = np.nan
+    return EstimatorResults(
+        estimator=name,
+        dates=list(dates),
+        status=[str(s) for s in status],
+        messages=[messages.get(str(s), "") for s in status],
+        delay=delay,
+        at_bound=(delay == 1) | (delay == 15),
+        prior_only=(rng.random(n) < 0.1) & np.isfinite(delay) & (name != "jmap-degenerate"),
+        fir=fir,
+        candidates=CANDIDATES if with_delay else np.empty(0),
+        criterion=np.zeros((n, 15 if with_delay else 0)),
+        alpha=answered(1e4 * np.ones(n)) if with_delay else nan,
+        noise_sd=answered(0.004 * np.ones(n)),
+        roughness_sd=answered(4e-5 * np.ones(n)) if with_delay else nan,
+        condition=answered(10 ** rng.uniform(4.2, 5.0, n)),
+        mean_inflow=np.where(status == "failed", np.nan, inflow),
+        bound_gravity_s=np.where(status == "failed", np.nan, bounds.gravity),
+        bound_kinematic_s=np.where(status == "failed", np.nan, bounds.kinematic),
+    )
+
+
+def results(names=("ml", "jmap"), dates=None, **kwargs):
+    """A run of several estimators; 332 days of 2008 by default."""
+    dates = dates_of(332, missing=34) if dates is None else dates
+    noise = {"ml": 0.4}
+    made = [estimator(name, dates, noise=noise.get(name, 0.05), **kwargs) for name in names]
+    return Results("basse_isere", T_S, "m", 6.5, made)
+
+
+def without_answers(run):
+    """The same days, all failed, as a run's tables hold them: no response and no candidate at all."""
+    made = []
+    for e in run.estimators:
+        n = len(e.dates)
+        nan = np.full(n, np.nan)
+        made.append(
+            dataclasses.replace(
+                e,
+                status=["failed"] * n,
+                messages=["no sample"] * n,
+                delay=nan,
+                at_bound=np.zeros(n, bool),
+                prior_only=np.zeros(n, bool),
+                fir=np.empty((n, 0)),
+                candidates=np.empty(0),
+                criterion=np.empty((n, 0)),
+                alpha=nan,
+                noise_sd=nan,
+                roughness_sd=nan,
+                condition=nan,
+                mean_inflow=nan,
+                bound_gravity_s=nan,
+                bound_kinematic_s=nan,
+            )
+        )
+    return dataclasses.replace(run, estimators=made)
+
+
+def river(n=40):
+    """A river reach sampled every 15 min, its delays of about 26 samples among 60 candidates."""
+    rng = np.random.default_rng(5)
+    base = estimator("jmap", dates_of(n), seed=2)
+    delay = np.where(base.answered, np.clip(np.round(26 + 3 * rng.standard_normal(n)), 1, 60), np.nan)
+    fir = np.full((n, 120), np.nan)
+    for i in np.flatnonzero(base.answered):
+        d = int(delay[i])
+        fir[i] = 0.002 * rng.standard_normal(120)
+        fir[i, d + 1 :] += 0.08 * 0.9 ** np.arange(120 - d - 1)
+    e = dataclasses.replace(
+        base,
+        delay=delay,
+        fir=fir,
+        at_bound=delay == 60,
+        candidates=np.arange(1.0, 61.0),
+        criterion=np.zeros((n, 60)),
+        bound_gravity_s=np.full(n, 7000.0),
+        bound_kinematic_s=22_000 * (base.mean_inflow / 300) ** -0.4,
+    )
+    return Results("lees_ferry", 900.0, "m3/s", 24.5, [e])
+
+
+def cases():
+    """Records of every length, and those with nothing to show."""
+    week = results(("jmap",), dates_of(7))
+    return {
+        "one day": results(("ml", "jmap"), dates_of(1), unanswered=0),
+        "a week": week,
+        "twelve days over new year": results(("jmap-uniform",), dates_of(12, dt.date(2023, 12, 26))),
+        "a year": results(("ml", "map", "jmap", "jmap-degenerate")),
+        "five years": results(("jmap",), dates_of(1700, dt.date(2016, 5, 20), missing=126)),
+        "all days failed": without_answers(week),
+        "a river": river(),
+        "long names": dataclasses.replace(
+            results(("jmap-uniform-estimated",), dates_of(60)), reach="a_reach_with_$a_long$_name_" * 3
+        ),
+    }
