@@ -1,0 +1,278 @@
+"""The reach as an integrator with a delay, (7)-(10), in continuous and in discrete time.
+
+Volumes are what is computed: a command held over an interval is a straight line of cumulative volume, so
+the level at a sample is exact, wherever between two samples an inflow arrives.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
+
+from rivid.core.hydraulics import GRAVITY
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+FlowMap = Callable[[Floats, Floats], Floats]
+"""A map of (time [s], values) to values of the same shape, without memory."""
+
+
+@dataclass(frozen=True)
+class LinearReach:
+    """A pool held by a dam: ``A dh/dt = K_i Q_i(t - tau) - K_o Q_o`` (7), tau a function of the flow.
+
+    Parameters
+    ----------
+    length, width, depth : float
+        Length L, mean width and mean depth of the flow [m].
+    wave_depth : float
+        Depth z that carries the wave [m]: tau = L / (v + sqrt(g z)).
+    surface_area : float
+        Water surface A [m2].
+    inflow_gain, outflow_gain : float
+        K_i and K_o: real flow of a dam over its command.
+    """
+
+    length: float = 8200.0
+    width: float = 81.6
+    depth: float = 4.9
+    wave_depth: float = 4.9
+    surface_area: float = 6.7e5
+    inflow_gain: float = 1.0
+    outflow_gain: float = 1.0
+
+    def travel_time(self, flow: ArrayLike) -> Floats:
+        """Travel time tau of the gravity wave [s] at a flow [m3/s].
+
+        Notes
+        -----
+        Source: the lower bound in (5), with a depth of its own for the wave.
+        """
+        velocity = np.asarray(flow, float) / (self.width * self.depth)
+        return np.asarray(self.length / (velocity + np.sqrt(GRAVITY * self.wave_depth)))
+
+
+@dataclass(frozen=True)
+class AddedFlow:
+    """A flow that enters the reach beside the upstream dam.
+
+    Parameters
+    ----------
+    place : float
+        Where: 0 at the upstream dam, 1 at the downstream one; it has ``(1 - place) tau`` to travel.
+    flow : callable
+        time [s] -> flow [m3/s], both of shape (n,), held over each sample; negative is a loss.
+    """
+
+    place: float
+    flow: Callable[[Floats], Floats]
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.place <= 1.0:
+            raise RividError(f"an added flow at place {self.place}: expected 0 (upstream) to 1 (downstream)")
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """What may be changed from outside; nothing is by default.
+
+    Parameters
+    ----------
+    inflow, outflow : callable or None
+        (time, command) -> real flow [m3/s], before the dams' gains. The logs keep the command.
+    added : tuple of AddedFlow
+        Flows that no log knows.
+    gauge : callable or None
+        (time, true level) -> level that the gauge sees [m], before its noise and quantum.
+    """
+
+    inflow: FlowMap | None = None
+    outflow: FlowMap | None = None
+    added: tuple[AddedFlow, ...] = field(default=())
+    gauge: FlowMap | None = None
+
+
+NO_HOOKS = Hooks()
+
+
+def held_volume(time: Floats, flow: Floats) -> Floats:
+    """Volume that a held flow has passed at each sample [m3], zero at the first.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Sample times [s].
+    flow : ndarray, shape (n,)
+        Flow from each sample to the next [m3/s].
+    """
+    return np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))])
+
+
+def arrived_volume(time: Floats, flow: Floats, travel_time: ArrayLike, before: float = 0.0) -> Floats:
+    """Volume that has come out of the delay at each sample [m3].
+
+    What departs at t arrives at t + tau(t): no volume is lost or made when tau changes.
+
+    Parameters
+    ----------
+    time, flow : ndarray, shape (n,)
+        Sample times [s] and the flow held from each to the next [m3/s].
+    travel_time : float or ndarray, shape (n,)
+        tau of what departs at each sample [s]. Where it falls faster than time passes, what left late
+        arrives together with what left before, never ahead of it.
+    before : float
+        Flow before the first sample [m3/s].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Relative to what departed at the first sample, so it may start below zero.
+
+    Notes
+    -----
+    Source: the first term of (7), integrated exactly for a zero-order hold.
+    """
+    arrival = np.maximum.accumulate(time + np.asarray(travel_time, float))
+    volume = np.interp(time, arrival, held_volume(time, flow))
+    early = time < arrival[0]
+    volume[early] = before * (time[early] - arrival[0])
+    return volume
+
+
+def supply(
+    reach: LinearReach,
+    time: Floats,
+    inflow: Floats,
+    travel_time: ArrayLike,
+    before: float,
+    hooks: Hooks = NO_HOOKS,
+) -> Floats:
+    """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
+
+    Parameters
+    ----------
+    reach : LinearReach
+    time, inflow : ndarray, shape (n,)
+        Sample times [s] and inflow commands u_Qi [m3/s].
+    travel_time : float or ndarray, shape (n,)
+        tau [s]; see :func:`arrived_volume`.
+    before : float
+        Inflow command before the first sample [m3/s].
+    hooks : Hooks
+        Its `inflow` and `added` are used.
+    """
+    flow = inflow if hooks.inflow is None else hooks.inflow(time, inflow)
+    volume = reach.inflow_gain * arrived_volume(time, flow, travel_time, before)
+    tau = np.asarray(travel_time, float)
+    for extra in hooks.added:
+        flow = extra.flow(time)
+        volume += arrived_volume(time, flow, (1.0 - extra.place) * tau, float(flow[0]))
+    return volume
+
+
+def level_response(
+    reach: LinearReach,
+    time: Floats,
+    inflow: Floats,
+    outflow: Floats,
+    travel_time: ArrayLike,
+    *,
+    before: float = 0.0,
+    hooks: Hooks = NO_HOOKS,
+) -> Floats:
+    """True level change since the first sample [m], (7), for known commands.
+
+    Parameters
+    ----------
+    reach : LinearReach
+    time, inflow, outflow : ndarray, shape (n,)
+        Sample times [s]; commands u_Qi and u_Qo [m3/s], held.
+    travel_time : float or ndarray, shape (n,)
+        tau of what departs at each sample [s].
+    before : float
+        Inflow command before the first sample [m3/s].
+    hooks : Hooks
+        Its `gauge` is not used: this is the water, not what is read of it.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    volume = supply(reach, time, inflow, travel_time, before, hooks)
+    released = outflow if hooks.outflow is None else hooks.outflow(time, outflow)
+    balance = volume - volume[0] - reach.outflow_gain * held_volume(time, released)
+    return np.asarray(balance / reach.surface_area)
+
+
+def integrator_delay(inflow: Floats, outflow: Floats, delay: int, alpha_i: float, alpha_o: float) -> Floats:
+    """Level deviations of the sampled reach for flow deviations that are zero before the first sample.
+
+    Parameters
+    ----------
+    inflow, outflow : ndarray, shape (..., N)
+        Deviations of u_Qi and u_Qo [m3/s].
+    delay : int
+        d [samples]; the inflow first acts at lag d + 1.
+    alpha_i, alpha_o : float
+        K_i T_s / A and K_o T_s / A [m per m3/s].
+
+    Returns
+    -------
+    ndarray, shape (..., N)
+        Level deviation without v [m].
+
+    Notes
+    -----
+    Source: equation (8).
+    """
+    if delay < 0:
+        raise RividError(f"delay = {delay}: expected 0 samples or more")
+    late = np.zeros(delay + 1)
+    moved = alpha_i * np.asarray(lfilter(np.append(late, 1.0), [1.0, -1.0], inflow))
+    return np.asarray(moved - alpha_o * np.asarray(lfilter([0.0, 1.0], [1.0, -1.0], outflow)))
+
+
+def theoretical_fir(
+    order: int,
+    delay: int,
+    alpha_i: float,
+    alpha_o: float,
+    feedforward: float = 1.0,
+    level_gain: float = -1000.0,
+) -> Floats:
+    """Impulse response of the regulated reach from inflow to level, Fig. 10.
+
+    Parameters
+    ----------
+    order : int
+        Number of coefficients M.
+    delay : int
+        d [samples].
+    alpha_i, alpha_o : float
+        K_i T_s / A and K_o T_s / A [m per m3/s].
+    feedforward : float
+        K_Q [-].
+    level_gain : float
+        K_h [m2/s], negative: by (9) the outflow grows by ``-K_h`` for each metre of level.
+
+    Returns
+    -------
+    ndarray, shape (order,)
+        h [m per m3/s]: zero at lag 0, a jump at lag 1 and one at lag d + 1, a geometric decay after each.
+
+    Notes
+    -----
+    Source: equation (10), as the sum of two first-order responses.
+
+    Examples
+    --------
+    >>> (theoretical_fir(9, 7, 1e-4, 1.2e-4)[[0, 1, 2, 8]] * 1e4).round(3).tolist()
+    [0.0, -1.2, -1.056, 0.51]
+    """
+    lag = np.arange(order)
+    decay = level_gain * alpha_o + 1.0
+    first = np.where(lag >= 1, decay ** np.maximum(lag - 1, 0), 0.0)
+    second = np.where(lag >= delay + 1, decay ** np.maximum(lag - delay - 1, 0), 0.0)
+    return np.asarray(alpha_i * second - feedforward * alpha_o * first)
