@@ -112,6 +112,7 @@ def _bars(page: style.Sheet, e: EstimatorResults, places: Floats) -> list[object
             patch.set(hatch="////", edgecolor=style.ACCENT)
         handles.append(Patch(color=colours[name], label=f"{name} ({round(share.sum() * n / 100):,})"))
         below = below + share
+    page.axes.set_ylim(0, 1.06 * below.max())
     return handles
 
 

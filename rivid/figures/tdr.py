@@ -79,7 +79,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     if answered:
         first, last = dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5
         axes.imshow(
-            image,
+            _crisp(image),
             cmap="Greys",
             vmin=low,
             vmax=high,
@@ -114,6 +114,14 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         "Impulse response of each day",
         _caption(results.output_unit, bool(delays.any())),
     )
+
+
+def _crisp(image: Floats) -> Floats:
+    """The image with each lag repeated where days are narrower than pixels.
+
+    Matplotlib then averages neighbours in both directions; lags must not flow into each other as days may.
+    """
+    return np.repeat(image, -(-400 // len(image)), axis=0) if image.shape[1] > 380 else image
 
 
 def _delay_marks(page: style.Sheet, x: Floats, delay: Floats, days: int) -> None:
