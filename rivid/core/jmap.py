@@ -28,9 +28,10 @@ NOISE_FLOOR = 1e-10
 """Smallest noise variance, relative to the mean square of y. Below it the criterion, a difference of two
 nearly equal sums of squares, has no correct digits left; 100 dB is beyond any gauge."""
 
-PRIOR_ONLY_SPREAD = 3.0
-"""Spread of the criterion without the d terms, between its best and worst candidate, up to which the data
-are said not to separate the candidates."""
+PRIOR_ONLY_SPREAD = 0.08
+"""The criterion without the d terms is flat where its best and worst candidate differ by no more than this.
+Of days without any relation between u and y, nineteen in twenty are told by it and by the place of the
+minimum (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class JmapResult:
     status : ndarray of str, shape (days,)
         "ok", "degenerate" (alpha ran away) or "unidentifiable".
     prior_only : ndarray of bool, shape (days,)
-        The criterion without the d terms does not separate the candidates: the delay is the prior's.
+        The delay is the prior's: without the d terms the criterion is flat, or has its minimum more than a
+        sample away.
     """
 
     delay: Floats
@@ -217,8 +219,14 @@ class _Block:
             "iterations": np.where(bad, 0, self.iterations[here]),
             "condition": condition,
             "status": np.where(bad, "unidentifiable", np.where(runaway, "degenerate", "ok")),
-            "prior_only": ~bad & (np.ptp(data_only[:, here], axis=0) <= PRIOR_ONLY_SPREAD),
+            "prior_only": ~bad & self._prior_only(data_only)[here],
         }
+
+    def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
+        """Where the criterion without the d terms does not single out the delay that was chosen."""
+        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
+        elsewhere: NDArray[np.bool_] = abs(np.argmin(data_only, axis=0) - self.index) > 1
+        return flat | elsewhere
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""

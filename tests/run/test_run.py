@@ -1,0 +1,349 @@
+"""`rivid run`, end to end: the contract, exit codes, and the same bytes whatever the way."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+from rivid.cli import cli
+from rivid.results import load_results
+from rivid.tables import DELAYS
+from tests.daily import text_of, write_days
+
+TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet")
+
+
+def rivid(*words):
+    """Run a command in this process; its exit code and what it said."""
+    result = CliRunner().invoke(cli, [str(w) for w in words], standalone_mode=False)
+    if result.exception and not isinstance(result.exception, SystemExit):
+        code = getattr(result.exception, "exit_code", None)
+        if code is None:
+            raise result.exception
+        return code, str(result.exception)
+    return result.return_value or 0, result.output
+
+
+def command(*words, **options):
+    """The real command, as a process."""
+    return subprocess.run(
+        [sys.executable, "-m", "rivid", *map(str, words)], capture_output=True, text=True, **options
+    )
+
+
+def bytes_of(out):
+    return {name: (out / name).read_bytes() for name in TABLES}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs") / "data"
+    write_days(folder, 12)
+    return folder
+
+
+@pytest.fixture
+def data(logs, tmp_path):
+    return shutil.copytree(logs, tmp_path / "data")
+
+
+def test_a_run_writes_the_contract(data, tmp_path):
+    out = tmp_path / "out"
+    code, said = rivid("run", data, "--out", out, "--estimator", "jmap", "--estimator", "ml")
+    assert code == 0
+    assert "report.html" in said
+    with open(out / "delays.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == DELAYS.names
+    assert [(r["date"], r["estimator"]) for r in rows[:3]] == [
+        ("2008-03-10", "jmap"),
+        ("2008-03-10", "ml"),
+        ("2008-03-11", "jmap"),
+    ]
+    assert len(rows) == 24
+    assert {r["status"] for r in rows} == {"ok"}
+    jmap = [r for r in rows if r["estimator"] == "jmap"]
+    assert all(float(r["delay_s"]) == 133 * float(r["delay_samples"]) for r in jmap)
+    assert all(r["n_samples"] == "650" and r["output_unit"] == "m" for r in jmap)
+    assert all(7 * 133 < float(r["bound_gravity_s"]) < 9 * 133 for r in jmap)
+    assert all(r["delay_samples"] == "" for r in rows if r["estimator"] == "ml")
+    assert pq.read_table(out / "fir.parquet").num_rows == 24 * 30
+    assert pq.read_table(out / "criterion.parquet").num_rows == 12 * 15
+    for name in ("tdr_jmap", "histogram_jmap", "delay_map_jmap", "tdr_ml"):
+        assert (out / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert (out / "report.html").stat().st_size > 10_000
+    record = json.loads((out / "run.json").read_text())
+    assert record["schema_version"] == 1
+    assert record["counts"] == {"jmap": {"ok": 12}, "ml": {"ok": 12}}
+
+
+def test_results_come_back_as_they_were_written(data, tmp_path):
+    rivid("run", data, "--out", tmp_path / "out", "--no-figures")
+    results = load_results(tmp_path / "out")
+    (jmap,) = results.estimators
+    assert jmap.fir.shape == (12, 30)
+    assert jmap.criterion.shape == (12, 15)
+    assert jmap.candidates.tolist() == list(range(1, 16))
+    assert (jmap.candidates[jmap.criterion.argmin(axis=1)] == jmap.delay).all()
+
+
+def test_the_bytes_do_not_depend_on_workers_batches_or_interruptions(data, tmp_path):
+    rivid("run", data, "--out", tmp_path / "one", "--no-figures", "--workers", 1)
+    rivid("run", data, "--out", tmp_path / "two", "--no-figures", "--workers", 2)
+    for last in ("2008-03-11", "2008-03-12", "2008-03-20"):
+        rivid("run", data, "--out", tmp_path / "bits", "--no-figures", "--to", last)
+    rivid("run", data, "--out", tmp_path / "bits", "--no-figures")
+    assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two") == bytes_of(tmp_path / "bits")
+
+
+def test_a_second_run_does_nothing_and_a_changed_day_is_done_again(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out)
+    stamp = {p: p.stat().st_mtime_ns for p in (out / "delays.csv", out / "report.html")}
+    code, said = rivid("run", data, "--out", out)
+    assert code == 0 and "0 estimated now" in said
+    assert {p: p.stat().st_mtime_ns for p in stamp} == stamp
+
+    day = data / "2008-03-13.csv"
+    day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
+    write_days(data, 1, first=__import__("datetime").date(2008, 3, 22))
+    code, said = rivid("run", data, "--out", out)
+    assert code == 0 and "13 data sets, 2 estimated now, 11 done before" in said
+
+
+def test_touching_a_file_computes_nothing_and_changing_settings_computes_all(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    for path in data.iterdir():
+        os.utime(path, (1, 1))
+    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+    config = tmp_path / "c.toml"
+    config.write_text("[jmap]\nsigma_d = 9\n")
+    assert "12 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--config", config)[1]
+
+
+def test_verify_finds_a_change_that_size_and_time_hide(data, tmp_path):
+    out, day = tmp_path / "out", data / "2008-03-13.csv"
+    rivid("run", data, "--out", out, "--no-figures")
+    was = day.stat()
+    day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
+    os.utime(day, ns=(was.st_atime_ns, was.st_mtime_ns))
+    assert day.stat().st_size == was.st_size
+    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+    assert "1 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--verify")[1]
+
+
+def test_a_bad_day_is_a_row_with_its_reason_and_nothing_else_is_lost(data, tmp_path):
+    out = tmp_path / "out"
+    (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\nnonsense\n")
+    (data / "2008-03-15.csv").write_bytes(b"")
+    code, _ = rivid("run", data, "--out", out)
+    assert code == 3
+    (jmap,) = load_results(out).estimators
+    assert jmap.status.count("failed") == 2 and jmap.status.count("ok") == 10
+    assert "2008-03-12.csv" in jmap.messages[2]
+    assert rivid("run", data, "--out", out)[0] == 0, "they had failed before"
+    assert rivid("run", data, "--out", out, "--strict")[0] == 3
+
+
+def test_all_days_failing_still_give_tables_and_a_report(tmp_path):
+    data, out = tmp_path / "data", tmp_path / "out"
+    data.mkdir()
+    for k in (1, 2, 3):
+        (data / f"2008-03-0{k}.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+    assert rivid("run", data, "--out", out)[0] == 3
+    assert load_results(out).estimators[0].status == ["failed"] * 3
+    assert (out / "report.html").exists()
+
+
+def test_one_day_alone(tmp_path):
+    write_days(tmp_path / "data", 1)
+    assert rivid("run", tmp_path / "data", "--out", tmp_path / "out")[0] == 0
+    assert load_results(tmp_path / "out").estimators[0].status == ["ok"]
+
+
+def test_a_constant_inflow_is_unidentifiable(data, tmp_path):
+    lines = (data / "2008-03-12.csv").read_text().splitlines()
+    fixed = [
+        line if i == 0 else ",".join([line.split(",")[0], "300", *line.split(",")[2:]])
+        for i, line in enumerate(lines)
+    ]
+    (data / "2008-03-12.csv").write_text("\n".join(fixed) + "\n")
+    noisy = [
+        line if i == 0 else ",".join([line.split(",")[0], f"{300 + i % 7 * 1e-9:.12f}", *line.split(",")[2:]])
+        for i, line in enumerate(lines)
+    ]
+    (data / "2008-03-14.csv").write_text("\n".join(noisy) + "\n")
+    assert rivid("run", data, "--out", tmp_path / "out", "--no-figures")[0] == 0
+    (jmap,) = load_results(tmp_path / "out").estimators
+    assert [jmap.status[i] for i in (2, 4)] == ["unidentifiable"] * 2
+    assert "does not move" in jmap.messages[2]
+    assert jmap.status.count("ok") == 10
+
+
+def test_too_few_samples_for_the_fir_fail_the_day(tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text("[reach]\nsample_time = 3600\n[input]\nmax_gap = 7200\n")
+    write_days(tmp_path / "data", 2)
+    assert rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--config", config)[0] == 3
+    (jmap,) = load_results(tmp_path / "out").estimators
+    assert "24 samples are too few" in jmap.messages[0]
+
+
+def test_windows_of_three_days(data, tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text("[run]\nwindow_days = 3\n")
+    (data / "2008-03-14.csv").unlink()
+    assert rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")[0] == 3
+    (jmap,) = load_results(tmp_path / "out").estimators
+    assert [str(d) for d in jmap.dates[:2]] == ["2008-03-12", "2008-03-13"]
+    assert [s for s in jmap.status if s == "failed"] == ["failed"] * 2
+    assert "2008-03-14" in jmap.messages[2]
+    table = pq.read_table(tmp_path / "out" / "delays.parquet")
+    assert set(table["n_samples"].to_pylist()) == {None, 1949}
+
+
+def test_todays_unfinished_log_is_pending_and_then_done(data, tmp_path):
+    out, day = tmp_path / "out", data / "2008-03-21.csv"
+    whole = day.read_text()
+    day.write_text("\n".join(whole.splitlines()[:300]) + "\n")
+    words = ("run", data, "--out", out, "--no-figures")
+    assert rivid(*words, "--today", "2008-03-21")[0] == 0
+    assert load_results(out).estimators[0].status[-1] == "pending"
+    assert rivid(*words, "--today", "2008-03-22")[0] == 3
+    assert load_results(out).estimators[0].status[-1] == "failed"
+    day.write_text(whole)
+    assert rivid(*words, "--today", "2008-03-22")[0] == 0
+    assert load_results(out).estimators[0].status[-1] == "ok"
+
+
+def test_json_lines(data, tmp_path):
+    code, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures")
+    lines = [json.loads(line) for line in said.splitlines()]
+    assert code == 0
+    assert len(lines) == 13
+    assert lines[0]["date"] == "2008-03-10" and lines[0]["computed"] is True
+    assert lines[-1]["summary"]["computed"] == 12
+
+
+def test_dry_run_touches_nothing(data, tmp_path):
+    code, said = rivid("run", data, "--out", tmp_path / "out", "--dry-run")
+    assert code == 0 and "12 to estimate" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_from_and_to_choose_what_is_estimated(data, tmp_path):
+    words = ("--from", "2008-03-12", "--to", "2008-03-14", "--no-figures")
+    assert "3 estimated now" in rivid("run", data, "--out", tmp_path / "out", *words)[1]
+
+
+def test_nothing_to_work_on_is_exit_10(tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert rivid("run", tmp_path / "empty", "--out", tmp_path / "out")[0] == 10
+    assert rivid("run", tmp_path / "absent", "--out", tmp_path / "out")[0] == 10
+
+
+def test_a_config_that_contradicts_itself_is_exit_2_in_one_line(data, tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text("[jmap]\nd_max = 40\n")
+    code, said = rivid("run", data, "--config", config, "--out", tmp_path / "out")
+    assert code == 2 and "order >= 43" in said
+    done = command("run", data, "--config", config, "--out", tmp_path / "out")
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+
+
+def test_two_runs_into_one_out(data, tmp_path):
+    from rivid.store import Store
+
+    with Store(tmp_path / "out"):
+        done = command("run", data, "--out", tmp_path / "out")
+        assert done.returncode == 11
+        assert "another run" in done.stderr
+
+
+def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    before = bytes_of(out)
+    (segment,) = (out / ".rivid" / "segments").glob("*.parquet")
+    content = bytearray(segment.read_bytes())
+    content[len(content) // 3] ^= 1
+    segment.write_bytes(bytes(content))
+    code, said = rivid("run", data, "--out", out, "--no-figures")
+    assert code == 0 and "12 estimated now" in said
+    assert bytes_of(out) == before
+
+
+def test_a_killed_run_is_taken_up_where_it_was(data, tmp_path):
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    command("run", data, "--out", whole, "--no-figures")
+    for wait in (0.25, 0.4, 0.55, 0.7):
+        words = [
+            sys.executable,
+            "-m",
+            "rivid",
+            "run",
+            str(data),
+            "--out",
+            str(out),
+            "--no-figures",
+            "--workers",
+            "2",
+        ]
+        child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(wait)
+        child.kill()
+        child.wait()
+    assert command("run", data, "--out", out, "--no-figures").returncode == 0
+    assert bytes_of(out) == bytes_of(whole)
+    assert not list(out.glob(".*.part"))
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_end_a_run_with_their_code(tmp_path, number, code):
+    write_days(tmp_path / "data", 80)
+    words = [
+        sys.executable,
+        "-m",
+        "rivid",
+        "run",
+        str(tmp_path / "data"),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "2",
+    ]
+    child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    time.sleep(0.6)
+    child.send_signal(number)
+    assert child.wait(timeout=10) == code
+
+
+def test_an_appended_day_in_a_file_of_many_days_is_the_only_new_one(tmp_path):
+    data, out = tmp_path / "data", tmp_path / "out"
+    data.mkdir()
+    dates = write_days(tmp_path / "days", 4)
+    texts = [(tmp_path / "days" / f"{d}.csv").read_text().splitlines() for d in dates]
+    (data / "all.csv").write_text(
+        "\n".join([texts[0][0], *(line for t in texts[:3] for line in t[1:])]) + "\n"
+    )
+    assert "3 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+    (data / "all.csv").write_text("\n".join([texts[0][0], *(line for t in texts for line in t[1:])]) + "\n")
+    assert "1 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+    rivid("run", tmp_path / "days", "--out", tmp_path / "single", "--no-figures")
+    a, b = (load_results(x).estimators[0] for x in (out, tmp_path / "single"))
+    assert (a.fir == b.fir).all()
+
+
+def test_the_text_of_a_day_is_the_same_each_time():
+    import datetime as dt
+
+    assert text_of(dt.date(2008, 3, 10)) == text_of(dt.date(2008, 3, 10))

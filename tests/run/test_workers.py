@@ -1,0 +1,106 @@
+"""What happens when a worker dies or the parent is killed."""
+
+import os
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from rivid import workers
+from rivid.config import Config
+from rivid.run import Options, run
+from rivid.results import load_results
+from tests.daily import write_days
+
+DEADLY = """
+import os, sys
+from pathlib import Path
+import rivid.batch as batch
+read = batch.read_window
+def deadly(root, sources, *rest, **more):
+    if str(sources[-1].date) == "2008-03-13":
+        os._exit(137)
+    return read(root, sources, *rest, **more)
+batch.read_window = deadly
+"""
+
+
+def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch):
+    # a worker imports the module DEADLY by way of PYTHONSTARTUP's cousin: a sitecustomize on its path
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)
+    write_days(tmp_path / "data", 9)
+    words = [
+        sys.executable,
+        "-m",
+        "rivid",
+        "run",
+        str(tmp_path / "data"),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-figures",
+    ]
+    path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [*words, "--workers", "2"], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+    )
+    assert done.returncode == 3, done.stderr
+    (jmap,) = load_results(tmp_path / "out").estimators
+    assert [s == "failed" for s in jmap.status] == [str(d) == "2008-03-13" for d in jmap.dates]
+    assert "worker process died" in jmap.messages[3]
+
+
+def test_workers_do_not_outlive_a_killed_parent(tmp_path):
+    write_days(tmp_path / "data", 200)
+    words = [
+        sys.executable,
+        "-m",
+        "rivid",
+        "run",
+        str(tmp_path / "data"),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "2",
+    ]
+    child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    family = []
+    for _ in range(100):
+        time.sleep(0.02)
+        family = psutil.Process(child.pid).children(recursive=True)
+        if len(family) >= 3:
+            break
+    assert family
+    child.kill()
+    child.wait()
+    _, alive = psutil.wait_procs(family, timeout=2)
+    assert not alive
+
+
+def test_progress_counts_every_day(tmp_path):
+    write_days(tmp_path / "data", 5)
+    seen = []
+
+    class Bar:
+        def __enter__(self):
+            return seen.append
+
+        def __exit__(self, *_):
+            return None
+
+    summary = run(
+        tmp_path / "data", tmp_path / "out", Config(), Options(workers=2, figures=False), lambda n: Bar()
+    )
+    assert summary.computed == sum(seen) == 5
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_halves_hold_the_same_windows(n):
+    from rivid.batch import Batch
+
+    batch = Batch(None, Config(), tuple(range(n)), None)
+    first, second = batch.halves()
+    assert first.windows + second.windows == batch.windows
+    assert workers.IN_FLIGHT >= 1
