@@ -61,7 +61,7 @@ class ReachConfig(_Section):
 class InputConfig(_Section):
     """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here."""
 
-    time: str = "time"
+    time: Column = "time"
     u_Qi: Column = "u_Qi"
     u_Qo: Column | None = "u_Qo"
     h_L: Column | None = "h_L"
@@ -71,13 +71,14 @@ class InputConfig(_Section):
     interval: dict[str, Positive] = Field(default_factory=dict)
     time_zone: str | None = None
     time_format: str | None = None
-    ambiguous: Literal["error", "first", "second"] = "error"
+    ambiguous: Literal["error", "first", "second", "order"] = "error"
     separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
     decimal: Literal[".", ","] = "."
     thousands: Literal["", ",", ".", " ", "'"] = ""
     encoding: str = "utf-8"
     skip_rows: Annotated[int, Field(ge=0, le=1000)] = 0
     unit_rows: Annotated[int, Field(ge=0, le=10)] = 0
+    repeated_header: Literal["error", "drop"] = "error"
     missing: list[str] = ["", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"]
     sentinels: list[float] = []
     max_gap: Annotated[float, Field(ge=0, le=86_400)] = 600.0
@@ -100,6 +101,31 @@ class InputConfig(_Section):
             if unit not in valid:
                 raise ValueError(f"{column} = {unit!r}; valid units: {', '.join(valid)}")
         return value
+
+    @field_validator("encoding")
+    @classmethod
+    def _known_encoding(cls, value: str) -> str:
+        try:
+            "Q".encode(value).decode(value)
+        except (LookupError, ValueError):
+            raise ValueError(
+                f"{value!r} is not a text encoding; expected one like utf-8 or latin-1"
+            ) from None
+        return value
+
+    @model_validator(mode="after")
+    def _distinct_marks(self) -> "InputConfig":
+        if self.separator in '"\r\n' or self.separator.isalnum():
+            raise ValueError(
+                f"separator {self.separator!r} cannot separate columns; expected one like ; or ,"
+            )
+        if self.thousands == self.decimal:
+            raise ValueError(f"thousands and decimal are both {self.decimal!r}: expected two different marks")
+        for name in ("time", "u_Qi"):
+            columns = getattr(self, name)
+            if not columns or "" in ([columns] if isinstance(columns, str) else columns):
+                raise ValueError(f"{name} is empty: expected the name of a column, or a list of names")
+        return self
 
     @field_validator("time_zone")
     @classmethod

@@ -1,0 +1,155 @@
+"""The regular grid: k T_s from local midnight, commands held, measurements interpolated, gaps counted."""
+
+import datetime as dt
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.errors import DataError
+from rivid.logs.spec import MICRO, Signal, Spec
+from rivid.logs.times import clock
+
+Micros = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MISSED = 1.5
+"""A step of this many usual intervals means that a value is missing between; less is an unsteady clock."""
+
+
+class TrailingGap(DataError):
+    """The log ends before its day does."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Regular instants of consecutive local days.
+
+    Attributes
+    ----------
+    start, end : int
+        First local midnight and the one after the last day [us UTC].
+    times : ndarray, (N,)
+        ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC].
+    zone : tzinfo
+        For messages.
+    n_days : int
+    """
+
+    start: int
+    end: int
+    times: Micros
+    zone: dt.tzinfo
+    n_days: int
+
+
+def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
+    """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
+
+    Examples
+    --------
+    >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
+    650
+    """
+    count = -int(-(end - start) // (period * MICRO))
+    times: Micros = start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64)
+    return Grid(start, end, times, zone, n_days)
+
+
+def on_grid(
+    times: Micros, values: Floats, grid: Grid, signal: Signal, spec: Spec
+) -> tuple[Floats, Bools | None]:
+    """One column on the grid.
+
+    Parameters
+    ----------
+    times, values : ndarray, (n,)
+        Ascending times [us UTC] and what is there.
+    grid : Grid
+    signal : Signal
+    spec : Spec
+
+    Returns
+    -------
+    samples : ndarray, (N,)
+    filled : ndarray, (N,), or None
+        Where a gap was bridged; None: nowhere.
+
+    Raises
+    ------
+    DataError
+        For a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
+    """
+    late = spec.tolerance
+    if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
+        return values, None
+    if not len(times):
+        raise TrailingGap(f"no {signal.name} at all ({_limit(spec)})")
+    _refuse_gaps(times, grid, signal, spec)
+    after = times.searchsorted(grid.times + late, side="right")
+    before = np.maximum(after - 1, 0)  # ahead of the first value, that one
+    samples = values[before] if signal.held else np.interp(grid.times, times, values)
+    # where a value is missing, what comes later than one interval after the last is not measured but bridged
+    bounded = np.append(times, max(grid.end, int(times[-1])))
+    missed = np.diff(bounded) > MISSED * signal.spacing
+    age = grid.times - times[before]
+    filled = (missed[before] & (age >= signal.spacing - late)) | (age < -late)
+    if not signal.held:
+        exact = np.minimum(np.abs(age), np.abs(bounded[before + 1] - grid.times)) <= late
+        filled |= missed[before] & (age > late)
+        filled &= ~exact | (age < -late)
+    return samples, filled
+
+
+def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
+    allowed = max(spec.max_gap, int(MISSED * signal.spacing)) + spec.tolerance
+    edges = np.concatenate(([grid.start], times, [grid.end]))
+    steps = np.diff(edges)
+    if steps.max() <= allowed:
+        return
+    worst = int(np.argmax(steps))
+    many = grid.n_days > 1
+    gap = (
+        f"gap of {_span(int(steps[worst]))} from {clock(int(edges[worst]), grid.zone, many)} in {signal.name}"
+    )
+    usual = int(np.median(steps[1:-1])) if len(steps) > 2 else 0
+    if usual > allowed:
+        every = f"{signal.name} comes every {_span(usual)}"
+        raise DataError(
+            f"{gap}: {every}: if that is its interval, set [input.interval] {signal.name} = {usual / MICRO:g}"
+        )
+    kind = TrailingGap if steps[-1] > allowed and (steps[:-1] <= allowed).all() else DataError
+    raise kind(f"{gap} ({_limit(spec)})")
+
+
+def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec: Spec) -> None:
+    """Refuse a data set of which too much was bridged.
+
+    Raises
+    ------
+    DataError
+    """
+    share = float(filled.mean())
+    if share <= spec.max_filled:
+        return
+    text = f"{share:.0%} of the samples lie in gaps (limit {spec.max_filled:.0%}, [input] max_filled)"
+    for signal in spec.signals:
+        times = series[signal.name][0]
+        usual = int(np.median(np.diff(times))) if len(times) > 1 else 0
+        if usual > MISSED * signal.spacing:
+            text += f"; {signal.name} comes every {_span(usual)}: if that is its interval, set "
+            text += f"[input.interval] {signal.name} = {usual / MICRO:g}"
+            break
+    raise DataError(text)
+
+
+def _limit(spec: Spec) -> str:
+    return f"limit {_span(spec.max_gap)}, [input] max_gap"
+
+
+def _span(micros: int) -> str:
+    seconds = micros / MICRO
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,190 @@
+"""Parquet logs: an explicit look at size and types before anything is unpacked."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as compute
+import pyarrow.parquet as pq
+
+from rivid.errors import DataError
+from rivid.logs.columns import BadRow, Columns, Floats, Micros
+from rivid.logs.files import CutError, Limits, refuse_rows, refuse_size
+from rivid.logs.header import check_names
+from rivid.logs.numbers import NumberReader
+from rivid.logs.spec import Spec
+from rivid.logs.times import FIRST, LAST, read_text
+
+LONGEST_TEXT = 100
+"""Characters of a cell: a text column is unpacked only when no cell is longer."""
+
+
+def read_parquet(content: bytes, spec: Spec, name: str, limits: Limits) -> Columns:
+    """The columns of a Parquet log.
+
+    Parameters
+    ----------
+    content : bytes
+    spec : Spec
+    name : str
+        How messages call the log.
+    limits : Limits
+
+    Returns
+    -------
+    Columns
+
+    Raises
+    ------
+    DataError
+        For a file that is damaged, too large when unpacked, or has not the columns and types asked for;
+        CutError for one without its end.
+    """
+    if content[:4] != b"PAR1":
+        raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
+    if len(content) < 12 or content[-4:] != b"PAR1":
+        raise CutError(f"{name} is cut off: a Parquet file ends with PAR1")
+    try:
+        table = _table(content, spec, name, limits)
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
+        raise DataError(f"{name} is a damaged Parquet file: {' '.join(str(error).split())[:200]}") from None
+    return _columns(table, spec, name)
+
+
+def _table(content: bytes, spec: Spec, name: str, limits: Limits) -> pa.Table:
+    wanted = [*spec.time, *spec.sources]
+    limit = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 200_000}
+    file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True, **limit)
+    schema = file.schema_arrow
+    check_names(schema.names, spec, name)
+    metadata = file.metadata
+    refuse_rows(name, metadata.num_rows, limits)
+    unpacked = sum(max(metadata.row_group(i).total_byte_size, 0) for i in range(metadata.num_row_groups))
+    refuse_size(name, unpacked, limits)
+    texts = []
+    for column in wanted:
+        kind = schema.field(column).type
+        if _is_text(kind):
+            texts.append(column)
+        elif column in spec.time and not pa.types.is_timestamp(kind):
+            raise DataError(f"{name}: column {column!r} is of type {kind}: expected times or text")
+        elif column in spec.sources and not _is_number(kind):
+            raise DataError(f"{name}: column {column!r} is of type {kind}: expected numbers")
+    if texts:  # as codes, so that a long text that many rows share stays one
+        file = pq.ParquetFile(
+            pa.BufferReader(content), page_checksum_verification=True, read_dictionary=texts, **limit
+        )
+    table = file.read(columns=wanted, use_threads=False)
+    for column in texts:
+        for chunk in table[column].chunks:
+            words = chunk.dictionary if pa.types.is_dictionary(chunk.type) else chunk
+            longest = compute.max(compute.binary_length(words)).as_py() or 0
+            if longest > LONGEST_TEXT:
+                raise DataError(
+                    f"{name}: a cell of column {column!r} is {longest:,} bytes long: no time or number"
+                )
+    table.validate(full=True)
+    return table
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
+
+
+def _columns(table: pa.Table, spec: Spec, name: str) -> Columns:
+    count = table.num_rows
+    good = np.ones(count, bool)
+    bad: dict[int, str] = {}
+    times, offsets, aware = _times(table, spec, good, bad, name)
+    numbers: dict[str, Floats] = {}
+    for column in spec.sources:
+        numbers[column] = _numbers(table[column], spec, column, good, bad)
+    rows = np.flatnonzero(good)
+    before = np.cumsum(good)
+    seen = {None if o is None else int(o) for o in (offsets[rows] if offsets is not None else [None])}
+    return Columns(
+        times[rows],
+        aware,
+        next(iter(seen)) if len(seen) == 1 else None,
+        {n: v[rows] for n, v in numbers.items()},
+        lines=rows + 1,
+        bad=[BadRow(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)],
+        zone=_named_zone(table[spec.time[0]].type),
+        unit="row",
+    )
+
+
+def _times(
+    table: pa.Table, spec: Spec, good: np.ndarray, bad: dict[int, str], name: str
+) -> tuple[Micros, np.ndarray | None, bool]:
+    """Times [us], offsets [s] of text times, and whether there are offsets."""
+    columns = [table[column] for column in spec.time]
+    if len(columns) == 1 and pa.types.is_timestamp(columns[0].type):
+        zone = columns[0].type.tz
+        cast = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64())
+        times = np.asarray(compute.fill_null(cast, 0).to_numpy(), np.int64)
+        _mark(np.asarray(columns[0].is_null().to_numpy()), good, bad, "no time")
+        _mark((times < FIRST) | (times >= LAST), good, bad, "a year that no log is of")
+        return times, _stored_offset(zone, len(times)), zone is not None
+    texts = [c.to_pylist() for c in columns]
+    times, offsets = np.zeros(len(good), np.int64), np.full(len(good), None, object)
+    for i, cells in enumerate(zip(*texts, strict=True)):
+        text = " ".join(str(c) for c in cells)
+        time = read_text(text, spec.time_format)
+        if time is None:
+            good[i], bad[i] = (
+                False,
+                f"{text[:40]!r} is no time: expected ISO 8601, or set [input] time_format",
+            )
+        else:
+            times[i], offsets[i] = time
+    kinds = {o is None for o in offsets[good]}
+    if len(kinds) > 1:
+        raise DataError(f"{name}: times with and without offset are mixed: expected one kind")
+    return times, offsets, kinds == {False}
+
+
+def _stored_offset(zone: str | None, count: int) -> np.ndarray | None:
+    """The one offset of a fixed zone like UTC or +01:00; a named zone must be declared to give local days."""
+    if zone is None:
+        return None
+    if zone.upper() in ("UTC", "Z", "ETC/UTC", "GMT"):
+        return np.zeros(count, np.int64)
+    if len(zone) == 6 and zone[0] in "+-" and zone[3] == ":" and (zone[1:3] + zone[4:]).isdigit():
+        seconds = int(zone[1:3]) * 3600 + int(zone[4:]) * 60
+        return np.full(count, -seconds if zone[0] == "-" else seconds, np.int64)
+    return None
+
+
+def _named_zone(kind: pa.DataType) -> str | None:
+    zone = kind.tz if pa.types.is_timestamp(kind) else None
+    return None if zone is None or _stored_offset(zone, 1) is not None else str(zone)
+
+
+def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: np.ndarray, bad: dict[int, str]) -> Floats:
+    if not _is_text(column.type):
+        values: Floats = np.array(column.cast(pa.float64()).to_numpy(), np.float64)
+        infinite = np.isinf(values)
+        if infinite.any():
+            _mark(infinite, good, bad, f"column {name!r} holds an infinite number")
+        return values
+    reader = NumberReader(spec)
+    values = np.full(len(good), np.nan)
+    for i, text in enumerate(column.to_pylist()):
+        value = np.nan if text is None else reader.read(text)
+        if value is None:
+            good[i] = False
+            bad.setdefault(i, f"column {name!r} holds {text[:40]!r}, which is no number: {reader.hint(text)}")
+        else:
+            values[i] = value
+    return values
+
+
+def _mark(rows: np.ndarray, good: np.ndarray, bad: dict[int, str], reason: str) -> None:
+    for i in np.flatnonzero(rows):
+        bad.setdefault(int(i), reason)
+    good &= ~rows

@@ -1,0 +1,224 @@
+"""A data set: the samples of one local day, or of several in a row, on the regular grid."""
+
+import datetime as dt
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.config import Config
+from rivid.errors import DataError, PendingError
+from rivid.logs.files import DAY, MANY, CutError
+from rivid.logs.find import DaySource, Part, is_day_file
+from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled
+from rivid.logs.log import Log, load
+from rivid.logs.spec import Spec, spec_of
+from rivid.logs.times import clock, day_bounds, local
+
+Floats = NDArray[np.float64]
+Micros = NDArray[np.int64]
+Series = dict[str, tuple[Micros, Floats]]
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """Samples of consecutive days at T_s.
+
+    Attributes
+    ----------
+    date : date
+        The last day's.
+    inflow : ndarray, (N,)
+        u_Qi [m3/s].
+    outflow : ndarray, (N,), or None
+        u_Qo [m3/s]; None where it is not logged, and for a river.
+    output : ndarray, (N,)
+        Level h_L [m], or a river's discharge Q_L [m3/s].
+    n_filled : int
+        Samples that bridge a gap in any column.
+    notes : str
+        What was dropped, masked or sorted, with counts; empty where nothing was.
+    """
+
+    date: dt.date
+    inflow: Floats
+    outflow: Floats | None
+    output: Floats
+    n_filled: int
+    notes: str
+
+
+def read_window(
+    root: Path, sources: Sequence[DaySource], config: Config, *, today: dt.date | None = None
+) -> DataSet:
+    """Read consecutive days and put them on one grid.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or the one file that was given for it.
+    sources : sequence of DaySource
+        In date order.
+    config : Config
+    today : date, optional
+        A log of this day may be unfinished.
+
+    Returns
+    -------
+    DataSet
+
+    Raises
+    ------
+    DataError
+        The reason for which these days cannot be used; it names file and, where known, line.
+    PendingError
+        Where the last day is `today` or later and its log is not finished.
+    """
+    spec = spec_of(config)
+    unfinished = today is not None and sources[-1].date >= today
+    try:
+        return _read(root if root.is_dir() else root.parent, sources, spec)
+    except TrailingGap as error:
+        if unfinished:
+            raise PendingError(f"the log of {sources[-1].date} is not finished: {error}") from None
+        raise DataError(str(error)) from None
+    except CutError as error:
+        if unfinished and any(part.path in str(error) for part in sources[-1].parts):
+            raise PendingError(f"the log of {sources[-1].date} is being written: {error}") from None
+        raise DataError(str(error)) from None
+
+
+def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
+    notes: Counter[str] = Counter()
+    days, zones = [], []
+    for source in sources:
+        series, zone = _day(root, source, spec, notes)
+        days.append(series)
+        zones.append(zone)
+    first, last = sources[0].date, sources[-1].date
+    start, _ = day_bounds(first, zones[0])
+    end = day_bounds(last, zones[-1])[1]
+    if len(sources) > 1:
+        _refuse_shifted(sources, zones)
+        days = [{name: _join([day[name] for day in days]) for name in days[0]}]
+    grid = make_grid(start, end, spec.period, zones[0], len(sources))
+    samples: dict[str, Floats] = {}
+    all_filled = None
+    for signal in spec.signals:
+        samples[signal.name], filled = on_grid(*days[0][signal.name], grid, signal, spec)
+        if filled is not None:
+            all_filled = filled if all_filled is None else all_filled | filled
+    n_filled = 0
+    if all_filled is not None:
+        refuse_filled(all_filled, days[0], spec)
+        n_filled = int(all_filled.sum())
+    return DataSet(
+        date=last,
+        inflow=samples["u_Qi"],
+        outflow=samples.get("u_Qo"),
+        output=samples[spec.output],
+        n_filled=n_filled,
+        notes=", ".join(f"{count} {kind}" for kind, count in sorted(notes.items())),
+    )
+
+
+def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[Series, dt.tzinfo]:
+    """All that the parts of a day say about it."""
+    logs = []
+    for part in source.parts:
+        log = load(root / part.path, part.path, spec, DAY if is_day_file(part.path) else MANY)
+        _refuse_changed(log, part, source.date)
+        _refuse_faults(log, part, source.date)
+        notes.update(log.events_of(source.date))
+        if is_day_file(part.path):
+            _count_outside(log, part, source.date, notes)
+        logs.append(log)
+    if len(logs) == 1:
+        return logs[0].of_day(source.date), logs[0].zone
+    _refuse_zones([log.zone for log in logs], source.date)
+    parts = [log.of_day(source.date) for log in logs]
+    paths = " and ".join(part.path for part in source.parts)
+    merged = {name: _merge([p[name] for p in parts], name, paths, logs[0].zone, notes) for name in parts[0]}
+    return merged, logs[0].zone
+
+
+def _refuse_changed(log: Log, part: Part, date: dt.date) -> None:
+    """A result stands under the digest of what was listed, so nothing else may be read for it."""
+    digest = log.digest if is_day_file(part.path) else log.digest_of(date)
+    if digest != part.digest:
+        raise DataError(f"{part.path} is not what it was when it was listed: run again, with --verify")
+
+
+def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:
+    faults = log.faults if is_day_file(part.path) else log.faults_of(date)
+    if faults:
+        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        kind = CutError if all(fault.cut for fault in faults) else DataError
+        raise kind(f"{part.path}, {faults[0].text}{more}")
+
+
+def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> None:
+    """Rows of a day's file that are of other days."""
+    start, end = log.bounds(date)
+    if log.times[0] >= start and log.times[-1] < end:
+        return
+    inside = np.zeros(len(log.times), bool)
+    for shift in {signal.shift for signal in log.spec.signals}:
+        low, high = log.times.searchsorted((start + shift, end + shift))
+        inside[low:high] = True
+    outside = len(inside) - int(np.count_nonzero(inside))
+    if outside == len(inside):
+        held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
+        span = " to ".join(str(day) for day in held)
+        raise DataError(
+            f"{part.path} holds {span} and nothing of {date}: check its name and [input] time_zone"
+        )
+    if outside:
+        notes["rows of other days dropped"] += outside
+
+
+def _refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:
+    if len({day_bounds(date, zone) for zone in zones}) > 1:
+        raise DataError(
+            f"the logs of {date} have different UTC offsets: "
+            "set [input] time_zone to the zone whose days are meant"
+        )
+
+
+def _refuse_shifted(sources: Sequence[DaySource], zones: Sequence[dt.tzinfo]) -> None:
+    """Each day must end where the next begins, or the grid is not regular."""
+    for (a, zone_a), (b, zone_b) in zip(
+        zip(sources, zones, strict=True), list(zip(sources, zones, strict=True))[1:], strict=False
+    ):
+        if day_bounds(a.date, zone_a)[1] != day_bounds(b.date, zone_b)[0]:
+            if b.date - a.date == dt.timedelta(days=1):
+                raise DataError(
+                    f"{a.date} and {b.date} have different UTC offsets: "
+                    "set [input] time_zone to the zone whose days are meant"
+                )
+            raise DataError(f"{a.date} and {b.date} are not consecutive days")
+
+
+def _join(parts: list[tuple[Micros, Floats]]) -> tuple[Micros, Floats]:
+    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _merge(
+    parts: list[tuple[Micros, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
+) -> tuple[Micros, Floats]:
+    """One column of a day from several files; where they overlap they must agree."""
+    times, values = _join(parts)
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
+    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
+    if len(conflict):
+        i = int(conflict[0])
+        moment = clock(int(times[i]), zone, with_date=True)
+        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
+    if repeated.any():
+        notes[f"values of {name} in two files"] += int(repeated.sum())
+    return times[~repeated], values[~repeated]
