@@ -1,0 +1,90 @@
+"""Make the simulated sample data again, the same bytes: the year, a week of CSV, the truth, the READMEs.
+
+Usage: python sample_data/make.py
+"""
+
+import datetime as dt
+from pathlib import Path
+
+from rivid.atomic import write_text
+from rivid.logs.write import write_days
+from rivid.scenario import load_scenario
+from rivid.simulate import Season, observables, simulate
+from rivid.simulate.observables import ORDER
+from rivid.simulate.truth import write_truth
+
+HERE = Path(__file__).parent
+SCENARIO = HERE.parent / "configs" / "scenarios" / "basse_isere.toml"
+WEEK = [dt.date(2008, 3, 10) + dt.timedelta(days=k) for k in range(7)]
+
+YEAR_README = """\
+# A simulated year of a managed pool
+
+{days} days of 2008, a Parquet file a month, {samples} samples a day, every {sample_time:g} s from local midnight
+(UTC{offset}) on:
+
+| column | what | unit |
+|---|---|---|
+| `time` | sample time | timestamp with offset |
+| `u_Qi` | inflow command, upstream dam | m3/s |
+| `u_Qo` | outflow command, downstream dam | m3/s |
+| `h_L` | level at the downstream dam, to the centimetre | m |
+
+Nothing here was measured. A pool of the paper's Table I (8200 m, 6.7e5 m2) carries a gravity wave whose
+travel time depends on the flow; a dispatcher upstream follows the load; people downstream, in three shifts a
+day, regulate the level by (9). A small slow inflow is in no log. {missing} days of the year are left out.
+
+Made by
+
+    rivid simulate configs/scenarios/basse_isere.toml --out sample_data/basse_isere
+
+(`make sample-data` does this and the rest). The truth is not here but beside, in
+`../basse_isere_truth.json`: each day's travel time and delay. Where the travel time is within 0.1 sample of
+a whole number, `near_edge` is true and `delay_other` counts as right too.
+
+## Beside the paper's year
+
+The scenario was set from what the paper says can be seen of its reach, never from an estimator's result.
+
+{table}
+U has {order} columns and holds the inflow's deviation from the day's first sample.
+"""
+
+WEEK_README = """\
+# A week of the simulated year as CSV
+
+{first} to {last} of `../basse_isere`, a file a day: `time` (ISO 8601 with offset), `u_Qi` and
+`u_Qo` [m3/s], `h_L` [m]. The same season, so the same truth: `../basse_isere_truth.json`. Nothing here was measured.
+
+Made by `make sample-data`. A whole year of such files comes from `configs/scenarios/basse_isere.toml` with
+`format = "csv"` and `layout = "day"` under `[output]`:
+
+    rivid simulate SCENARIO.toml --out DATA_DIR
+"""
+
+
+def main() -> None:
+    """Write everything."""
+    scenario = load_scenario(SCENARIO)
+    season = simulate(scenario)
+    when = {"sample_time": season.sample_time, "offset": scenario.offset}
+    year = [(date, columns(season, i)) for i, date in enumerate(season.dates)]
+    write_days(HERE / "basse_isere", year, **when, format="parquet", layout="month")
+    write_days(HERE / "basse_isere_csv", [day for day in year if day[0] in WEEK], **when)
+    write_truth(season, HERE / "basse_isere_truth.json")
+    text = YEAR_README.format(
+        days=len(season.dates), samples=len(season.seconds), sample_time=season.sample_time,
+        offset=scenario.utc_offset, missing=scenario.missing_days, order=ORDER,
+        table=observables(season).table(),
+    )  # fmt: skip
+    write_text(HERE / "basse_isere" / "README.md", text)
+    write_text(HERE / "basse_isere_csv" / "README.md", WEEK_README.format(first=WEEK[0], last=WEEK[-1]))
+
+
+def columns(season: Season, i: int) -> dict:
+    """Canonical columns of a day."""
+    return {"u_Qi": season.inflow[i], "u_Qo": season.outflow[i], "h_L": season.level[i]}
+
+
+if __name__ == "__main__":
+    main()
