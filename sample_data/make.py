@@ -20,8 +20,8 @@ WEEK = [dt.date(2008, 3, 10) + dt.timedelta(days=k) for k in range(7)]
 YEAR_README = """\
 # A simulated year of a managed pool
 
-{days} days of 2008, a Parquet file a month, {samples} samples a day, every {sample_time:g} s from local midnight
-(UTC{offset}) on:
+{days} days of 2008, a Parquet file a month, {samples} samples a day, every {sample_time:g} s from local
+midnight (UTC{offset}) on:
 
 | column | what | unit |
 |---|---|---|
@@ -54,7 +54,8 @@ WEEK_README = """\
 # A week of the simulated year as CSV
 
 {first} to {last} of `../basse_isere`, a file a day: `time` (ISO 8601 with offset), `u_Qi` and
-`u_Qo` [m3/s], `h_L` [m]. The same season, so the same truth: `../basse_isere_truth.json`. Nothing here was measured.
+`u_Qo` [m3/s], `h_L` [m]. The same season, so the same truth: `../basse_isere_truth.json`.
+Nothing here was measured.
 
 Made by `make sample-data`. A whole year of such files comes from `configs/scenarios/basse_isere.toml` with
 `format = "csv"` and `layout = "day"` under `[output]`:
