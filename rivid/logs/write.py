@@ -107,7 +107,7 @@ def _write(path: Path, days: Sequence[Day], sample_time: float, offset: dt.timed
                 use_dictionary=list(names),  # few distinct values: whole m3/s, whole centimetres
                 column_encoding={"time": "DELTA_BINARY_PACKED"},
                 write_page_checksum=True,
-                store_schema=False,
+                store_schema=True,  # Parquet itself keeps no offset, only its Arrow schema does
             )
         return
     if not path.name.endswith((".csv", ".csv.gz")):

@@ -1,0 +1,143 @@
+"""The reach against slow, independent integrations of (7), (8) and (10)."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from rivid.core.hydraulics import travel_bounds
+from rivid.errors import RividError
+from rivid.reach.response import (
+    AddedFlow,
+    Hooks,
+    LinearReach,
+    arrived_volume,
+    integrator_delay,
+    level_response,
+    theoretical_fir,
+)
+
+T_S = 133.0
+REACH = LinearReach()
+
+
+def commands(seed, n=400):
+    rng = np.random.default_rng(seed)
+    return rng.integers(-40, 41, n).astype(float), rng.integers(-40, 41, n).astype(float)
+
+
+def a_step(n, at, height=30.0):
+    return np.where(np.arange(n) >= at, height, 0.0)
+
+
+@pytest.mark.parametrize("delay", [1, 6, 7, 15])
+def test_whole_delays_give_the_difference_equation(delay):
+    inflow, outflow = commands(delay)
+    reach = LinearReach(inflow_gain=0.9, outflow_gain=1.1)
+    alpha = T_S / reach.surface_area
+    continuous = level_response(reach, T_S * np.arange(400), inflow, outflow, delay * T_S)
+    discrete = integrator_delay(inflow, outflow, delay, 0.9 * alpha, 1.1 * alpha)
+    np.testing.assert_allclose(continuous, discrete, rtol=0, atol=1e-12)
+
+
+def test_the_difference_equation_is_written_out_in_the_loop():
+    inflow, outflow = commands(3, 60)
+    level = np.zeros(60)
+    for k in range(1, 60):
+        late = inflow[k - 5] if k >= 5 else 0.0
+        level[k] = level[k - 1] + 2e-4 * late - 3e-4 * outflow[k - 1]
+    np.testing.assert_allclose(integrator_delay(inflow, outflow, 4, 2e-4, 3e-4), level, atol=1e-14)
+
+
+def test_fractional_delays_agree_with_second_by_second_integration():
+    inflow, outflow = commands(1, 80)
+    tau, fine = 941, np.arange(80 * 133)
+    held_in = np.concatenate([np.zeros(tau), np.repeat(inflow, 133)])[: len(fine)]
+    volume = np.concatenate([[0.0], np.cumsum(held_in - np.repeat(outflow, 133))])
+    got = level_response(REACH, T_S * np.arange(80), inflow, outflow, float(tau))
+    np.testing.assert_allclose(got, volume[:-1:133] / REACH.surface_area, atol=1e-12)
+
+
+def test_uneven_steps_agree_with_second_by_second_integration():
+    steps = np.array([133, 133, 83, 133, 133, 83, 133, 133])
+    time = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+    flow = np.arange(1.0, 9.0)
+    fine = np.concatenate([np.zeros(200), np.repeat(flow, steps)])
+    expected = np.concatenate([[0.0], np.cumsum(fine)])[time.astype(int)]
+    np.testing.assert_allclose(arrived_volume(time, flow, 200.0), expected, atol=1e-9)
+
+
+def test_no_volume_is_lost_when_the_travel_time_changes():
+    time = T_S * np.arange(600)
+    flow = np.where(time < 300 * T_S, 50.0, 0.0)
+    travel = 900 + 300 * np.sin(time / 9000)
+    assert arrived_volume(time, flow, travel)[-1] == pytest.approx(50 * 300 * T_S, rel=1e-12)
+
+
+def test_late_water_never_overtakes():
+    time = T_S * np.arange(50)
+    travel = np.where(np.arange(50) < 20, 2000.0, 100.0)
+    volume = arrived_volume(time, np.ones(50), travel)
+    assert (np.diff(volume) >= 0).all()
+    assert volume[-1] == pytest.approx(time[-1] - 100.0)
+
+
+@pytest.mark.parametrize(("tau", "lag"), [(6.3, 7), (6.9, 7), (7.2, 8), (2.5, 3)])
+def test_a_change_is_first_seen_at_the_sample_after_its_arrival(tau, lag):
+    level = level_response(REACH, T_S * np.arange(40), a_step(40, 10), np.zeros(40), tau * T_S)
+    assert np.flatnonzero(level)[0] == 10 + lag
+
+
+def test_steady_flow_leaves_the_level_where_it_is():
+    flow = np.full(100, 250.0)
+    level = level_response(REACH, T_S * np.arange(100), flow, flow, 941.0, before=250.0)
+    np.testing.assert_allclose(level, 0.0, atol=1e-9)
+
+
+def test_travel_time_is_the_gravity_wave_of_section_ii():
+    flow = np.array([100.0, 300.0, 800.0])
+    bounds = travel_bounds(flow, length=8200, width=81.6, depth=4.9)
+    np.testing.assert_allclose(REACH.travel_time(flow), bounds.gravity, rtol=1e-12)
+
+
+def test_theoretical_fir_is_that_of_the_transfer_function():
+    d, a_i, a_o, K_Q, K_h = 7, 1e-4, 1.2e-4, 1.0, -1000.0
+    numerator = np.zeros(d + 2)
+    numerator[1], numerator[d + 1] = -K_Q * a_o, a_i
+    impulse = lfilter(numerator, [1.0, -(K_h * a_o + 1.0)], np.eye(1, 40)[0])
+    fir = theoretical_fir(40, d, a_i, a_o, K_Q, K_h)
+    np.testing.assert_allclose(fir, impulse, atol=1e-18)
+
+
+def test_theoretical_fir_is_the_loop_of_8_and_9():
+    d, a_i, a_o, K_Q, K_h = 5, 1e-4, 1.3e-4, 0.9, -700.0
+    inflow, level, outflow = np.eye(1, 30)[0], np.zeros(30), np.zeros(30)
+    for k in range(30):
+        level[k] = integrator_delay(inflow[: k + 1], outflow[: k + 1], d, a_i, a_o)[k]
+        outflow[k] = K_Q * inflow[k] - K_h * level[k]
+    np.testing.assert_allclose(theoretical_fir(30, d, a_i, a_o, K_Q, K_h), level, atol=1e-17)
+
+
+@pytest.mark.parametrize(("place", "first"), [(1.0, 11), (0.5, 14), (0.0, 17)])
+def test_an_added_flow_travels_the_rest_of_the_reach(place, first):
+    time = T_S * np.arange(60)
+    hooks = Hooks(added=(AddedFlow(place, lambda t: np.where(t >= 10 * T_S, 20.0, 0.0)),))
+    level = level_response(REACH, time, np.zeros(60), np.zeros(60), 6.5 * T_S, hooks=hooks)
+    assert np.flatnonzero(level)[0] == first
+    assert level[-1] - level[-2] == pytest.approx(20 * T_S / REACH.surface_area)
+
+
+def test_hooks_change_the_flows_and_not_the_commands():
+    time, (inflow, outflow) = T_S * np.arange(400), commands(5)
+    kept = inflow.copy(), outflow.copy()
+    hooks = Hooks(inflow=lambda _, q: 0.8 * q, outflow=lambda t, q: q + t / 1e4)
+    changed = level_response(REACH, time, inflow, outflow, 900.0, hooks=hooks)
+    by_hand = level_response(REACH, time, 0.8 * inflow, outflow + time / 1e4, 900.0)
+    np.testing.assert_array_equal(changed, by_hand)
+    np.testing.assert_array_equal((inflow, outflow), kept)
+
+
+def test_impossible_places_and_delays_are_refused():
+    with pytest.raises(RividError, match="place 1.2: expected 0"):
+        AddedFlow(1.2, np.zeros_like)
+    with pytest.raises(RividError, match="delay = -1"):
+        integrator_delay(np.zeros(5), np.zeros(5), -1, 1.0, 1.0)
