@@ -133,13 +133,14 @@ def section(name: str, seasons: list[dict]) -> str:
     text = f"\n## `{name}`: {SCENARIOS[name]}\n\n"
     text += (
         f"True delays {', '.join(map(str, delays))} samples. Level range {np.mean(levels):.2f} m a day "
-        f"({min(levels):.2f} to {max(levels):.2f} over seeds). Condition number of U'U, M = 30: median {mid:.1e}, "
-        f"10 to 90 % of days {low:.1e} to {high:.1e}.\n\n"
+        f"({min(levels):.2f} to {max(levels):.2f} over seeds). Condition number of U'U, M = 30: "
+        f"median {mid:.1e}, 10 to 90 % of days {low:.1e} to {high:.1e}.\n\n"
     )
     for own in (False, True):
         s = seasons[0]["settings"][own]
         which = "sigma_d, d_max and M from `rivid bounds`" if own else "the paper's settings"
-        text += f"{which[0].upper() + which[1:]}: sigma_d = {s.delay_scale:g}, d {s.d_min}-{s.d_max}, M = {s.order}.\n\n"
+        which = which[0].upper() + which[1:]
+        text += f"{which}: sigma_d = {s.delay_scale:g}, d {s.d_min}-{s.d_max}, M = {s.order}.\n\n"
         rows = []
         for _, estimator in [key for key in seasons[0]["found"] if key[0] == own]:
             scores = [season["found"][own, estimator] for season in seasons]
@@ -170,7 +171,8 @@ def prior_share(seasons: list[dict]) -> str:
     """How much of "more than 95 % at 6 or 7" is the prior's."""
     names = ["jmap", "jmap, shuffled days", "jmap-uniform-estimated", "jmap-uniform-estimated, shuffled days"]
     rows = [[n, spread(s["found"][False, n].at_6_or_7 for s in seasons)] for n in names]
-    text = "\n## How much of the paper's 95 % is the prior\n\nShare of days answered 6 or 7 on the reach of Table I.\n\n"
+    text = "\n## How much of the paper's 95 % is the prior\n\n"
+    text += "Share of days answered 6 or 7 on the reach of Table I.\n\n"
     return text + table(["estimator, paper's settings", "6 or 7 [%]"], rows)
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 from rivid.logs.write import write_day
-from rivid.scenario import load_scenario
-from rivid.simulate import Season, simulate
 from threadpoolctl import threadpool_limits
 
 from benchmarks.measure import PYTHON, functions_in_turn, in_turn, machine, median, process, table
 from rivid.core import lanes
 from rivid.core.jmap import jmap
+from rivid.scenario import load_scenario
+from rivid.simulate import Season, simulate
 from tests.core.transcription import table_vi
 
 ROOT = Path(__file__).parent.parent

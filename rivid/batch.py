@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from rivid import estimators
 from rivid.config import Config
+from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.jmap import JmapResult
 from rivid.errors import DataError, PendingError
@@ -194,6 +195,8 @@ def _row(
     }
     if status != "unidentifiable":
         row["fir"] = result.fir[i]
+        if reach.kind == "river":
+            row["t50_samples"] = float(half_time(result.fir[i : i + 1])[0])
         if len(result.candidates):
             row["at_bound"] = delay in (settings.d_min, settings.d_max)
             row["prior_only"] = bool(result.prior_only[i])

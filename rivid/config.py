@@ -175,6 +175,7 @@ class JmapConfig(_Section):
     d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
     tolerance: Annotated[float, Field(gt=0, lt=1)] = JmapSettings.tolerance
     max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
+    start: Literal["rest", "free"] | None = None
 
 
 class Config(_Section):
@@ -220,6 +221,7 @@ class Config(_Section):
             d_init=j.d_init,
             tolerance=j.tolerance,
             max_iterations=j.max_iterations,
+            free_start=self.reach.kind == "river" if j.start is None else j.start == "free",
         )
 
 

@@ -50,10 +50,12 @@ def _build(name: str, config: Config) -> Estimator:
     match name:
         case "ml" | "map":
             settings = config.jmap_settings()
-            M, alpha = settings.order, config.jmap.alpha
+            M, alpha, free = settings.order, config.jmap.alpha, settings.free_start
 
             def fit(u: Floats, y: Floats) -> JmapResult:
-                return _without_delay(ml(u, y, M) if name == "ml" else map_fir(u, y, M, alpha))
+                if name == "ml":
+                    return _without_delay(ml(u, y, M, free_start=free))
+                return _without_delay(map_fir(u, y, M, alpha, free_start=free))
 
             return Estimator(name, settings, fit)
         case "jmap":

@@ -30,6 +30,7 @@ DELAYS = pa.schema(
         ("probability", pa.float64()),
         ("delay_low", pa.float64()),
         ("delay_high", pa.float64()),
+        ("t50_samples", pa.float64()),
         ("alpha", pa.float64()),
         ("noise_sd", pa.float64()),
         ("roughness_sd", pa.float64()),

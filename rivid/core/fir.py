@@ -40,7 +40,7 @@ def second_difference(order: int) -> Floats:
     return np.eye(order) - 2.0 * np.eye(order, k=-1) + np.eye(order, k=-2)
 
 
-def ml(u: ArrayLike, y: ArrayLike, order: int = 30) -> FirResult:
+def ml(u: ArrayLike, y: ArrayLike, order: int = 30, *, free_start: bool = False) -> FirResult:
     """Maximum-likelihood FIR, ``h = (U'U)^-1 U'y`` (17).
 
     Parameters
@@ -51,6 +51,8 @@ def ml(u: ArrayLike, y: ArrayLike, order: int = 30) -> FirResult:
         Output deviations [output unit].
     order : int
         Length M of the FIR.
+    free_start : bool
+        See :class:`rivid.core.settings.JmapSettings`.
 
     Returns
     -------
@@ -68,15 +70,17 @@ def ml(u: ArrayLike, y: ArrayLike, order: int = 30) -> FirResult:
     >>> ml(u, y, order=3).fir.round(9) + 0.0
     array([ 0., -1.,  2.])
     """
-    return _regularised(u, y, order, 0.0)
+    return _regularised(u, y, order, 0.0, free_start)
 
 
-def map_fir(u: ArrayLike, y: ArrayLike, order: int = 30, alpha: float = DEFAULT_ALPHA) -> FirResult:
+def map_fir(
+    u: ArrayLike, y: ArrayLike, order: int = 30, alpha: float = DEFAULT_ALPHA, *, free_start: bool = False
+) -> FirResult:
     """Maximum a posteriori FIR with a smoothness prior, ``h = (U'U + alpha D'D)^-1 U'y`` (22).
 
     Parameters
     ----------
-    u, y, order
+    u, y, order, free_start
         As for :func:`ml`.
     alpha : float
         Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
@@ -85,7 +89,41 @@ def map_fir(u: ArrayLike, y: ArrayLike, order: int = 30, alpha: float = DEFAULT_
     -------
     FirResult
     """
-    return _regularised(u, y, order, alpha)
+    return _regularised(u, y, order, alpha, free_start)
+
+
+def half_time(fir: Floats) -> Floats:
+    """t50: the lag by which half of a step of the inflow has arrived.
+
+    For a response that lets all of the inflow through, a river's. A dispersive river has no single delay;
+    t50 is what is estimable best, and it adds up along the river.
+
+    Parameters
+    ----------
+    fir : ndarray, shape (days, M)
+        Impulse responses.
+
+    Returns
+    -------
+    ndarray, shape (days,)
+        t50 [samples], interpolated; a unit response at lag k gives k. NaN where the response does not sum to
+        something positive.
+
+    Examples
+    --------
+    >>> half_time(np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.5, 0.5, 0.0]]))
+    array([2. , 1.5])
+    """
+    steps = np.cumsum(fir, axis=1)
+    answers = np.full(len(fir), np.nan)
+    for i, step in enumerate(steps):
+        if step[-1] > 0:
+            half = 0.5 * step[-1]
+            k = int(np.argmax(step >= half))
+            before = step[k - 1] if k else 0.0
+            # a coefficient at lag k acts over the sample around k
+            answers[i] = k - 0.5 + (half - before) / (step[k] - before)
+    return answers
 
 
 def as_days(u: ArrayLike, y: ArrayLike, order: int) -> tuple[Floats, Floats, bool]:
@@ -117,15 +155,15 @@ def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
     return still
 
 
-def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float) -> FirResult:
+def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_start: bool) -> FirResult:
     inputs, outputs, single = as_days(u, y, order)
-    n, N = inputs.shape
+    n = len(inputs)
     D = second_difference(order)
     P = (alpha * (D.T @ D))[:, :, None]
     fir = np.empty((n, order))
     noise, condition = np.empty(n), np.empty(n)
     for days, take in lanes.blocks(n):
-        G, b, yy = lanes.gram(inputs[take].T.copy(), outputs[take].T.copy(), order)
+        G, b, yy, n_rows = lanes.gram(inputs[take].T.copy(), outputs[take].T.copy(), order, free_start)
         R, z, _ = lanes.cholesky(G + P, b)
         h = lanes.back_substitute(R, z)
         # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
@@ -133,7 +171,7 @@ def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float) -> FirRes
         here = slice(0, days.stop - days.start)
         condition[days] = lanes.condition_numbers(G[..., here])
         fir[days] = np.where(motionless(yy, G), np.nan, h)[:, here].T
-        noise[days] = np.maximum(rss, 0.0)[here] / N
+        noise[days] = np.maximum(rss, 0.0)[here] / n_rows
     bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
     fir[bad], noise[bad] = np.nan, np.nan
     status = np.where(bad, "unidentifiable", "ok")

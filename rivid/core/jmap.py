@@ -177,8 +177,8 @@ class _Block:
 
     def __init__(self, u: Floats, y: Floats, settings: JmapSettings) -> None:
         self.settings = s = settings
-        self.N, self.n = u.shape
-        G, b, self.yy = lanes.gram(u, y, s.order)
+        self.n = u.shape[1]
+        G, b, self.yy, self.N = lanes.gram(u, y, s.order, s.free_start)
         self.G, self.b = np.ascontiguousarray(G[::-1, ::-1]), np.ascontiguousarray(b[::-1])
         self.candidates = np.arange(s.d_min, s.d_max + 1)
         self.penalty = np.zeros(len(self.candidates))
@@ -225,8 +225,9 @@ class _Block:
     def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
         """Where the criterion without the d terms does not single out the delay that was chosen."""
         flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
-        elsewhere: NDArray[np.bool_] = abs(np.argmin(data_only, axis=0) - self.index) > 1
-        return flat | elsewhere
+        elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
+        prior_only: NDArray[np.bool_] = flat | elsewhere
+        return prior_only
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""

@@ -48,8 +48,8 @@ def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.concatenate([take, np.full(missing, take[-1])])
 
 
-def gram(u: Floats, y: Floats, order: int) -> tuple[Floats, Floats, Floats]:
-    """U'U, U'y and y'y of the lower-triangular Toeplitz matrix U of (16).
+def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Floats, Floats, Floats, int]:
+    """U'U, U'y and y'y of the Toeplitz matrix U of (16).
 
     U'U is Toeplitz up to a low-rank correction: ``G[i+1, j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only
     its first row is a sum over the samples.
@@ -60,26 +60,45 @@ def gram(u: Floats, y: Floats, order: int) -> tuple[Floats, Floats, Floats]:
         Input and output deviations.
     order : int
         Length M of the FIR, M <= N.
+    free_start : bool
+        False: u is zero before the first sample, as in (16). True: nothing is said of it. Then only the
+        rows count whose M samples of u are all there, and a constant is fitted along (rows and output less
+        their means).
 
     Returns
     -------
     G : ndarray, shape (M, M, lanes)
     b : ndarray, shape (M, lanes)
     yy : ndarray, shape (lanes,)
+    n_rows : int
+        Rows that count: N, or N - M + 1.
     """
     N, lanes = u.shape
     M = order
+    first = M - 1 if free_start else 0
     G = np.empty((M, M, lanes))
     b = np.empty((M, lanes))
     for k in range(M):
-        np.einsum("nb,nb->b", u[k:], u[: N - k], out=G[0, k])
-        np.einsum("nb,nb->b", y[k:], u[: N - k], out=b[k])
+        row = max(k, first)
+        np.einsum("nb,nb->b", u[row:], u[row - k : N - k], out=G[0, k])
+        np.einsum("nb,nb->b", y[row:], u[row - k : N - k], out=b[k])
     G[1:, 0] = G[0, 1:]
     tail = u[N - M :][::-1]  # u[N-1-i], i = 0..M-1
     for i in range(M - 1):
         np.multiply(tail[i], tail[: M - 1], out=G[i + 1, 1:])
         np.subtract(G[i, :-1], G[i + 1, 1:], out=G[i + 1, 1:])
-    return G, b, np.einsum("nb,nb->b", y, y)
+        if free_start:  # the row that enters above as the last one leaves below
+            G[i + 1, 1:] += u[M - 2 - i] * u[M - 2 :: -1]
+    yy = np.einsum("nb,nb->b", y, y)
+    n_rows = N - first
+    if free_start:
+        y = y[first:]
+        sums = np.stack([np.einsum("nb->b", u[first - i : N - i]) for i in range(M)])
+        total = np.einsum("nb->b", y)
+        G -= sums[:, None] * sums / n_rows
+        b -= sums * total / n_rows
+        yy = np.einsum("nb,nb->b", y, y) - total * total / n_rows
+    return G, b, yy, n_rows
 
 
 def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats, Floats, Floats]:

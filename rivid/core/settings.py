@@ -39,6 +39,11 @@ class JmapSettings:
         epsilon of Table VI: stop when both variances change by less, relatively.
     max_iterations : int
         Give up iterating after so many rounds of Table VI.
+    free_start : bool
+        False, as in the paper: the reach was at rest at the first sample, u is zero before it. True: what
+        came before is left open, only rows of (16) whose M samples of u are all there count, and a
+        constant is fitted along. It costs M - 1 rows, and is right where the delay is not short against
+        the data set.
     """
 
     order: int = 30
@@ -51,6 +56,7 @@ class JmapSettings:
     d_init: int = 10
     tolerance: float = 1e-3
     max_iterations: int = 200
+    free_start: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.d_min <= self.d_max:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from rivid.core.fir import map_fir, ml, second_difference
+from rivid.core.fir import half_time, map_fir, ml, second_difference
 from rivid.errors import RividError
 from tests.core.transcription import second_differences, toeplitz_matrix
 
@@ -47,6 +47,45 @@ def test_map_is_least_squares_with_the_prior_as_rows(seed, alpha):
         assert np.allclose(result.fir[i], h, rtol=0, atol=1e-9 * np.abs(h).max())
         rss = np.sum((y[i] - toeplitz_matrix(u[i], 12) @ h) ** 2)
         assert result.noise_variance[i] == pytest.approx(rss / len(y[i]), rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("alpha", [0.0, 1.0, 1e4])
+def test_a_free_start_is_least_squares_with_a_constant_on_the_full_rows(seed, alpha):
+    M, (u, y) = 12, days(3, seed=seed)
+    y += 7.0  # whatever happened before
+    result = map_fir(u, y, M, alpha, free_start=True) if alpha else ml(u, y, M, free_start=True)
+    for i in range(3):
+        U = np.c_[toeplitz_matrix(u[i], M)[M - 1 :], np.ones(len(y[i]) - M + 1)]
+        prior = np.c_[np.sqrt(alpha) * second_differences(M), np.zeros(M)]
+        solution = lstsq(np.vstack([U, prior]), np.r_[y[i][M - 1 :], np.zeros(M)])[0]
+        assert np.allclose(result.fir[i], solution[:M], rtol=0, atol=1e-9 * np.abs(solution[:M]).max())
+        rss = np.sum((y[i][M - 1 :] - U @ solution) ** 2)
+        assert result.noise_variance[i] == pytest.approx(rss / len(U), rel=1e-8)
+        centred = U[:, :M] - U[:, :M].mean(axis=0)
+        assert result.condition[i] == pytest.approx(np.linalg.cond(centred.T @ centred), rel=1e-6)
+
+
+def test_a_free_start_is_exact_where_a_rest_start_is_not():
+    rng = np.random.default_rng(3)
+    u = np.cumsum(rng.normal(size=300))
+    h = np.zeros(40)
+    h[20:27] = 1 / 7
+    y = np.convolve(u, h)[:300]
+    u, y = u[60:] - u[60], y[60:] - y[60]
+    free, rest = ml(u, y, 40, free_start=True).fir, ml(u, y, 40).fir
+    assert np.abs(free - h).max() < 1e-9
+    assert np.abs(rest - h).max() > 0.1 * h.max()
+    assert half_time(free[None])[0] == pytest.approx(23.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("lag", [0.0, 3.0, 7.25, 12.5])
+def test_half_time_of_a_pure_lag_is_the_lag(lag):
+    k, part = int(lag), lag % 1
+    h = np.zeros((1, 20))
+    h[0, k], h[0, k + 1] = 1 - part, part
+    assert half_time(3.0 * h)[0] == pytest.approx(lag, abs=0.5 * part + 1e-12)
+    assert np.isnan(half_time(-h)[0])
 
 
 def test_one_day_comes_without_an_axis_of_days():

@@ -8,7 +8,8 @@ from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, RividError
 from rivid.scenario import Scenario
 from rivid.simulate import simulate
-from tests.core.transcription import table_v, table_vi
+from tests.core import transcription
+from tests.core.transcription import table_v, table_vi, toeplitz_matrix
 
 N = 649
 PER_DAY = ("delay", "fir", "alpha", "noise_variance", "roughness_variance", "criterion")
@@ -70,6 +71,24 @@ def test_table_v_as_transcribed(alpha):
     assert np.allclose(result.alpha, alpha)
 
 
+def test_a_free_start_is_table_vi_on_the_full_rows_less_their_means(monkeypatch):
+    u, y, _ = season(8, 2)
+    result = jmap(u, y + 0.3, free_start=True)
+
+    def full_rows(u, order):
+        U = toeplitz_matrix(u, order)[order - 1 :]
+        return U - U.mean(axis=0)
+
+    monkeypatch.setattr(transcription, "toeplitz_matrix", full_rows)
+    for i in range(len(u)):
+        rows = y[i][29:]
+        d, h, criterion, s_w, _, iterations = table_vi(u[i], rows - rows.mean(), 30, list(range(1, 16)))
+        assert (result.delay[i], result.iterations[i]) == (d, iterations)
+        assert np.allclose(result.fir[i], h, rtol=0, atol=1e-8 * np.abs(h).max())
+        assert np.allclose(result.criterion[i], criterion, rtol=1e-9, atol=1e-6)
+        assert result.noise_variance[i] == pytest.approx(s_w, rel=1e-8)
+
+
 def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
     u, y, _ = season(30, 4)
     result = jmap(u, y, inverse_gamma=False, max_iterations=6)
@@ -87,7 +106,12 @@ def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
 
 @pytest.mark.parametrize(
     "settings",
-    [JmapSettings(), JmapSettings(prior="uniform", alpha=1e4), JmapSettings(inverse_gamma=False)],
+    [
+        JmapSettings(),
+        JmapSettings(prior="uniform", alpha=1e4),
+        JmapSettings(inverse_gamma=False),
+        JmapSettings(free_start=True),
+    ],
 )
 def test_a_days_bits_do_not_depend_on_its_batch(settings):
     u, y, _ = season(211, 5)

@@ -171,17 +171,14 @@ def test_one_day_alone(tmp_path):
 
 
 def test_a_constant_inflow_is_unidentifiable(data, tmp_path):
-    lines = (data / "2008-03-12.csv").read_text().splitlines()
-    fixed = [
-        line if i == 0 else ",".join([line.split(",")[0], "300", *line.split(",")[2:]])
-        for i, line in enumerate(lines)
-    ]
-    (data / "2008-03-12.csv").write_text("\n".join(fixed) + "\n")
-    noisy = [
-        line if i == 0 else ",".join([line.split(",")[0], f"{300 + i % 7 * 1e-9:.12f}", *line.split(",")[2:]])
-        for i, line in enumerate(lines)
-    ]
-    (data / "2008-03-14.csv").write_text("\n".join(noisy) + "\n")
+    def with_inflow(date, value):
+        path = data / f"{date}.csv"
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        rows = [rows[0], *([t, value(i), *rest] for i, (t, _, *rest) in enumerate(rows[1:]))]
+        path.write_text("\n".join(map(",".join, rows)) + "\n")
+
+    with_inflow("2008-03-12", lambda i: "300")
+    with_inflow("2008-03-14", lambda i: f"{300 + i % 7 * 1e-9:.12f}")
     assert rivid("run", data, "--out", tmp_path / "out", "--no-figures")[0] == 0
     (jmap,) = load_results(tmp_path / "out").estimators
     assert [jmap.status[i] for i in (2, 4)] == ["unidentifiable"] * 2

@@ -10,8 +10,8 @@ import pytest
 
 from rivid import workers
 from rivid.config import Config
-from rivid.run import Options, run
 from rivid.results import load_results
+from rivid.run import Options, run
 from tests.daily import write_days
 
 DEADLY = """
