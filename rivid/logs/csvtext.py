@@ -59,7 +59,7 @@ class _Rows:
         self.names, self.spec = header.names, spec
         self.time_at = [self.names.index(n) for n in spec.time]
         self.number_at = {n: self.names.index(n) for n in spec.sources}
-        self.reader = NumberReader(spec)
+        self.reader = NumberReader(spec.missing, spec.decimal, spec.thousands)
         self.times: list[int] = []
         self.offsets: list[int | None] = []
         self.numbers: dict[str, list[float]] = {n: [] for n in spec.sources}

@@ -1,9 +1,8 @@
 """Texts to numbers, exactly as declared: nothing is guessed, and a refusal says what to declare."""
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
-
-from rivid.logs.spec import Spec
 
 NAN = float("nan")
 LARGEST = 1e6
@@ -15,14 +14,16 @@ class NumberReader:
 
     Parameters
     ----------
-    spec : Spec
-        Its decimal and thousands marks and its markers of missing values.
+    missing : iterable of str
+        Markers of values that are not there.
+    decimal, thousands : str
+        Marks; an empty `thousands` allows none.
     """
 
-    def __init__(self, spec: Spec) -> None:
-        self.missing = frozenset(spec.missing)
-        self.decimal, self.thousands = spec.decimal, spec.thousands
-        self._plain, self._grouped = _patterns(spec.decimal, spec.thousands)
+    def __init__(self, missing: Iterable[str], decimal: str = ".", thousands: str = "") -> None:
+        self.missing = frozenset(missing)
+        self.decimal, self.thousands = decimal, thousands
+        self._plain, self._grouped = _patterns(decimal, thousands)
 
     def read(self, text: str) -> float | None:
         """The number in a cell; NaN where it is declared missing, None where it is no number."""

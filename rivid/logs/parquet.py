@@ -172,7 +172,7 @@ def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: np.ndarray, b
         if infinite.any():
             _mark(infinite, good, bad, f"column {name!r} holds an infinite number")
         return values
-    reader = NumberReader(spec)
+    reader = NumberReader(spec.missing, spec.decimal, spec.thousands)
     values = np.full(len(good), np.nan)
     for i, text in enumerate(column.to_pylist()):
         value = np.nan if text is None else reader.read(text)

@@ -1,0 +1,74 @@
+"""``rivid check``."""
+
+import datetime as dt
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+@click.command("check", short_help="Say what is wrong with the logs, without estimating.")
+@click.argument("data_dir", type=click.Path(path_type=Path))
+@click.option(
+    "--config", "-c", type=click.Path(path_type=Path), help="Configuration (TOML); default: Table I."
+)
+@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
+@click.option("--today", type=click.DateTime(["%Y-%m-%d"]), metavar="DATE", hidden=True)
+def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.datetime | None) -> int:
+    """Say what is wrong with the logs in DATA_DIR, day by day, without estimating.
+
+    Exit code: 0 all fine, 3 days that cannot be used, 10 no logs.
+
+    \b
+    Examples:
+      rivid check sample_data/basse_isere_csv
+      rivid check exports --config reach.toml --json
+    """
+    import json
+    from zoneinfo import ZoneInfo
+
+    from rivid.check import check
+    from rivid.config import load_config
+
+    settings = load_config(config)
+    zone = settings.input.time_zone
+    now = today or dt.datetime.now(ZoneInfo(zone) if zone else dt.UTC)
+    report = check(data_dir, settings, now.date())
+    if as_json:
+        click.echo(json.dumps(report.to_json()))
+    else:
+        _print(report, settings.reach.name)
+    return report.exit_code
+
+
+def _print(report: Any, reach: str) -> None:
+    for path, reason in report.bad_files:
+        click.echo(f"{path}  cannot be used: {reason}")
+    for day in report.days:
+        said = [day.reason] if day.reason else day.notes
+        if said:
+            click.echo(f"{day.date}  {day.status:7s}  {'; '.join(said)}")
+    for warning in report.warnings:
+        click.echo(f"warning: {warning}")
+    count = {s: sum(day.status == s for day in report.days) for s in ("ok", "pending", "failed")}
+    noted = sum(bool(day.notes) for day in report.days)
+    filled = sum(day.n_filled for day in report.days)
+    samples = sum(day.n_samples for day in report.days)
+    rows = [
+        ("days", f"{len(report.days)}, {report.days[0].date} to {report.days[-1].date}"),
+        ("fine", f"{count['ok']}" + (f", {noted} of them with remarks" if noted else "")),
+        ("failed", f"{count['failed']}"),
+        ("pending", f"{count['pending']}"),
+        ("no log", _absent(report.absent)),
+        ("bad files", f"{len(report.bad_files)}"),
+        ("samples", f"{samples:,}, {filled:,} of them filled"),
+        ("warnings", f"{len(report.warnings)}"),
+    ]
+    click.echo(f"\n{reach}")
+    for name, value in rows:
+        click.echo(f"  {name:10s} {value}")
+
+
+def _absent(days: list[dt.date]) -> str:
+    shown = ", ".join(str(day) for day in days[:5])
+    return f"{len(days)} days" + (f": {shown}{', ...' if len(days) > 5 else ''}" if days else "")

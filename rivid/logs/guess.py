@@ -1,0 +1,134 @@
+"""What the columns of a foreign table are: numbers, marks, sentinels, units, and which is which."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rivid.logs.numbers import NumberReader
+
+MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (".", "'"), (",", "'"))
+"""Decimal and thousands marks that are tried, the plainest first."""
+
+SENTINELS = (-1000.0, -999.0, -999.9, -999.99, -9999.0, -99999.0, -99.0, -8888.0, 9999.0, 99999.0, 999999.0)
+
+_FLOW_UNITS = (
+    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft"),
+    ("m3/h", r"m3/h|m³/h"),
+    ("L/s", r"l/s|lps"),
+    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|cms|cumec"),
+)
+_LEVEL_UNITS = (
+    ("ft", r"ft|feet|foot"),
+    ("cm", r"cm"),
+    ("mm", r"mm"),
+    ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
+)
+_ROLES = (
+    (
+        "h_L",
+        r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$",
+    ),
+    (
+        "u_Qo",
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|saliente",
+    ),
+    ("u_Qi", r"inflow|u_qi|q_?in\b|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"),
+    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms"),
+)
+
+
+@dataclass(frozen=True)
+class ColumnGuess:
+    """A column of numbers.
+
+    Attributes
+    ----------
+    name : str
+    role : str
+        u_Qi, u_Qo, h_L, flow for a discharge of which no more is known, or empty.
+    unit : str
+        As `[input.units]` writes it; empty where the log does not say.
+    sentinels : tuple of float
+    texts : tuple of str
+        What stands in cells that hold no number.
+    every : int
+        Rows from one value to the next, usually.
+    """
+
+    name: str
+    role: str
+    unit: str
+    sentinels: tuple[float, ...]
+    texts: tuple[str, ...]
+    every: int
+
+
+def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
+    """Decimal mark, thousands mark, and what stays open, of the cells of all columns."""
+    cells = [cell for column in columns for cell in column if re.search(r"\d", cell)]
+    counts = []
+    for decimal, thousands in MARKS:
+        reader = NumberReader((), decimal, thousands)
+        counts.append(sum(reader.read(cell) is not None for cell in cells))
+    decimal, thousands = MARKS[counts.index(max(counts))]
+    with_comma = [cell for cell in cells if "," in cell]
+    doubt = ""
+    if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
+        if not any("." in cell for cell in cells):
+            doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
+    return decimal, thousands, doubt
+
+
+def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
+    """What a column is; None for one that does not hold numbers."""
+    values, texts, at = [], Counter[str](), []
+    for i, cell in enumerate(cells):
+        value = reader.read(cell)
+        if value is None:
+            texts[cell] += 1
+        elif value == value:
+            values.append(value)
+            at.append(i)
+    if not values or len(values) < texts.total():
+        return None
+    steps = Counter(b - a for a, b in pairwise(at))
+    every = steps.most_common(1)[0][0] if steps else 1
+    role, known = _guess_role(name, unit)
+    return ColumnGuess(name, role, known, _guess_sentinels(values), tuple(texts), every)
+
+
+def _guess_sentinels(values: Sequence[float]) -> tuple[float, ...]:
+    """Well-known markers that lie apart from all other values."""
+    found = [s for s in SENTINELS if s in values]
+    others = [v for v in values if v not in SENTINELS]
+    if not others:
+        return ()
+    span = max(others) - min(others) + 0.1 * abs(max(others, key=abs))
+    return tuple(s for s in found if s < min(others) - span or s > max(others) + span)
+
+
+def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
+    text = name.lower()
+    flow = _unit_in(text, unit_text, _FLOW_UNITS)
+    role = next((role for role, words in _ROLES if re.search(words, text)), "")
+    if role == "h_L" and flow:
+        role = "flow"
+    if role == "h_L":
+        return role, _unit_in(text, unit_text, _LEVEL_UNITS)
+    if not role:
+        if flow:
+            return "flow", flow
+        if level := _unit_in("", unit_text, _LEVEL_UNITS):
+            return "h_L", level
+    return role, flow
+
+
+def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:
+    for unit, words in units:
+        if re.fullmatch(rf"[\[(]?({words})[\])]?", unit_text.strip().lower()):
+            return unit
+        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", re.sub("_", " ", text)):
+            return unit
+    return ""

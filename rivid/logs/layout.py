@@ -1,0 +1,223 @@
+"""The layout of a foreign CSV: encoding, separator, where the header is, how times are written."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rivid.errors import DataError
+from rivid.logs.times import read_text
+
+SEPARATORS = (";", "\t", "|", ",")
+"""In this order where several fit: a comma may be a decimal mark, the others hardly anything else."""
+
+_DATES = (
+    "%d/%m/%Y",
+    "%m/%d/%Y",
+    "%d.%m.%Y",
+    "%d-%m-%Y",
+    "%m-%d-%Y",
+    "%Y/%m/%d",
+    "%d/%m/%y",
+    "%m/%d/%y",
+    "%d.%m.%y",
+)
+_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f")
+FORMATS: tuple[str | None, ...] = (
+    None,
+    *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
+    *("%Y%m%d%H%M", "%Y%m%d %H%M", "%Y%m%d%H%M%S", "%Y-%m-%d %I:%M:%S %p"),
+)
+"""Formats that are tried; None is ISO 8601."""
+
+_CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+LONGEST_JUMP = 20 * 86_400 * 1_000_000
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file is laid out.
+
+    Attributes
+    ----------
+    encoding, separator : str
+    skip_rows, unit_rows : int
+        Lines before the header, and after it before the data.
+    names : tuple of str
+        The header.
+    units : tuple of str
+        The first row of units, empty texts without one.
+    rows : list of list of str
+        Cells of the data that was looked at.
+    """
+
+    encoding: str
+    separator: str
+    skip_rows: int
+    unit_rows: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: list[list[str]]
+
+
+@dataclass(frozen=True)
+class TimeLayout:
+    """Which columns hold the time, and in which format.
+
+    Attributes
+    ----------
+    columns : tuple of int
+        One, or two: date and clock.
+    time_format : str or None
+        None is ISO 8601.
+    zoned : bool
+        Whether the times carry UTC offsets.
+    doubt : str
+        What could not be decided; empty where nothing is left open.
+    steps : list of int
+        Between rows [us].
+    """
+
+    columns: tuple[int, ...]
+    time_format: str | None
+    zoned: bool
+    doubt: str
+    steps: list[int]
+
+
+def guess_encoding(content: bytes) -> str:
+    """The encoding of a text: by its byte order mark, or the first that fits."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if content[:2000].count(b"\0") > len(content[:2000]) // 4:
+        return "utf-16-le" if content[1:2] == b"\0" else "utf-16-be"
+    for encoding in ("utf-8", "cp1252"):
+        try:
+            content.decode(encoding)
+        except UnicodeDecodeError as error:
+            if encoding == "utf-8" and error.start >= len(content) - 3:
+                return encoding  # the part that was looked at ends within a character
+        else:
+            return encoding
+    return "latin-1"
+
+
+def guess_layout(content: bytes, name: str) -> Layout:
+    """Lay out a text file.
+
+    Raises
+    ------
+    DataError
+        Where it is no table with a header.
+    """
+    encoding = guess_encoding(content)
+    text = content.decode(encoding, "replace").lstrip("\ufeff")
+    lines = re.split(r"\r\n|\n|\r", text)
+    separator, width = _guess_separator(lines)
+    if width < 2:
+        raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
+    cells = [_split(line, separator) for line in lines]
+    header = next(i for i, row in enumerate(cells) if len(row) == width)
+    names = cells[header]
+    if sum(_looks_like_data(cell) for cell in names) > len(names) // 2:
+        raise DataError(
+            f"{name} has no header: line {header + 1} is already data; add a line of column names"
+        )
+    body = [row for row in cells[header + 1 :] if len(row) == width and tuple(row) != tuple(names)]
+    unit_rows = 0
+    while unit_rows < min(len(body), 5) and not any(_looks_like_data(cell) for cell in body[unit_rows]):
+        unit_rows += 1
+    if len(body) == unit_rows:
+        raise DataError(f"{name} has a header and no rows of data")
+    units = tuple(body[0]) if unit_rows else ("",) * width
+    return Layout(encoding, separator, header, unit_rows, tuple(names), units, body[unit_rows:])
+
+
+def _split(line: str, separator: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return []
+
+
+def _guess_separator(lines: Sequence[str]) -> tuple[str, int]:
+    """The separator that divides most lines into the same number of cells, and that number."""
+    best, best_score, width = ",", 0.0, 0
+    filled = [line for line in lines if line.strip()][:2000]
+    for separator in SEPARATORS:
+        counts = Counter(len(_split(line, separator)) for line in filled)
+        if not counts:
+            continue
+        modal, times = counts.most_common(1)[0]
+        score = times / len(filled) if modal > 1 else 0.0
+        if score > best_score + 0.02:
+            best, best_score, width = separator, score, modal
+    return best, width
+
+
+def _looks_like_data(cell: str) -> bool:
+    """Whether a cell is a number or begins like a date; names and units are neither."""
+    return (
+        re.match(r"[+-]?[.,]?\d[\d.,' \u00a0]*([eE][+-]?\d+)?$|\d{1,4}[-/.]\d{1,2}[-/.]\d", cell) is not None
+    )
+
+
+def guess_time(layout: Layout) -> TimeLayout | None:
+    """Find the time's columns and format; None where no column reads as times."""
+    rows = layout.rows
+    for at in range(len(layout.names)):
+        texts = [row[at] for row in rows]
+        clock = at + 1
+        if clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50]):
+            both = [f"{row[at]} {row[clock]}" for row in rows]
+            if found := _guess_format(both, (at, clock)):
+                return found
+        if found := _guess_format(texts, (at,)):
+            return found
+    for at, name in enumerate(layout.names):
+        if re.search(r"unix|epoch|timestamp", name, re.I):
+            for time_format, least in (("unix_ms", 1e11), ("unix", 1e8)):
+                if all(_number(row[at]) >= least for row in rows):
+                    times = [read_text(row[at], time_format) for row in rows]
+                    return TimeLayout((at,), time_format, True, "", _steps([t[0] for t in times if t]))
+    return None
+
+
+def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | None:
+    fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
+    few = texts[:: max(len(texts) // 40, 1)]
+    for time_format in FORMATS:
+        if sum(read_text(text, time_format) is not None for text in few) < 0.9 * len(few):
+            continue
+        times = [time for text in texts if (time := read_text(text, time_format)) is not None]
+        if len(times) >= 0.95 * len(texts):
+            fits.append((time_format, times))
+    if not fits:
+        return None
+    best = max(len(times) for _, times in fits)
+    fits = [fit for fit in fits if len(fit[1]) == best]
+    doubt = ""
+    if len(fits) > 1 and fits[0][0] is not None:
+        smooth = [
+            fit for fit in fits if max(map(abs, _steps([t for t, _ in fit[1]])), default=0) < LONGEST_JUMP
+        ]
+        if len(smooth) == 1:
+            fits = smooth
+        elif len({tuple(t for t, _ in fit[1]) for fit in fits}) > 1:
+            others = ", ".join(repr(fit[0]) for fit in fits[1:])
+            doubt = f"{texts[0]!r} also reads as {others}: day or month first?"
+    time_format, times = fits[0]
+    zoned = all(offset is not None for _, offset in times)
+    return TimeLayout(columns, time_format, zoned, doubt, _steps([time for time, _ in times]))
+
+
+def _steps(times: list[int]) -> list[int]:
+    return [b - a for a, b in zip(times, times[1:], strict=False)]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
