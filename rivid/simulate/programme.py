@@ -16,6 +16,8 @@ SHAPE_HOURS = np.array([0.5, 5.5, 7.5, 9.5, 11.5, 16.5, 18.5, 20.5, 23.0])
 """Corners of the day's load [h]: night, morning peak, midday, evening peak."""
 SHAPE_LOADS = np.array([0.1, 0.0, 1.0, 0.9, 0.55, 0.5, 1.0, 0.9, 0.2])
 """Load at each corner as a share of the day's swing."""
+SHAPE_MEAN = float(np.interp(np.arange(0.0, 24.0, 0.01), SHAPE_HOURS, SHAPE_LOADS, period=24.0).mean())
+"""Mean of the usual load, taken away so that the day keeps the river's mean."""
 LOAD_SPREAD = 0.12
 """How much a corner's load differs from day to day, as a share of the swing (standard deviation)."""
 
@@ -100,7 +102,7 @@ def programme(
     swing = np.minimum(swing, 2.0 * np.maximum(means - p.lowest, 0.0))  # a dry river has no water to shift
     corners = SHAPE_HOURS * 3600.0 + p.jitter * rng.standard_normal((days, len(SHAPE_HOURS)))
     corners = np.sort(np.clip(corners, 0.0, DAY - 1.0), axis=1) + DAY * np.arange(days)[:, None]
-    loads = SHAPE_LOADS + LOAD_SPREAD * rng.standard_normal(corners.shape) - SHAPE_LOADS.mean()
+    loads = SHAPE_LOADS + LOAD_SPREAD * rng.standard_normal(corners.shape) - SHAPE_MEAN
     load = np.interp(time, corners.ravel(), (loads * swing[:, None]).ravel())
     river = np.interp(time, DAY * (np.arange(days) + 0.5), means)
     step = float(np.median(np.diff(time)))
