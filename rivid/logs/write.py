@@ -177,7 +177,9 @@ def _clocks(date: dt.date, n: int, sample_time: float) -> list[str]:
     """Local times as ISO text; milliseconds only where there are some."""
     ms = _milliseconds(n, sample_time)
     stamps = np.datetime64(date, "ms") + ms.astype("timedelta64[ms]")
-    return np.datetime_as_string(stamps, unit="s" if not (ms % 1000).any() else "ms").tolist()
+    return [
+        str(stamp) for stamp in np.datetime_as_string(stamps, unit="s" if not (ms % 1000).any() else "ms")
+    ]
 
 
 def _number(x: float) -> str:
