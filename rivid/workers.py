@@ -17,6 +17,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from rivid.batch import Batch, estimate_batch, failed_batch
+from rivid.lean import spare_pandas
 from rivid.store import write_segment
 
 Done = Callable[[int], None]
@@ -108,6 +109,7 @@ def _begin(parent: int) -> None:
     """Set a worker up: signals are the parent's business, and it does not outlive the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    spare_pandas()
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
 
 

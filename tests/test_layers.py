@@ -13,7 +13,7 @@ ROOT = Path(rivid.__file__).parent
 ORDER = [
     {"errors"},
     {"core"},
-    {"config", "atomic", "reach"},
+    {"config", "atomic", "lean", "reach"},
     {"effects", "logs", "results", "tables", "estimators", "scenario"},
     {"simulate", "figures", "store"},
     {"diagnose", "batch", "report", "check"},

@@ -61,8 +61,10 @@ def command(
       rivid run logs --config reach.toml --out results --quiet     (cron)
     """
     from rivid.config import load_config, parse
+    from rivid.lean import spare_pandas
     from rivid.run import Options, make_plan, run
 
+    spare_pandas()
     settings = load_config(config)
     if estimators:
         raw = settings.model_dump(mode="json", exclude_none=True)
