@@ -6,12 +6,12 @@ defaults are the reach of Table I and the settings of section VI.
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from rivid.core.settings import DEFAULT_ALPHA, JmapSettings, Prior
+from rivid.core.settings import DEFAULT_ALPHA, EstimatorName, JmapSettings, Prior
 from rivid.errors import ConfigError
 
 T = TypeVar("T", bound=BaseModel)
@@ -145,10 +145,6 @@ UNITS: dict[str, dict[str, float]] = {
     "level": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
 }
 """Factors to m3/s and to m of the units that `[input.units]` knows."""
-
-EstimatorName = Literal["ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"]
-ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
-"""Names of the estimators that `rivid run` knows."""
 
 
 class RunConfig(_Section):

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from rivid.config import ESTIMATORS
+from rivid.core.settings import ESTIMATORS
 
 _DATE = click.DateTime(["%Y-%m-%d"])
 

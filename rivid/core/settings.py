@@ -4,11 +4,14 @@ This module imports nothing heavy, so that a configuration can be read without n
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from rivid.errors import ConfigError
 
 Prior = Literal["rayleigh", "uniform"]
+EstimatorName = Literal["ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"]
+ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
+"""Names of the estimators that `rivid run` knows."""
 
 
 @dataclass(frozen=True)
