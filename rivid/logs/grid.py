@@ -103,24 +103,28 @@ def on_grid(
 
 
 def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
-    allowed = max(spec.max_gap, int(MISSED * signal.spacing)) + spec.tolerance
-    edges = np.concatenate(([grid.start], times, [grid.end]))
-    steps = np.diff(edges)
-    if steps.max() <= allowed:
+    """A gap is the time without a value: it begins one interval after the last one before it."""
+    spacing = signal.spacing
+    ends = np.append(times, grid.end)
+    begins = np.append(grid.start, times + spacing)
+    gaps = np.where(ends - begins > (MISSED - 1) * spacing, ends - begins, 0)
+    gaps[0] = ends[0] - begins[0] if ends[0] - begins[0] > spacing + spec.tolerance else 0
+    allowed = spec.max_gap + spec.tolerance
+    if gaps.max() <= allowed:
         return
-    worst = int(np.argmax(steps))
-    many = grid.n_days > 1
-    gap = (
-        f"gap of {_span(int(steps[worst]))} from {clock(int(edges[worst]), grid.zone, many)} in {signal.name}"
-    )
-    usual = int(np.median(steps[1:-1])) if len(steps) > 2 else 0
-    if usual > allowed:
+    worst = int(np.argmax(gaps))
+    begin = clock(int(begins[worst]), grid.zone, grid.n_days > 1)
+    text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
+    usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
+    if usual > MISSED * spacing:
         every = f"{signal.name} comes every {_span(usual)}"
-        raise DataError(
-            f"{gap}: {every}: if that is its interval, set [input.interval] {signal.name} = {usual / MICRO:g}"
-        )
-    kind = TrailingGap if steps[-1] > allowed and (steps[:-1] <= allowed).all() else DataError
-    raise kind(f"{gap} ({_limit(spec)})")
+        raise DataError(f"{text}: {every}: if that is its interval, {_declare(signal, usual)}")
+    kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
+    raise kind(f"{text} ({_limit(spec)})")
+
+
+def _declare(signal: Signal, usual: int) -> str:
+    return f"set [input.interval] {signal.name} = {usual / MICRO:g}"
 
 
 def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec: Spec) -> None:
@@ -138,8 +142,8 @@ def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec:
         times = series[signal.name][0]
         usual = int(np.median(np.diff(times))) if len(times) > 1 else 0
         if usual > MISSED * signal.spacing:
-            text += f"; {signal.name} comes every {_span(usual)}: if that is its interval, set "
-            text += f"[input.interval] {signal.name} = {usual / MICRO:g}"
+            text += f"; {signal.name} comes every {_span(usual)}: if that is its interval, "
+            text += _declare(signal, usual)
             break
     raise DataError(text)
 

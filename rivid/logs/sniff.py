@@ -104,7 +104,7 @@ def _propose(layout: Layout, time: TimeLayout, name: str, time_zone: str | None)
     for role, group in roles.items():
         if len({column.unit for column in group}) > 1:
             questions.append(f"the columns of {role} seem to have different units")
-        elif not group[0].unit:
+        elif not group[0].unit and group[0].name != role:
             unit = "m" if role == "h_L" else "m3/s"
             questions.append(
                 f"no unit is written for {role}: {unit} is taken unless [input.units] says otherwise"
@@ -134,7 +134,8 @@ def _roles(columns: list[ColumnGuess], questions: list[str]) -> tuple[dict[str, 
         roles["u_Qo"] = by_role["u_Qo"] or [c for c in flows if c not in roles["u_Qi"]][:1]
         kind = "pool"
     else:
-        order = [*by_role["u_Qi"], *flows, *by_role["u_Qo"]]
+        named, others = by_role["u_Qi"][:1], [*flows, *by_role["u_Qo"]]
+        order = [*named, *others, *by_role["u_Qi"][1:]]  # what is not called an inflow is rather the output
         roles["u_Qi"], roles["Q_L"], kind = order[:1], order[1:2], "river"
         if len(order) > 2:
             questions.append("more than two discharges and no level: which is the inflow, which the output?")
