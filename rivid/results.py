@@ -31,6 +31,8 @@ class EstimatorResults:
         Delay d [samples].
     at_bound, prior_only : ndarray of bool, shape (n,)
         The delay is d_min or d_max; the data do not separate the candidates.
+    t50 : ndarray, shape (n,)
+        River reaches only: the lag by which half of a step has arrived [samples], from the FIR.
     fir : ndarray, shape (n, M)
         Impulse response [output unit per m3/s].
     candidates : ndarray, shape (K,)
@@ -52,6 +54,7 @@ class EstimatorResults:
     delay: Floats
     at_bound: Bools
     prior_only: Bools
+    t50: Floats
     fir: Floats
     candidates: Floats
     criterion: Floats
@@ -137,6 +140,7 @@ def load_results(out: Path) -> Results:
                 delay=_floats(columns["delay_samples"]),
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
+                t50=_floats(columns["t50_samples"]),
                 fir=_matrix(fir, name, where, "lag")[1],
                 candidates=(curve := _matrix(criterion, name, where, "delay_samples"))[0],
                 criterion=curve[1],

@@ -123,8 +123,9 @@ def propose_delays(
     -------
     DelayProposal
         `delay_scale` is the middle of the delays over the range, to half a sample, because the mode of
-        the Rayleigh prior is its scale; `d_max` is twice the longest, as 15 is in the paper; `order` is
-        twice `d_max`, as 30 is.
+        the Rayleigh prior is its scale. In a pool `d_max` is twice the longest delay and `order` twice
+        `d_max`, as 15 and 30 are in the paper. In a river the kinematic wave is the slow bound already:
+        `d_max` is its longest delay, and `order` leaves half as much again for the tail.
 
     Examples
     --------
@@ -141,5 +142,7 @@ def propose_delays(
         )
     delays = np.maximum(tau / sample_time - 1.0, 1.0)
     scale = max(round(2.0 * float(delays.mean())) / 2.0, 1.0)
-    d_max = max(int(2 * delays.max()), 4)
-    return DelayProposal(1, d_max, max(2 * d_max, 12), scale, wave)
+    longest = float(delays.max())
+    d_max = max(int(2 * longest) if kind == "pool" else int(np.ceil(longest)), 4)
+    order = max(2 * d_max if kind == "pool" else d_max + d_max // 2, 12)
+    return DelayProposal(1, d_max, order, scale, wave)
