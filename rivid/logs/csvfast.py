@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from rivid.logs.columns import Columns
+from rivid.logs.columns import Columns, Micros
 from rivid.logs.header import Header
 from rivid.logs.spec import Spec
 from rivid.logs.times import FIRST, LAST, UNIX
@@ -57,6 +57,8 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
         return None
     micros = times.to_numpy().view(np.int64)
     if micros.min() < FIRST or micros.max() >= LAST:
+        return None
+    if spec.time_format and _may_have_rolled(micros):
         return None
     numbers = {}
     for i, name in enumerate(spec.sources, 1):
@@ -103,6 +105,13 @@ def _mixed(content: bytes, header: Header, spec: Spec, offset: str, table: pa.Ta
     last = header.names.index(spec.time[0]) == len(header.names) - 1
     follows = b"\n" if last else spec.separator.encode()
     return bool(content.count(offset.encode() + follows, header.body) != table.num_rows)
+
+
+def _may_have_rolled(micros: Micros) -> bool:
+    """Whether 30 February may be among the times: arrow's strptime takes it for the 1st or 2nd of March."""
+    days = np.unique(micros // 86_400_000_000).astype("datetime64[D]")
+    of_month = (days - days.astype("datetime64[M]")).astype(int)
+    return bool((of_month < 3).any())
 
 
 def _seconds(offset: str) -> int:

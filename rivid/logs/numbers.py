@@ -45,7 +45,7 @@ class NumberReader:
             return 'if the comma is the decimal mark, set [input] decimal = ","'
         if re.fullmatch(r"[+-]?\d+\.\d+", text) and self.decimal == ",":
             return '[input] decimal is ",", and the cell has a point'
-        if match := re.fullmatch(r"[+-]?\d{1,3}(?:([ .,'\u00a0\u202f])\d{3})+(?:[.,]\d+)?", text):
+        if match := re.fullmatch(r"[+-]?\d{1,3}([ .,'\u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?", text):
             mark = match[1] if match[1] not in "\u00a0\u202f" else " "
             return f'if "{mark}" separates thousands, set [input] thousands = "{mark}"'
         return f'if it means "not measured", add "{text[:40]}" to [input] missing'
