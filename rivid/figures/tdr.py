@@ -24,7 +24,9 @@ certain, coefficients, and the step at d drowns in stripes.
 
 def grey_limits(fir: Floats) -> tuple[float, float]:
     """Values that are white and black, from impulse responses of shape (days, M)."""
-    values = fir[np.isfinite(fir)]
+    # the first and last lags gather what a truncated response cannot place: black and white are not for them
+    inner = fir[..., 1:-2] if fir.shape[-1] > 6 else fir
+    values = inner[np.isfinite(inner)]
     if not values.size:
         return 0.0, 1.0
     low, high = (float(v) for v in np.percentile(values, ROBUST))
@@ -72,7 +74,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     calendar(page, dates, e.status)
     entries = []
     image = bars(e)
-    low, high = grey_limits(image)
+    low, high = grey_limits(e.fir)
     M = e.fir.shape[1]
     axes.set_facecolor(style.NO_DATA)
     delays = found(e)
@@ -151,7 +153,7 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
 def _caption(unit: str, with_delay: bool) -> str:
     text = (
         "Each column is a day, each row a lag k. White is the lowest coefficient of the record, black the "
-        "highest (1st and 99th percentile). Where the inflow begins to act, the grey jumps from one row to "
+        "highest (1st and 99th percentile, the end lags left out). Where the inflow begins to act, the grey jumps from one row to "
         "the next."
     )
     if with_delay:
