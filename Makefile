@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon test test-long check bench accuracy figures sample-data lock clean
+.PHONY: help setup run week glen-canyon test test-long check bench accuracy glen-canyon-page figures sample-data lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -48,6 +48,9 @@ bench: setup  ## speed and memory, written to docs/performance.md
 
 accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
 	$(BIN)/python -m benchmarks.accuracy
+
+glen-canyon-page: setup  ## the measured river beside what is known of it, written to docs/glen_canyon.md
+	$(BIN)/python -m benchmarks.glen_canyon
 
 figures: run  ## redraw the figures of the sample year from its stored results
 	$(BIN)/rivid figures $(OUT)/basse_isere

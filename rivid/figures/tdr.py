@@ -153,8 +153,8 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
 def _caption(unit: str, with_delay: bool) -> str:
     text = (
         "Each column is a day, each row a lag k. White is the lowest coefficient of the record, black the "
-        "highest (1st and 99th percentile, the end lags left out). Where the inflow begins to act, the grey jumps from one row to "
-        "the next."
+        "highest (1st and 99th percentile, the end lags left out). Where the inflow begins to act, the grey "
+        "jumps from one row to the next."
     )
     if with_delay:
         text += (
