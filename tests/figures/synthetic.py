@@ -5,6 +5,7 @@ import datetime as dt
 
 import numpy as np
 
+from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.results import EstimatorResults, Results
 
@@ -64,6 +65,7 @@ def estimator(name, dates, *, seed=1, unanswered=0.02, noise=0.1):
         delay=delay,
         at_bound=(delay == 1) | (delay == 15),
         prior_only=(rng.random(n) < 0.1) & np.isfinite(delay) & (name != "jmap-degenerate"),
+        t50=nan,
         fir=fir,
         candidates=CANDIDATES if with_delay else np.empty(0),
         criterion=np.zeros((n, 15 if with_delay else 0)),
@@ -99,6 +101,7 @@ def without_answers(run):
                 delay=nan,
                 at_bound=np.zeros(n, bool),
                 prior_only=np.zeros(n, bool),
+                t50=nan,
                 fir=np.empty((n, 0)),
                 candidates=np.empty(0),
                 criterion=np.empty((n, 0)),
@@ -114,27 +117,38 @@ def without_answers(run):
     return dataclasses.replace(run, estimators=made)
 
 
-def river(n=40):
-    """A river reach sampled every 15 min, its delays of about 26 samples among 60 candidates."""
-    rng = np.random.default_rng(5)
-    base = estimator("jmap", dates_of(n), seed=2)
-    delay = np.where(base.answered, np.clip(np.round(26 + 3 * rng.standard_normal(n)), 1, 60), np.nan)
-    fir = np.full((n, 120), np.nan)
-    for i in np.flatnonzero(base.answered):
-        d = int(delay[i])
-        fir[i] = 0.002 * rng.standard_normal(120)
-        fir[i, d + 1 :] += 0.08 * 0.9 ** np.arange(120 - d - 1)
-    e = dataclasses.replace(
-        base,
-        delay=delay,
-        fir=fir,
-        at_bound=delay == 60,
-        candidates=np.arange(1.0, 61.0),
-        criterion=np.zeros((n, 60)),
-        bound_gravity_s=np.full(n, 7000.0),
-        bound_kinematic_s=22_000 * (base.mean_inflow / 300) ** -0.4,
-    )
-    return Results("lees_ferry", 900.0, "m3/s", 24.5, [e])
+def river(n=40, names=("map", "jmap")):
+    """A river reach sampled every 15 min whose smooth response passes about lag 26, earlier at high water.
+
+    What the JMAP takes for a jump lies anywhere on the rise, among 60 candidates.
+    """
+    made = []
+    for name in names:
+        base = estimator(name, dates_of(n), seed=2)
+        rng = np.random.default_rng(5)
+        centre = 26 * (base.mean_inflow / 350) ** -0.35
+        k = np.arange(120)
+        fir = np.exp(-0.5 * ((k - centre[:, None]) / 5) ** 2) / (5 * np.sqrt(2 * np.pi))
+        fir += 0.0005 * rng.standard_normal(fir.shape)
+        fir[~base.answered] = np.nan
+        jump = np.clip(np.round(centre - 2 + 4 * rng.standard_normal(n)), 1, 60)
+        delay = np.where(np.isfinite(base.delay), jump, np.nan)
+        with_delay = base.candidates.size > 0
+        made.append(
+            dataclasses.replace(
+                base,
+                delay=delay,
+                t50=half_time(fir),
+                fir=fir,
+                at_bound=delay == 60,
+                prior_only=base.answered & (rng.random(n) < 0.5) & with_delay,
+                candidates=np.arange(1.0, 61.0) if with_delay else np.empty(0),
+                criterion=np.zeros((n, 60 if with_delay else 0)),
+                bound_gravity_s=np.where(np.isnan(base.mean_inflow), np.nan, 7000.0),
+                bound_kinematic_s=26_000 * (base.mean_inflow / 300) ** -0.4,
+            )
+        )
+    return Results("lees_ferry", 900.0, "m3/s", 24.5, made)
 
 
 def cases():
@@ -148,6 +162,9 @@ def cases():
         "five years": results(("jmap",), dates_of(1700, dt.date(2016, 5, 20), missing=126)),
         "all days failed": without_answers(week),
         "a river": river(),
+        "a river, one day": river(1),
+        "a river, a year": river(332, ("jmap", "ml")),
+        "a river, all days failed": without_answers(river(7)),
         "long names": dataclasses.replace(
             results(("jmap-uniform-estimated",), dates_of(60)), reach="a_reach_with_$a_long$_name_" * 3
         ),

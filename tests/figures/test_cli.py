@@ -31,6 +31,7 @@ def store_run(run, out):
                 "delay_s": e.delay[i] * run.sample_time,
                 "at_bound": bool(e.at_bound[i]),
                 "prior_only": bool(e.prior_only[i]),
+                "t50_samples": e.t50[i],
                 "alpha": e.alpha[i],
                 "noise_sd": e.noise_sd[i],
                 "roughness_sd": e.roughness_sd[i],
