@@ -220,7 +220,7 @@ def _split(path: Path, config: Config, status: os.stat_result, settings: str) ->
     from rivid.logs.log import load
     from rivid.logs.spec import spec_of
 
-    log = load(path, path.name, spec_of(config), MANY)
+    log = load(path, path.name, spec_of(config), MANY, fresh=True)
     days = tuple((date.isoformat(), log.digest_of(date)) for date in log.dates())
     if not days:
         raise DataError("has no values in the columns that are asked for")

@@ -125,7 +125,7 @@ KEPT_FILES, KEPT_ROWS = 40, 1_000_000
 """Files and rows that a process keeps read, as windows share days; two files stay in any case."""
 
 
-def load(path: Path, name: str, spec: Spec, limits: Limits) -> Log:
+def load(path: Path, name: str, spec: Spec, limits: Limits, *, fresh: bool = False) -> Log:
     """Read a file of one day (limits :data:`DAY`) or of many (:data:`MANY`), or give it as read before.
 
     Parameters
@@ -135,6 +135,8 @@ def load(path: Path, name: str, spec: Spec, limits: Limits) -> Log:
         How messages call it.
     spec : Spec
     limits : Limits
+    fresh : bool
+        Read it in any case: within the clock's tick a changed file may look unchanged.
 
     Returns
     -------
@@ -150,7 +152,7 @@ def load(path: Path, name: str, spec: Spec, limits: Limits) -> Log:
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
-    log = _kept.get(key)
+    log = None if fresh else _kept.get(key)
     if log is None:
         log = _kept[key] = _parse(path, name, spec, limits)
         while len(_kept) > KEPT_FILES or (

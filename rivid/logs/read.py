@@ -129,8 +129,7 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
     """All that the parts of a day say about it."""
     logs = []
     for part in source.parts:
-        log = load(root / part.path, part.path, spec, DAY if is_day_file(part.path) else MANY)
-        _refuse_changed(log, part, source.date)
+        log = _as_listed(root, part, source.date, spec)
         _refuse_faults(log, part, source.date)
         notes.update(log.events_of(source.date))
         if is_day_file(part.path):
@@ -145,11 +144,14 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
     return merged, logs[0].zone
 
 
-def _refuse_changed(log: Log, part: Part, date: dt.date) -> None:
-    """A result stands under the digest of what was listed, so nothing else may be read for it."""
-    digest = log.digest if is_day_file(part.path) else log.digest_of(date)
-    if digest != part.digest:
-        raise DataError(f"{part.path} is not what it was when it was listed: run again, with --verify")
+def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
+    """The log of a part: results stand under the digest of what was listed, so nothing else may be read."""
+    single = is_day_file(part.path)
+    for fresh in (False, True):
+        log = load(root / part.path, part.path, spec, DAY if single else MANY, fresh=fresh)
+        if (log.digest if single else log.digest_of(date)) == part.digest:
+            return log
+    raise DataError(f"{part.path} is not what it was when it was listed: run again, with --verify")
 
 
 def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:

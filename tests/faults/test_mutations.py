@@ -1,0 +1,134 @@
+"""Whatever bytes a log holds: a data set or a reason, never another exception."""
+
+import gzip
+import io
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rivid.errors import RividError
+from rivid.logs.find import find_days
+from rivid.logs.read import read_window
+from rivid.logs.sniff import sniff
+from tests.logs.helpers import DAY, config, rows, text
+
+REACH = {"sample_time": 900}
+CSV = text(rows(n=96, step=900)).encode()
+_CELLS = [[cell.replace(".", ",") for cell in row] for row in rows(n=96, step=900, zone="")]
+FRENCH = text(_CELLS, head="time;u_Qi;u_Qo;h_L", separator=";").encode()
+
+
+def _parquet():
+    sink = io.BytesIO()
+    times = np.arange(96) * 900_000_000 + 1_205_103_600_000_000
+    table = {"time": pa.array(times, pa.timestamp("us", "+01:00"))}
+    table |= {name: np.arange(96.0) for name in ("u_Qi", "u_Qo", "h_L")}
+    pq.write_table(pa.table(table), sink)
+    return sink.getvalue()
+
+
+SEEDS = {".csv": CSV, ".parquet": _parquet(), ".csv.gz": gzip.compress(CSV, mtime=0)}
+WORDS = st.sampled_from(
+    [b"", b"\n", b"\r", b",", b";", b'"', b"\0", b"nan", b"-inf", b"1e999", b"-999", b"\xff", b"\xef\xbb\xbf",
+     b"24:00", b"9999-12-31T23:59:59.999999-14:00", b"0001-01-01", b"+99:99", b"9" * 400, b"time",
+     b"2008-03-10"]
+)  # fmt: skip
+
+
+@st.composite
+def mutated(draw, seed):
+    """A few bytes changed, cut out, put in or repeated."""
+    content = bytearray(seed)
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, max(len(content) - 1, 0)))
+        match draw(st.integers(0, 4)):
+            case 0:
+                content[at : at + 1] = bytes([draw(st.integers(0, 255))])
+            case 1:
+                del content[at : at + draw(st.integers(1, 60))]
+            case 2:
+                content[at:at] = draw(WORDS)
+            case 3:
+                content[at:at] = content[at : at + draw(st.integers(1, 200))]
+            case 4:
+                del content[at:]
+    return bytes(content)
+
+
+LOOP = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def outcome(folder, settings_):
+    """How many days were read and how many refused; anything else than a reason is the test's failure."""
+    done = [0, 0]
+    try:
+        for source in find_days(folder, settings_).days:
+            try:
+                data = read_window(folder, [source], settings_)
+            except RividError as error:
+                assert str(error)
+                done[1] += 1
+            else:
+                assert np.isfinite([data.inflow, data.outflow, data.output]).all()
+                done[0] += 1
+    except RividError as error:
+        assert str(error)
+    return done
+
+
+@pytest.mark.parametrize("name", [f"{DAY}", "march"])
+@pytest.mark.parametrize("suffix", SEEDS)
+def test_any_bytes(tmp_path, suffix, name):
+    path = tmp_path / f"{name}{suffix}"
+    path.write_bytes(SEEDS[suffix])
+    assert outcome(tmp_path, config(REACH)) == [1, 0]  # the seed itself is sound
+
+    @LOOP
+    @given(mutated(SEEDS[suffix]))
+    def attack(content):
+        path.write_bytes(content)
+        outcome(tmp_path, config(REACH))
+
+    attack()
+
+
+def test_any_bytes_declared_unusual(tmp_path):
+    path = tmp_path / "march.csv"
+    declared = config(
+        REACH,
+        separator=";",
+        decimal=",",
+        thousands=".",
+        time_zone="Europe/Paris",
+        sentinels=[-999],
+        ambiguous="order",
+    )
+    path.write_bytes(FRENCH)
+    assert outcome(tmp_path, declared) == [1, 0]
+
+    @LOOP
+    @given(mutated(FRENCH))
+    def attack(content):
+        path.write_bytes(content)
+        outcome(tmp_path, declared)
+
+    attack()
+
+
+def test_any_bytes_sniffed(tmp_path):
+    path = tmp_path / "export.csv"
+
+    @LOOP
+    @given(mutated(FRENCH))
+    def attack(content):
+        path.write_bytes(content)
+        try:
+            assert sniff(path).toml.count("[input]") >= 1
+        except RividError as error:
+            assert "export.csv" in str(error)
+
+    attack()

@@ -1,0 +1,369 @@
+"""Each fault of a log is made, read, and must be a reason that names the file; nothing else is lost."""
+
+import gzip
+import os
+import pickle
+import time
+import zlib
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from rivid.errors import ConfigError, DataError, NoDataError
+from rivid.logs.find import find_days
+from rivid.logs.read import read_window
+from tests.daily import a_day, text_of, write_days
+from tests.logs.helpers import DAY, HEAD, config, put, read, rows, text
+
+
+def parquet(folder, name=None, columns=None, **options):
+    """The day as Parquet, as its own columns or others."""
+    times, inflow, outflow, level = a_day(DAY)
+    table = {
+        "time": pa.array(
+            np.array([t[:19] for t in times], "M8[us]") - 3_600_000_000, pa.timestamp("us", "+01:00")
+        )
+    }
+    table |= {"u_Qi": inflow, "u_Qo": outflow, "h_L": level}
+    folder.mkdir(exist_ok=True)
+    path = folder / (name or f"{DAY}.parquet")
+    pq.write_table(pa.table(table | (columns or {})), path, write_page_checksum=True, **options)
+    return path
+
+
+def reason(folder, **given):
+    with pytest.raises(DataError) as caught:
+        read(folder, **given)
+    return str(caught.value)
+
+
+class TestParquet:
+    def test_a_sound_file_reads_like_csv(self, tmp_path):
+        parquet(tmp_path / "p")
+        put(tmp_path / "c", rows())
+        a, b = read(tmp_path / "p"), read(tmp_path / "c")
+        assert (a.inflow == b.inflow).all() and (a.output == b.output).all()
+
+    @pytest.mark.parametrize("cut", [0, 3, 8, "half", -1])
+    def test_truncated(self, tmp_path, cut):
+        path = parquet(tmp_path)
+        content = path.read_bytes()
+        end = len(content) // 2 if cut == "half" else cut
+        path.write_bytes(content[:end])
+        said = reason(tmp_path)
+        assert said.startswith(f"{DAY}.parquet") and ("empty" in said or "PAR1" in said)
+
+    def test_flipped_bytes_are_never_taken_as_data(self, tmp_path):
+        path = parquet(tmp_path)
+        content = path.read_bytes()
+        good = read(tmp_path)
+        rng = np.random.default_rng(1)
+        refused = 0
+        for at in rng.integers(4, len(content) - 4, 150):
+            broken = bytearray(content)
+            broken[at] ^= int(rng.integers(1, 256))
+            path.write_bytes(broken)
+            try:
+                data = read(tmp_path)
+            except DataError:
+                refused += 1
+            else:  # a byte that carries nothing, such as a name of the writer
+                assert (data.inflow == good.inflow).all() and (data.output == good.output).all()
+        assert refused > 100
+
+    def test_missing_column(self, tmp_path):
+        parquet(tmp_path)
+        assert "no column 'H_l' for h_L; nearest is 'h_L'" in reason(tmp_path, h_L="H_l")
+
+    def test_wrong_types(self, tmp_path):
+        parquet(tmp_path, columns={"u_Qi": [[1.0, 2.0]] * 650})
+        assert "column 'u_Qi' is of type list" in reason(tmp_path)
+        parquet(tmp_path, columns={"time": np.arange(650)})
+        assert "column 'time' is of type int64: expected times or text" in reason(tmp_path)
+
+    def test_infinite_and_missing_numbers(self, tmp_path):
+        level = a_day(DAY)[3].copy()
+        level[20] = np.nan
+        parquet(tmp_path, columns={"h_L": level})
+        assert read(tmp_path).n_filled == 1
+        level[21] = np.inf
+        parquet(tmp_path, columns={"h_L": level})
+        assert "row 22: column 'h_L' holds an infinite number" in reason(tmp_path)
+
+    def test_texts_are_read_like_csv(self, tmp_path):
+        times, inflow, _, _ = a_day(DAY)
+        cells = [f"{v:g}" for v in inflow]
+        parquet(tmp_path, columns={"time": times, "u_Qi": cells})
+        assert (read(tmp_path).inflow == inflow).all()
+        parquet(tmp_path, columns={"time": times, "u_Qi": ["ERR", *cells[1:]]})
+        assert "row 1: column 'u_Qi' holds 'ERR', which is no number" in reason(tmp_path)
+
+    def test_a_bomb_is_refused_by_its_rows(self, tmp_path):
+        path = parquet(tmp_path)
+        n = 20_000_000
+        codes = pa.DictionaryArray.from_arrays(pa.array(np.zeros(n, np.int8)), pa.array([300.0]))
+        table = pa.table({"time": pa.array(np.zeros(n, np.int64), pa.timestamp("us", "UTC")), "u_Qi": codes})
+        pq.write_table(
+            table.append_column("u_Qo", codes).append_column("h_L", codes), path, compression="zstd"
+        )
+        assert path.stat().st_size < 500_000
+        before = time.perf_counter()
+        assert "too many rows for a log: 20,000,000 (limit 2,000,000)" in reason(tmp_path)
+        assert time.perf_counter() - before < 1
+
+    def test_a_long_text_that_many_rows_share_is_not_multiplied(self, tmp_path):
+        path = parquet(tmp_path)
+        words = pa.DictionaryArray.from_arrays(
+            pa.array(np.zeros(500_000, np.int32)), pa.array(["9" * 1_000_000])
+        )
+        numbers = np.zeros(500_000)
+        pq.write_table(pa.table({"time": words, "u_Qi": numbers, "u_Qo": numbers, "h_L": numbers}), path)
+        assert "1,000,000 bytes long: no time or number" in reason(tmp_path)
+
+
+class TestCsv:
+    def test_a_last_line_without_line_break_is_fine_when_whole(self, tmp_path):
+        (tmp_path / f"{DAY}.csv").write_text(text_of(DAY).rstrip("\n"))
+        assert (read(tmp_path).output == a_day(DAY)[3]).all()
+
+    @pytest.mark.parametrize("lost", [1, 2, 6, 7, 8, 12, 20, 35])
+    def test_a_torn_last_line_fails_the_day(self, tmp_path, lost):
+        content = text_of(DAY).rstrip("\n")
+        (tmp_path / f"{DAY}.csv").write_text(content[:-lost])
+        said = reason(tmp_path)
+        assert f"{DAY}.csv, line 651: " in said
+
+    def test_a_file_cut_in_the_middle_fails_with_its_gap_or_line(self, tmp_path):
+        content = text_of(DAY)
+        for end in (1, 10, 23, 24, 60, len(content) // 2, len(content) - 300):
+            (tmp_path / f"{DAY}.csv").write_text(content[:end])
+            assert reason(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("line", "cell", "said"),
+        [
+            (9, "abc", "line 10: column 'u_Qo' holds 'abc', which is no number"),
+            (9, "inf", "line 10: column 'u_Qo' holds 'inf', which is no number"),
+            (9, "NAN", "line 10: column 'u_Qo' holds 'NAN', which is no number"),
+            (9, "1e400", "line 10: u_Qo = inf m3/s is beyond any river"),
+            (9, "3.05e+22", "line 10: u_Qo = 3.05e+22 m3/s is beyond any river: check [input.units]"),
+            (9, "305,5", "line 10: 5 fields where the header has 4 (decimal commas?"),
+            (9, "1_000", "which is no number"),
+            (9, "0x10", "which is no number"),
+            (9, "٣٠٠", "which is no number"),
+            (9, '"300', "line 10: a quotation mark is not closed"),
+            (9, "", None),
+            (9, "#N/A", None),
+        ],
+    )
+    def test_cells_that_are_no_numbers(self, tmp_path, line, cell, said):
+        lines = rows()
+        lines[line - 1][2] = cell
+        put(tmp_path, lines)
+        if said is None:
+            assert read(tmp_path).n_filled == 1
+        else:
+            assert f"{DAY}.csv, {said}" in reason(tmp_path) or said in reason(tmp_path)
+
+    def test_declared_texts_are_masked(self, tmp_path):
+        lines = rows()
+        lines[8][2], lines[9][3] = "inf", "Eqp"
+        assert read(put(tmp_path, lines), missing=["", "inf", "Eqp"]).n_filled == 2
+
+    def test_ragged_rows(self, tmp_path):
+        lines = rows()
+        lines[99] = lines[99][:3]
+        assert "line 101: 3 fields where the header has 4" in reason(put(tmp_path, lines))
+        lines[99] = [*rows()[99], "7"]
+        assert "line 101: 5 fields where the header has 4" in reason(put(tmp_path, lines))
+
+    def test_every_row_with_a_trailing_separator(self, tmp_path):
+        assert "line 2: 5 fields where the header has 4" in reason(put(tmp_path, [[*r, ""] for r in rows()]))
+
+    def test_columns_missing_doubled_and_misspelt(self, tmp_path):
+        put(tmp_path, rows(), head="time,u_qi,u_Qo,h_L")
+        assert "line 1: no column 'u_Qi' for u_Qi; nearest is 'u_qi'; there are: time, u_qi" in reason(
+            tmp_path
+        )
+        put(tmp_path, rows(), head="time,u_Qi,u_Qi,h_L")
+        assert "2 columns are named 'u_Qi': expected one" in reason(tmp_path)
+        put(tmp_path, [[r[0], r[1], r[3]] for r in rows()], head="time,u_Qi,h_L")
+        assert 'Set [input] u_Qo to the log\'s own name or "" where it is not logged' in reason(tmp_path)
+
+    def test_times_that_are_none(self, tmp_path):
+        lines = rows()
+        lines[5][0] = "yesterday"
+        assert "line 7: 'yesterday' is no time of ISO 8601" in reason(put(tmp_path, lines))
+
+    def test_times_with_and_without_offset(self, tmp_path):
+        lines = rows()
+        lines[5][0] = lines[5][0][:19]
+        assert "line 7: its time has no offset, unlike line 2's" in reason(put(tmp_path, lines))
+
+    @pytest.mark.parametrize(
+        "content", [b"", b"\n", b"\r\n\r\n", HEAD.encode(), HEAD.encode() + b"\n", b"\0" * 5000]
+    )
+    def test_nothing_in_it(self, tmp_path, content):
+        (tmp_path / f"{DAY}.csv").write_bytes(content)
+        assert f"{DAY}.csv" in reason(tmp_path)
+
+    def test_a_log_with_cr_alone_for_line_ends_is_read(self, tmp_path):
+        (tmp_path / f"{DAY}.csv").write_bytes(text_of(DAY).replace("\n", "\r").encode())
+        assert (read(tmp_path).output == a_day(DAY)[3]).all()
+
+
+class TestGzip:
+    @pytest.fixture
+    def path(self, tmp_path):
+        path = tmp_path / f"{DAY}.csv.gz"
+        path.write_bytes(gzip.compress(text_of(DAY).encode()))
+        return path
+
+    def test_it_is_read(self, path):
+        assert (read(path.parent).output == a_day(DAY)[3]).all()
+
+    def test_cut_off(self, path):
+        content = path.read_bytes()
+        for end in (0, 3, 12, len(content) // 2, len(content) - 1):
+            path.write_bytes(content[:end])
+            assert path.name in reason(path.parent)
+
+    def test_flipped_bytes(self, path):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 0xFF
+        path.write_bytes(content)
+        assert "is not a sound gzip file" in reason(path.parent)
+
+    def test_not_gzip_at_all(self, path):
+        path.write_bytes(text_of(DAY).encode())
+        assert "is not a sound gzip file" in reason(path.parent)
+
+    def test_a_bomb_is_refused_while_it_unpacks(self, path):
+        packer = zlib.compressobj(9, zlib.DEFLATED, 31)
+        block = b"0" * (1 << 20)
+        path.write_bytes(b"".join(packer.compress(block) for _ in range(105)) + packer.flush())
+        assert path.stat().st_size < 120_000
+        assert "too large for a log: 64 MB (limit 64 MB, unpacked)" in reason(path.parent)
+
+
+def test_a_huge_sparse_file_is_not_read(tmp_path):
+    path = tmp_path / f"{DAY}.csv"
+    with path.open("wb") as file:
+        file.truncate(50 << 30)
+    before = time.perf_counter()
+    assert "too large for a log: 51200 MB" in reason(tmp_path)
+    path.rename(tmp_path / "march.csv")
+    with pytest.raises(NoDataError, match="too large"):
+        find_days(tmp_path, config())
+    assert time.perf_counter() - before < 1
+
+
+class TestNamesAndLinks:
+    @pytest.fixture
+    def logs(self, tmp_path):
+        write_days(tmp_path / "logs", 1)
+        (tmp_path / "elsewhere.csv").write_text(text_of(DAY))
+        return tmp_path / "logs"
+
+    def bad(self, logs):
+        catalog = find_days(logs, config())
+        assert [d.date for d in catalog.days] == [DAY]
+        return dict(catalog.bad_files)
+
+    def test_a_link_out_of_the_root(self, logs):
+        (logs / "2008-03-11.csv").symlink_to(logs.parent / "elsewhere.csv")
+        (logs / "2008-03-12.csv").symlink_to("../elsewhere.csv")
+        assert all("leads out of the directory" in why for why in self.bad(logs).values())
+        assert len(self.bad(logs)) == 2
+
+    def test_a_link_within_the_root_is_read(self, logs):
+        (logs / "kept").mkdir()
+        (logs / "kept" / "x.csv").write_text(text(rows(DAY)))
+        (logs / "2008-03-11.csv").symlink_to(logs / "kept" / "x.csv")
+        assert len(find_days(logs, config()).days) == 2
+
+    def test_a_linked_root_is_a_root(self, logs):
+        (logs.parent / "link").symlink_to(logs)
+        assert len(find_days(logs.parent / "link", config()).days) == 1
+
+    def test_loops_and_broken_links(self, logs):
+        (logs / "a.csv").symlink_to("b.csv")
+        (logs / "b.csv").symlink_to("a.csv")
+        (logs / "2008-03-11.csv").symlink_to("nowhere")
+        assert set(self.bad(logs)) == {"a.csv", "b.csv", "2008-03-11.csv"}
+
+    def test_a_pipe_does_not_hang_the_run(self, logs):
+        os.mkfifo(logs / "2008-03-11.csv")
+        assert self.bad(logs) == {"2008-03-11.csv": "is not a regular file"}
+
+    def test_names_that_are_no_dates(self, logs):
+        (logs / "2008-13-45.csv").write_text(text_of(DAY))
+        (logs / "CON.csv").write_text("x")
+        (logs / "=1+1.csv").write_text("x")
+        assert self.bad(logs)["2008-13-45.csv"] == "2008-13-45 is no date: expected YYYY-MM-DD"
+        assert len(self.bad(logs)) == 3
+
+    def test_an_unreadable_name_is_no_crash(self, logs):
+        (logs / os.fsdecode(b"caf\xe9.csv")).write_text("x")
+        assert len(self.bad(logs)) == 1
+
+
+def test_pickles_are_never_opened(tmp_path):
+    write_days(tmp_path, 1)
+
+    class Trap:
+        def __reduce__(self):
+            return (open, (str(tmp_path / "sprung"), "w"))
+
+    (tmp_path / "2008-03-11.pkl").write_bytes(pickle.dumps(Trap()))
+    np.save(tmp_path / "2008-03-12.npy", np.array([Trap()], object), allow_pickle=True)
+    (tmp_path / "2008-03-13.csv").write_bytes(pickle.dumps(Trap()))
+    (tmp_path / "2008-03-14.parquet").write_bytes(pickle.dumps(Trap()))
+    catalog = find_days(tmp_path, config())
+    assert [d.date.day for d in catalog.days] == [10, 13, 14]
+    for source in catalog.days[1:]:
+        with pytest.raises(DataError):
+            read_window(tmp_path, [source], config())
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_one_bad_file_of_many_loses_nothing_else(tmp_path):
+    write_days(tmp_path, 5)
+    (tmp_path / "2008-03-12.csv").write_bytes(b"\xff\xfe\x00garbage")
+    (tmp_path / "junk.csv").write_text("not,a,log\n1,2,3\n")
+    catalog = find_days(tmp_path, config())
+    assert [path for path, _ in catalog.bad_files] == ["junk.csv"]
+    read_days = []
+    for source in catalog.days:
+        try:
+            read_days.append(read_window(tmp_path, [source], config()).date.day)
+        except DataError as error:
+            assert "2008-03-12.csv is UTF-16" in str(error)
+    assert read_days == [10, 11, 13, 14]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"encoding": "no-such"},
+        {"encoding": "rot13"},
+        {"encoding": "zlib"},
+        {"separator": ";;"},
+        {"separator": "\n"},
+        {"separator": "5"},
+        {"decimal": ",", "thousands": ","},
+        {"time": ""},
+        {"u_Qi": []},
+        {"time_zone": "../../etc/passwd"},
+        {"time_zone": "Mars/Olympus"},
+        {"skip_rows": 10**9},
+        {"max_gap": float("nan")},
+        {"colour": "blue"},
+    ],
+)
+def test_hostile_declarations_are_refused_in_one_line(given):
+    with pytest.raises(ConfigError) as caught:
+        config(**given)
+    assert "\n" not in str(caught.value)
