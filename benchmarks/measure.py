@@ -1,5 +1,6 @@
 """Timing whole processes and functions side by side, in one run, on a machine that others use too."""
 
+import json
 import os
 import platform
 import statistics
@@ -8,6 +9,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+PYTHON = sys.executable
 
 
 @dataclass(frozen=True)
@@ -19,17 +22,28 @@ class Usage:
     peak_mb: float
 
 
+LAUNCHER = """
+import json, os, subprocess, sys, time
+began = time.perf_counter()
+child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+said = child.stderr.read().decode()
+_, status, usage = os.wait4(child.pid, 0)
+seconds = time.perf_counter() - began
+print(json.dumps([os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss, said]))
+"""
+"""A small process in between: the peak memory that the system reports of a child is never below that of
+the process that started it."""
+
+
 def process(command: Sequence[str]) -> Usage:
     """Run a command to its end; peak memory is that of its largest process."""
-    began = time.perf_counter()
     surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=surroundings)
-    assert child.stderr is not None
-    said = child.stderr.read()
-    _, status, usage = os.wait4(child.pid, 0)
-    if os.waitstatus_to_exitcode(status) != 0:
-        raise SystemExit(f"{' '.join(command)} failed:\n{said.decode()}")
-    return Usage(time.perf_counter() - began, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+    words = [PYTHON, "-I", "-S", "-c", LAUNCHER, *command]
+    answer = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=True).stdout
+    code, seconds, cpu, peak_kb, said = json.loads(answer)
+    if code != 0:
+        raise SystemExit(f"{' '.join(command)} failed:\n{said}")
+    return Usage(seconds, cpu, peak_kb / 1024)
 
 
 def in_turn(
@@ -78,6 +92,3 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
     return "\n".join(lines) + "\n"
-
-
-PYTHON = sys.executable
