@@ -1,0 +1,88 @@
+"""The grid against a slow, plain look at every instant."""
+
+import datetime as dt
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rivid.errors import DataError
+from rivid.logs.grid import make_grid, on_grid
+from rivid.logs.spec import spec_of
+from tests.logs.helpers import config
+
+DAY = 86_400
+
+
+def plain(times, values, instants, held, late):
+    """One instant at a time; seconds."""
+    out = []
+    for g in instants:
+        before = [i for i, t in enumerate(times) if t <= g + late]
+        if held or not before or before[-1] == len(times) - 1:
+            out.append(values[before[-1]] if before else values[0])
+        else:
+            out.append(np.interp(g, times, values))
+    return np.array(out)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    steps=st.lists(st.integers(20, 900), min_size=100, max_size=1200),
+    period=st.sampled_from([60.0, 133.0, 300.0, 900.0]),
+    held=st.booleans(),
+    seed=st.integers(0, 99),
+)
+def test_held_and_interpolated_values(steps, period, held, seed):
+    times = np.cumsum(steps)
+    times = times[times < DAY]
+    values = np.random.default_rng(seed).normal(size=len(times))
+    spec = spec_of(config({"sample_time": period}, max_gap=86_400, max_filled=1))
+    signal = spec.signals[0 if held else 2]
+    assert signal.held == held
+    grid = make_grid(0, DAY * 10**6, period, dt.UTC)
+    samples, filled = on_grid(times * 10**6, values, grid, signal, spec)
+    np.testing.assert_allclose(
+        samples, plain(times, values, grid.times / 1e6, held, period / 100), rtol=1e-12
+    )
+    assert len(samples) == int(np.ceil(DAY / period))
+
+
+@settings(max_examples=100, deadline=None)
+@given(lost=st.lists(st.integers(1, 648), max_size=60, unique=True), held=st.booleans())
+def test_filled_samples_are_the_lost_ones(lost, held):
+    spec = spec_of(config(max_gap=86_400))
+    grid = make_grid(0, DAY * 10**6, 133.0, dt.UTC)
+    kept = np.setdiff1d(np.arange(650), lost)
+    values = np.arange(650.0)
+    samples, filled = on_grid(grid.times[kept], values[kept], grid, spec.signals[0 if held else 2], spec)
+    assert sorted(lost) == ([] if filled is None else np.flatnonzero(filled).tolist())
+    if not held:
+        np.testing.assert_allclose(samples, values, rtol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(first=st.integers(0, 640), count=st.integers(1, 20), limit=st.integers(0, 3000))
+def test_the_limit_of_a_gap_is_time_without_a_value(first, count, limit):
+    spec = spec_of(config(max_gap=limit))
+    grid = make_grid(0, DAY * 10**6, 133.0, dt.UTC)
+    kept = np.delete(np.arange(650), np.s_[first : first + count])
+    without = 133 * count if first else kept[0] * 133
+    if first + count >= 650:
+        without = DAY - 133 * first
+    try:
+        on_grid(grid.times[kept], np.zeros(len(kept)), grid, spec.signals[0], spec)
+        refused = False
+    except DataError:
+        refused = True
+    small = without <= (0.5 * 133 if first else 133) + 1.33
+    assert refused == (without > limit + 1.33 and not small)
+
+
+def test_unsteady_clocks_leave_no_gap():
+    spec = spec_of(config())
+    grid = make_grid(0, DAY * 10**6, 133.0, dt.UTC)
+    jitter = np.random.default_rng(1).integers(-20, 21, 650) * 10**6
+    jitter[0] = 0
+    _, filled = on_grid(grid.times + jitter, np.zeros(650), grid, spec.signals[0], spec)
+    assert not filled.any()
