@@ -3,11 +3,15 @@
 import datetime as dt
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rivid.errors import NoDataError, RividError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -107,6 +111,7 @@ def load_results(out: Path) -> Results:
     """
     import json
 
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
@@ -130,7 +135,7 @@ def load_results(out: Path) -> Results:
         rows = delays.filter(names == name)
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
         dates: list[dt.date] = rows["date"].to_pylist()
-        where = {date: i for i, date in enumerate(dates)}
+        days = rows["date"].cast(pa.int32()).to_numpy()
         estimators.append(
             EstimatorResults(
                 estimator=name,
@@ -141,8 +146,8 @@ def load_results(out: Path) -> Results:
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
                 t50=_floats(columns["t50_samples"]),
-                fir=_matrix(fir, name, where, "lag")[1],
-                candidates=(curve := _matrix(criterion, name, where, "delay_samples"))[0],
+                fir=_matrix(fir, name, days, "lag")[1],
+                candidates=(curve := _matrix(criterion, name, days, "delay_samples"))[0],
                 criterion=curve[1],
                 **{
                     key: _floats(columns[column])
@@ -175,16 +180,15 @@ def _bools(column: NDArray[np.generic]) -> Bools:
     return np.array([bool(v) for v in column], bool)
 
 
-def _matrix(table: object, estimator: str, where: dict[dt.date, int], axis: str) -> tuple[Floats, Floats]:
+def _matrix(table: "pa.Table", estimator: str, days: NDArray[np.int32], axis: str) -> tuple[Floats, Floats]:
     """A long table (date, estimator, axis, value) as its axis and a (days, axis) matrix."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    assert isinstance(table, pa.Table)
     rows = table.filter(pc.equal(table["estimator"], estimator))
     at = rows[axis].to_numpy()
     labels = np.unique(at)
-    matrix = np.full((len(where), len(labels)), np.nan)
-    row = np.array([where[d] for d in rows["date"].to_pylist()], int)
+    matrix = np.full((len(days), len(labels)), np.nan)
+    row = np.searchsorted(days, rows["date"].cast(pa.int32()).to_numpy())  # days are in order
     matrix[row, np.searchsorted(labels, at)] = rows[table.column_names[-1]].to_numpy()
     return labels.astype(float), matrix

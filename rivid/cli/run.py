@@ -66,6 +66,10 @@ def command(
 
     spare_pandas()
     settings = load_config(config)
+    unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
+    if config and unsaid and not quiet:
+        words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
+        click.echo(f"rivid: {words}", err=True)
     if estimators:
         raw = settings.model_dump(mode="json", exclude_none=True)
         raw["run"]["estimators"] = list(estimators)
@@ -189,6 +193,15 @@ def _print_summary(summary: Any, settings: Any) -> None:
             words = " or ".join(f"{v:.0f}" for v in top)
             span = " to ".join(f"{v * T_s / 60:.1f}" for v in sorted({top[0], top[-1]}))
             said += f"; delay {words} samples ({span} min) on {share:.0%} of answered days"
+            only = np.mean(rows["prior_only"].to_numpy(zero_copy_only=False).astype(bool))
+            said += f", the prior's on {only:.0%}"
+        t50 = rows["t50_samples"].to_numpy(zero_copy_only=False).astype(float)
+        if np.isfinite(t50).any():
+            low, mid, high = np.nanquantile(t50, [0.1, 0.5, 0.9])
+            hours = "{:.1f} h, {:.1f} to {:.1f} h on four days in five".format(
+                *(T_s / 3600 * x for x in (mid, low, high))
+            )
+            said += f"; t50 {mid:.1f} samples ({hours})"
         click.echo(f"  {name}: {said}")
     for row in summary.rows.to_pylist():
         if row["status"] == "failed" and row["key"] in summary.computed_keys:
