@@ -20,6 +20,7 @@ from rivid.config import Config
 from rivid.core.settings import JmapSettings
 from rivid.estimators import build
 from rivid.logs.find import Catalog, FileFacts, find_days
+from rivid.logs.read import refuse_columns
 from rivid.store import Store, arrange, digest
 from rivid.tables import SCHEMA_VERSION, write_tables
 
@@ -98,9 +99,12 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     ------
     NoDataError
         Where there is no log, or none between the dates asked for.
+    ConfigError
+        Where the logs do not have the columns that the configuration names.
     """
     facts = {path: FileFacts.from_json(value) for path, value in (known or {}).items()}
     catalog = find_days(data_dir, config, facts, verify=options.verify)
+    refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
     length, settings, today = config.run.window_days, config.model_dump(mode="json"), options.today_of(config)
     windows = []

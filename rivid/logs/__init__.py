@@ -2,5 +2,5 @@
 
 `find` lists the days; `read` makes a data set of consecutive days. Between the two: `spec` (what the
 configuration declares), `files` (bytes, with limits), `csvfast` and `csvtext` (CSV, quick and tolerant),
-`parquet`, `numbers` and `times` (texts to numbers), `log` (a file's sorted columns), `grid` (samples).
+`parquet`, `numbers` and `times` (texts to numbers), `log` and `load` (a file in memory), `grid` (samples).
 """

@@ -217,7 +217,7 @@ def _look(path: Path, inside: str | None, config: Config, known: FileFacts | Non
 
 def _split(path: Path, config: Config, status: os.stat_result, settings: str) -> FileFacts:
     """The days of a file of many."""
-    from rivid.logs.log import load
+    from rivid.logs.load import load
     from rivid.logs.spec import spec_of
 
     log = load(path, path.name, spec_of(config), MANY, fresh=True)

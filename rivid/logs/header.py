@@ -13,6 +13,10 @@ UTF8_BOM = b"\xef\xbb\xbf"
 UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 
 
+class ColumnError(DataError):
+    """A column that is asked for is missing or doubled."""
+
+
 @dataclass(frozen=True)
 class Header:
     """Column names of a CSV log and where its rows begin.
@@ -55,7 +59,7 @@ def read_header(content: bytes, spec: Spec, name: str) -> Header:
 
     Raises
     ------
-    DataError
+    ColumnError
         Where a column that is asked for is missing or doubled.
     """
     start, line = 0, spec.skip_rows + 1
@@ -88,7 +92,7 @@ def check_names(names: Sequence[str], spec: Spec, where: str, header: str = "") 
 
     Raises
     ------
-    DataError
+    ColumnError
         Names the nearest column.
     """
     wanted = [(column, "time") for column in spec.time]
@@ -98,8 +102,8 @@ def check_names(names: Sequence[str], spec: Spec, where: str, header: str = "") 
         if count == 1:
             continue
         if count > 1:
-            raise DataError(f"{where}: {count} columns are named {column!r}: expected one")
-        raise DataError(
+            raise ColumnError(f"{where}: {count} columns are named {column!r}: expected one")
+        raise ColumnError(
             f"{where}: no column {column!r} for {role}; {_advice(column, role, names, spec, header)}"
         )
 

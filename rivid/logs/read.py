@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.config import Config
-from rivid.errors import DataError, PendingError
+from rivid.errors import ConfigError, DataError, PendingError
 from rivid.logs.files import DAY, MANY, CutError
 from rivid.logs.find import DaySource, Part, is_day_file
 from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled
-from rivid.logs.log import Log, load
+from rivid.logs.header import ColumnError
+from rivid.logs.load import load
+from rivid.logs.log import Log
 from rivid.logs.spec import Spec, spec_of
 from rivid.logs.times import clock, day_bounds, local
 
@@ -89,6 +91,37 @@ def read_window(
         if unfinished and any(part.path in str(error) for part in sources[-1].parts):
             raise PendingError(f"the log of {sources[-1].date} is being written: {error}") from None
         raise DataError(str(error)) from None
+
+
+def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:
+    """Say before any work that the configuration names columns which the logs do not have.
+
+    Parameters
+    ----------
+    root : Path
+    days : sequence of DaySource
+        All days; the first, the middle and the last are looked at.
+    config : Config
+
+    Raises
+    ------
+    ConfigError
+        Where a column is missing or doubled in each of these; one odd log among others fails its day only.
+    """
+    folder, spec = root if root.is_dir() else root.parent, spec_of(config)
+    reasons = []
+    for at in {0, len(days) // 2, len(days) - 1}:
+        part = days[at].parts[0]
+        try:
+            load(folder / part.path, part.path, spec, DAY if is_day_file(part.path) else MANY)
+        except ColumnError as error:
+            reasons.append(str(error))
+        except DataError:
+            return  # the day's own fault
+        else:
+            return
+    if reasons:
+        raise ConfigError(min(reasons))
 
 
 def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:

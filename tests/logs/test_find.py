@@ -8,9 +8,9 @@ import shutil
 
 import pytest
 
-from rivid.errors import NoDataError
+from rivid.errors import ConfigError, NoDataError
 from rivid.logs.find import FileFacts, find_days
-from rivid.logs.read import read_window
+from rivid.logs.read import read_window, refuse_columns
 from tests.daily import text_of, write_days
 from tests.logs.helpers import DAY, HEAD, config, rows, text
 
@@ -159,3 +159,24 @@ def test_only_bad_files_say_what_is_wrong_with_the_first(tmp_path):
         NoDataError, match=r'export.csv: line 1: no column .time. .* set \[input\] separator = ";"'
     ):
         find_days(tmp_path, config())
+
+
+class TestColumnsThatNoLogHas:
+    def test_all_logs_lack_it_so_the_configuration_is_wrong(self, tmp_path):
+        write_days(tmp_path, 4)
+        settings = config(u_Qo="q_out")
+        with pytest.raises(
+            ConfigError, match=r"2008-03-10.csv, line 1: no column 'q_out' for u_Qo; nearest is 'u_Qo'"
+        ):
+            refuse_columns(tmp_path, find_days(tmp_path, settings).days, settings)
+
+    def test_one_log_lacks_it_so_its_day_fails(self, tmp_path):
+        write_days(tmp_path, 4)
+        (tmp_path / "2008-03-13.csv").write_text(text(rows(dt.date(2008, 3, 13)), head="time,u_Qi,q_out,h_L"))
+        refuse_columns(tmp_path, find_days(tmp_path, config()).days, config())
+
+    def test_logs_with_other_faults_are_left_to_their_days(self, tmp_path):
+        write_days(tmp_path, 4)
+        for file in tmp_path.iterdir():
+            file.write_bytes(b"")
+        refuse_columns(tmp_path, find_days(tmp_path, config()).days, config())

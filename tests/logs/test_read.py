@@ -242,7 +242,7 @@ def test_a_fault_in_a_file_of_many_days_fails_its_day_only(tmp_path):
 
 
 def test_reading_every_day_of_a_file_parses_it_once(tmp_path, monkeypatch):
-    import rivid.logs.log as log
+    import rivid.logs.load as log
 
     lines = [row for k in range(5) for row in rows(DAY + dt.timedelta(days=k))]
     folder = put(tmp_path, lines, name="march.csv")
