@@ -113,7 +113,7 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
         if len(names) == 1 and mark != spec.separator and mark in header:
             return f'the header is separated by "{said}": set [input] separator = "{said}"'
     lower = {name.lower(): name for name in names if name}
-    near = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.4)
+    near = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.3)
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""
     listed = ", ".join(name[:40] for name in names[:12]) + (", ..." if len(names) > 12 else "")
     none = ' or "" where it is not logged' if role == "u_Qo" else ""

@@ -164,9 +164,9 @@ def test_only_bad_files_say_what_is_wrong_with_the_first(tmp_path):
 class TestColumnsThatNoLogHas:
     def test_all_logs_lack_it_so_the_configuration_is_wrong(self, tmp_path):
         write_days(tmp_path, 4)
-        settings = config(u_Qo="q_out")
+        settings = config(u_Qo="u_Qout")
         with pytest.raises(
-            ConfigError, match=r"2008-03-10.csv, line 1: no column 'q_out' for u_Qo; nearest is 'u_Qo'"
+            ConfigError, match=r"2008-03-10.csv, line 1: no column 'u_Qout' for u_Qo; nearest is 'u_Qo'"
         ):
             refuse_columns(tmp_path, find_days(tmp_path, settings).days, settings)
 
