@@ -67,9 +67,6 @@ def command(
     spare_pandas()
     settings = load_config(config)
     unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
-    if config and unsaid and not quiet:
-        words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
-        click.echo(f"rivid: {words}", err=True)
     if estimators:
         raw = settings.model_dump(mode="json", exclude_none=True)
         raw["run"]["estimators"] = list(estimators)
@@ -92,6 +89,9 @@ def command(
         click.echo(f"rivid: {path}: {reason}", err=True)
     for name in summary.damaged:
         click.echo(f"rivid: damaged, its days are computed again: {name}", err=True)
+    if config and unsaid and not quiet:
+        words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
+        click.echo(f"rivid: {words}", err=True)
     if not as_json and not quiet:
         _print_summary(summary, settings)
     if strict:
