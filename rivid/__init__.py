@@ -13,6 +13,7 @@ _HOME = {
     "RividError": "errors",
     "jmap": "core.jmap",
     "load_config": "config",
+    "load_delays": "results",
     "load_results": "results",
     "load_scenario": "scenario",
     "map_fir": "core.fir",
@@ -28,6 +29,7 @@ __all__ = [
     "__version__",
     "jmap",
     "load_config",
+    "load_delays",
     "load_results",
     "load_scenario",
     "map_fir",
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
     from rivid.core.jmap import jmap
     from rivid.core.settings import JmapSettings
     from rivid.errors import RividError
-    from rivid.results import load_results
+    from rivid.results import load_delays, load_results
     from rivid.scenario import load_scenario
 
 

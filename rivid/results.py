@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rivid.errors import NoDataError, RividError
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pyarrow as pa
 
 Floats = NDArray[np.float64]
@@ -170,6 +171,34 @@ def load_results(out: Path) -> Results:
         delay_scale=float(run["delay_scale"]),
         estimators=estimators,
     )
+
+
+def load_delays(out: Path | str) -> "pd.DataFrame":
+    """delays.parquet as a pandas DataFrame, for work of your own.
+
+    Parameters
+    ----------
+    out : Path or str
+        OUT of a run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of delays.csv, a row per day and estimator; `date` as timestamps.
+
+    Raises
+    ------
+    NoDataError
+        Where `out` holds no run.
+    """
+    import pandas as pd
+
+    path = Path(out) / "delays.parquet"
+    if not path.exists():
+        raise NoDataError(f"{path} does not exist: run `rivid run DATA_DIR --out OUT` first")
+    frame = pd.read_parquet(path)
+    frame["date"] = pd.to_datetime(frame["date"])
+    return frame
 
 
 def _floats(column: NDArray[np.generic]) -> Floats:

@@ -14,7 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from rivid.cli import cli
-from rivid.results import load_results
+from rivid.errors import NoDataError
+from rivid.results import load_delays, load_results
 from rivid.tables import DELAYS
 from tests.daily import text_of, write_days
 
@@ -93,6 +94,16 @@ def test_results_come_back_as_they_were_written(data, tmp_path):
     assert jmap.criterion.shape == (12, 15)
     assert jmap.candidates.tolist() == list(range(1, 16))
     assert (jmap.candidates[jmap.criterion.argmin(axis=1)] == jmap.delay).all()
+
+
+def test_delays_come_as_a_data_frame(data, tmp_path):
+    rivid("run", data, "--out", tmp_path / "out", "--no-figures")
+    frame = load_delays(tmp_path / "out")
+    assert list(frame.columns) == DELAYS.names
+    assert frame["date"].dt.month.eq(3).all()
+    assert frame["delay_samples"].between(1, 15).all()
+    with pytest.raises(NoDataError, match="rivid run"):
+        load_delays(tmp_path)
 
 
 def test_the_bytes_do_not_depend_on_workers_batches_or_interruptions(data, tmp_path):
