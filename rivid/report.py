@@ -13,6 +13,7 @@ from rivid import __version__
 from rivid.atomic import write_text
 from rivid.figures import FigureFile
 from rivid.figures.headline import facts, headline, leading
+from rivid.figures.passage import leading_response, passage
 from rivid.figures.selection import estimates_delay, found
 from rivid.figures.words import (
     NO_ANSWER,
@@ -144,7 +145,8 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
     rows = attention(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
     sentences = headline(results)
-    lead = leading(results)
+    lead, river = leading(results), leading_response(results)
+    first = river or lead
     return {
         "reach": results.reach,
         "version": __version__,
@@ -153,7 +155,8 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "sample_time": number(results.sample_time),
         "output": output_words(results.output_unit),
         "unit": results.output_unit,
-        "lead": lead.estimator if lead else "",
+        "river": river is not None,
+        "speaks": _speaks(lead, river),
         "names": [e.estimator for e in results.estimators],
         "headline": sentences[0],
         "sentences": sentences[1:],
@@ -161,11 +164,20 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "more": rows[SHOWN:MOST],
         "unlisted": max(len(rows) - MOST, 0),
         "estimators": [_row(results, e) for e in results.estimators if e.dates],
-        "groups": _groups(figures, lead.estimator if lead else ""),
+        "groups": _groups(figures, first.estimator if first else ""),
         "bad_files": [(str(f), str(why)) for f, why in summary.get("bad_files") or ()][:MOST],
         "settings": _settings(summary),
         "versions": [(str(k), str(v)) for k, v in dict(summary.get("versions") or {}).items()],
     }
+
+
+def _speaks(lead: EstimatorResults | None, river: EstimatorResults | None) -> list[tuple[str, str]]:
+    """The estimators the headline speaks of, each with what it says of it where they differ."""
+    if river is None:
+        return [(lead.estimator, "")] if lead else []
+    if lead is None or lead is river or not estimates_delay(lead):
+        return [(river.estimator, "")]
+    return [(river.estimator, " for t50"), (lead.estimator, " for the jump delay")]
 
 
 def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
@@ -177,6 +189,7 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
     def given(text: str) -> str:
         return text if with_delay else "–"
 
+    p = passage(results, e)
     modal = ""
     if with_delay:
         modal = f"{' and '.join(number(d) for d in f.common)}: {share(f.common_days, f.with_delay)}"
@@ -184,6 +197,7 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
         "name": e.estimator,
         "words": estimator_words(e.estimator),
         "answered": f"{f.answered:,} of {f.days:,}",
+        "t50": delays([round(p.median, 1)], T_s) if p.with_t50 else "–",
         "median": given(delays([f.median], T_s)),
         "modal": given(modal),
         "at_bound": given(f"{f.at_bound:,}"),

@@ -151,7 +151,7 @@ def test_headline_of_a_good_year():
     assert said[0] == "On 327 of 332 days the delay is 6 or 7 samples (13.3 to 15.5 min)."
     assert said[1] == "5 days say something else."
     assert said[2].startswith("The level first moves at sample d + 1, that is 15.5 to 17.7 min after")
-    assert "On every day with a delay, the data separate the candidates." in said
+    assert "On every day with a delay, the data alone say the same, to within a sample." in said
     assert any(s.startswith("The Rayleigh prior alone, without any data, answers 6 or 7") for s in said)
 
 
@@ -165,10 +165,10 @@ def test_headline_counts_days_without_an_answer_by_reason():
 def test_headline_says_how_much_the_prior_decides_and_never_more_for_a_uniform_one():
     prior_only = np.array([True, True, False, False])
     said = headline(simple([6, 6, 7, 7], prior_only=prior_only))
-    expected = "On 2 days (50 % of those with a delay) the data do not separate the candidates: "
-    assert expected + "the answer there may be the prior's." in said
+    expected = "On 2 days (50 % of those with a delay) the data alone favour another delay, or none: "
+    assert expected + "the answer is the prior's." in said
     said = headline(simple([6, 6, 7, 7], prior_only=prior_only, name="jmap-uniform"))
-    assert expected + "the answer there may be chance." in said
+    assert expected + "the answer may be chance." in said
     assert not any("Rayleigh" in sentence for sentence in said)
 
 
@@ -186,15 +186,97 @@ def test_a_uniform_prior_beside_is_quoted():
 def test_one_day_is_spoken_of_as_one_day():
     said = headline(simple([6], start=dt.date(2008, 3, 14), prior_only=np.array([True])))
     assert said[0] == "On 2008-03-14 the delay is 6 samples (13.3 min)."
-    assert "The data do not separate the candidates: the answer may be the prior's." in said
+    assert "But the data alone favour another delay, or none: the answer is the prior's." in said
 
 
-def test_delays_that_spread_are_a_range_and_a_river_has_a_discharge():
-    said = headline(river())
-    assert re.match(
-        r"Over \d+ days the median delay is 2\d samples \(\d+ min, \d\.\d h\); on four days", said[0]
+def test_delays_that_spread_are_a_range_and_long_ones_in_hours():
+    run = dataclasses.replace(simple(np.arange(1, 16).repeat(4)), sample_time=3600.0)
+    assert headline(run)[0] == (
+        "Over 60 days the median delay is 8 samples (8.0 h); on four days of five it is 2 to 14 samples "
+        "(2.0 to 14.0 h)."
     )
-    assert any(sentence.startswith("The discharge first moves") for sentence in said)
+
+
+def passing(t50, inflow, **changes):
+    """A river's results with the given t50, all else calm."""
+    n = len(t50)
+    run = river(n)
+    e = dataclasses.replace(
+        run.estimators[0],
+        status=["ok"] * n,
+        messages=[""] * n,
+        t50=np.array(t50, float),
+        mean_inflow=np.array(inflow, float),
+        bound_gravity_s=np.full(n, 7200.0),
+        bound_kinematic_s=np.full(n, 25_200.0),
+    )
+    return dataclasses.replace(run, estimators=[dataclasses.replace(e, **changes)])
+
+
+def test_a_river_leads_with_t50_and_says_how_it_goes_with_the_flow():
+    said = headline(passing([30, 30, 30, 27, 26, 26, 25, 25, 25, 24], range(200, 300, 10)))
+    assert said[0] == (
+        "Half of a step has arrived after 26 samples (6.5 h) on the median day; between 24.9 (6.2 h) and "
+        "30 (7.5 h) on four days in five."
+    )
+    assert said[1] == (
+        "It falls as the flow rises: 7.5 h below a mean inflow of 230 m³/s, 6.2 h above 260 "
+        "(medians of the lower and the upper third of days)."
+    )
+    assert (
+        "a gravity wave takes 2.0 h and a kinematic wave takes 7.0 h; t50 lies between them on 7 of 10 days"
+        in (said[2])
+    )
+    assert len(said) == 3, "map has no jump delay to speak of"
+
+
+def test_t50_that_grows_or_stays_is_not_said_to_fall():
+    rising = np.arange(12.0)
+    assert "It grows as the flow rises" in headline(passing(20 + rising, 200 + rising))[1]
+    wavering = 20 + np.array([0, 1] * 6)
+    assert "It does not follow the flow" in headline(passing(wavering, 200 + rising))[1]
+    for few_or_same in (passing([20] * 5, range(5)), passing(20 + rising, [300] * 12)):
+        assert not any(s.startswith("It ") for s in headline(few_or_same))
+
+
+def test_the_jump_delay_of_a_river_is_weighed_in_plain_words():
+    run = river(40)
+    f = facts(run, run.estimators[1])
+    said = headline(run)
+    assert said[0].startswith("Half of a step has arrived after 24.5 samples (6.1 h) on the median day")
+    (jump,) = [s for s in said if s.startswith("The jump delay d of jmap is worth little here")]
+    assert "a dispersive river has none" in jump
+    assert f"on {f.prior_only} of {f.with_delay} days ({100 * f.prior_only / f.with_delay:.0f} %)" in jump
+    assert any(s.startswith("The Rayleigh prior alone, without any data, answers 23 to 27") for s in said)
+    assert not any("first moves at sample" in s for s in said)
+
+
+def test_one_day_of_a_river_and_rivers_without_t50():
+    assert headline(passing([26.4], [300]))[0] == (
+        "On 2008-01-01 half of a step has arrived after 26.4 samples (6.6 h)."
+    )
+    nan = np.nan
+    status = ["ok", "failed", "ok"]
+    said = headline(passing([26.4, nan, nan], [300, nan, 310], status=status))
+    assert said[0] == "Half of a step has arrived after 26.4 samples (6.6 h), on 1 day."
+    assert said[-1] == (
+        "2 days have no t50 (1 failed and 1 with a response that does not sum to anything positive)."
+    )
+    assert headline(without_answers(river(7))) == ["None of 7 days has a t50: 7 failed."]
+
+
+def test_only_a_rivers_page_speaks_of_t50(tmp_path, year):
+    run = river(20, ("jmap", "ml"))
+    _, page = write(run, tmp_path, draw_all(run, tmp_path))
+    assert "Median t50" in page.words and "25.1 samples (6.3 h)" in page.words
+    assert "These lines speak of the estimator jmap ; the others are in the table below" in page.words
+    assert [a["alt"][:3] for tag, a in page.tags if tag == "img"][:2] == ["t50", "t50"]
+    assert "t50" not in year[4].words
+
+
+def test_a_rivers_page_names_who_gives_t50_and_who_the_jump(tmp_path):
+    _, page = write(river(20), tmp_path)
+    assert "These lines speak of the estimators map for t50 and jmap for the jump delay." in page.words
 
 
 def test_an_answer_faster_than_any_wave_is_doubted():

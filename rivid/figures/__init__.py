@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rivid.results import Results
 
 
-KINDS = ("tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day.")
+KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day.")
 """How the names of the figures begin that this package owns in OUT/figures."""
 
 
@@ -24,7 +24,7 @@ class FigureFile:
     Attributes
     ----------
     kind : str
-        tdr, histogram, delay_map, delay_discharge or fir_day.
+        t50, t50_discharge, tdr, histogram, delay_map, delay_discharge or fir_day.
     estimator : str
         Whose results it shows; empty for all of them.
     path : Path
@@ -60,7 +60,8 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     -------
     list of FigureFile
         Per estimator: tdr and, where it estimates delays, histogram, delay_map and delay_discharge; then
-        the responses of one day. Nothing for an estimator without a single row.
+        the responses of one day. Nothing for an estimator without a single row. For a river, t50 and
+        t50_discharge of the one estimator whose t50 speaks for it.
 
     Raises
     ------
@@ -73,15 +74,20 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     -----
     Source: Figs 12-18. The same results give the same bytes.
     """
-    from rivid.figures import delay_map, discharge, fir_day, histogram, style, tdr
+    from rivid.figures import delay_map, discharge, fir_day, histogram, style, t50, tdr
+    from rivid.figures.passage import leading_response
     from rivid.figures.selection import estimates_delay
 
     folder = out / "figures"
     files = []
+    speaks = leading_response(results)
     with style.styled():
         for estimator in results.estimators:
             if not estimator.dates:
                 continue
+            if estimator is speaks:
+                files.append(t50.draw(results, estimator, folder))
+                files.append(t50.draw_discharge(results, estimator, folder))
             files.append(tdr.draw(results, estimator, folder))
             if estimates_delay(estimator):
                 for figure in (histogram, delay_map, discharge):

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from rivid.figures import FigureFile, style
 from rivid.figures.dates import calendar
 from rivid.figures.selection import candidates, day_numbers, found, kinds
-from rivid.figures.words import count, day_range, estimator_words, output_words
+from rivid.figures.words import NO_JUMP, count, day_range, estimator_words, output_words
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
 
 MARKS: dict[str, dict[str, Any]] = {
     "data decide": {"marker": "o", "color": style.INK},
-    "data do not separate": {"marker": "o", "color": style.GREY, "markerfacecolor": "white"},
+    "data do not decide": {"marker": "o", "color": style.GREY, "markerfacecolor": "white"},
     "degenerate": {"marker": "x", "color": style.GREY},
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
@@ -74,7 +74,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
             handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
     if not n:
         style.say(axes, f"None of the {count(len(dates), 'day')} has a delay.")
-    handles += _bounds(axes, x, e, results) if tried.size else []
+    handles += bound_lines(axes, x, e, results, lead=1.0) if tried.size else []
     axes.set_ylabel("delay d [samples]")
     if tried.size:
         style.second_axis(axes, results.sample_time, "d T_s [minutes]")
@@ -88,26 +88,30 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     )
 
 
-def _bounds(axes: Axes, x: Floats, e: EstimatorResults, results: Results) -> list[object]:
-    """Lines of the travel times (5) as delays, where they are within the panel; their legend entries."""
+def bound_lines(axes: Axes, x: Floats, e: EstimatorResults, results: Results, *, lead: float) -> list[object]:
+    """Lines of the travel times (5), where they are within the panel; their legend entries.
+
+    A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
+    """
     low, high = axes.get_ylim()
     lines: list[object] = []
     bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
     if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
         bounds.append(("kinematic wave", e.bound_kinematic_s, (0, (4, 2))))
     for name, seconds, dash in bounds:
-        delay = seconds / results.sample_time - 1
+        delay = seconds / results.sample_time - lead
         if np.any((delay >= low) & (delay <= high)):
             lines += axes.plot(
                 *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
-                label=f"{name}, as a delay", zorder=2, scalex=False, scaley=False,
+                label=f"{name}, as a delay" if lead else name, zorder=2, scalex=False, scaley=False,
             )  # fmt: skip
     return lines
 
 
 def _caption(unit: str) -> str:
-    return (
+    text = (
         "One mark per day. The blue line is the travel time of the wave at the day's discharge, as a delay: "
         f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. Hollow marks are "
-        "days whose data do not separate the candidates; triangles lie at d_min or d_max."
+        "days whose data alone favour another delay, or none; triangles lie at d_min or d_max."
     )
+    return text if unit == "m" else f"{text} {NO_JUMP}"

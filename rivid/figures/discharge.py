@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rivid.figures import FigureFile, style
 from rivid.figures.delay_map import MARKS
 from rivid.figures.selection import candidates, found, kinds
-from rivid.figures.words import count, estimator_words, minutes
+from rivid.figures.words import NO_JUMP, count, duration, estimator_words
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -69,8 +69,8 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
                 y = (e.delay + 1 + (shift if n > 12 else 0))[days]
                 axes.plot(Q[days], y, markersize=size, alpha=0.75, zorder=3, **mark)
                 handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
-        _flow_axis(axes, Q[shown])
-        handles += _bounds(page, e, shown, results.sample_time)
+        flow_axis(axes, Q[shown])
+        handles += bounds_over_flow(page, e, shown, results.sample_time)
     else:
         style.say(axes, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
         style.no_ticks(axes)
@@ -83,23 +83,26 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     style.key(page, handles)
     path = folder / f"delay_discharge_{e.estimator}.png"
     style.save(page.figure, path)
-    return style.figure_file(page, "delay_discharge", e.estimator, path, "Delay and discharge", _CAPTION)
+    return style.figure_file(
+        page, "delay_discharge", e.estimator, path, "Delay and discharge", _caption(results)
+    )
 
 
-def _flow_axis(axes: Axes, Q: Floats) -> None:
+def flow_axis(axes: Axes, Q: Floats) -> None:
+    """The mean inflows of the days as the x axis."""
     low, high = float(Q.min()), float(Q.max())
     margin = 0.04 * (high - low) or max(0.1 * abs(high), 1.0)
     axes.set_xlim(low - margin, high + margin)
 
 
-def _bounds(
+def bounds_over_flow(
     page: style.Sheet, e: EstimatorResults, shown: NDArray[np.bool_], sample_time: float
 ) -> list[object]:
-    """Both bounds as lines over discharge; one that leaves the panel is told in words."""
+    """Both bounds (5) at tau / T_s over discharge; one that is not in the panel is told in words."""
     axes = page.axes
     low, high = axes.get_ylim()
     lines: list[object] = []
-    above: list[str] = []
+    outside: list[str] = []
     for name, seconds, dash in (
         ("gravity wave", e.bound_gravity_s, "-"),
         ("kinematic wave", e.bound_kinematic_s, (0, (4, 2))),
@@ -124,11 +127,13 @@ def _bounds(
                 scalex=False,
                 scaley=False,
             )
-        elif tau.min() / sample_time > high:
-            above.append(f"{name}: {minutes([float(tau.min()), float(tau.max())])}, above this panel")
-    if above:
+        else:
+            side = "above" if tau.min() / sample_time > high else "below"
+            span = duration([float(tau.min()), float(tau.max())])
+            outside.append(f"{name}: {span}, {side} this panel")
+    if outside:  # at the top right: where much water flows, few delays are long
         axes.text(
-            0.995, 0.98, "\n".join(above), transform=axes.transAxes, ha="right", va="top", fontsize=8,
+            0.995, 0.98, "\n".join(outside), transform=axes.transAxes, ha="right", va="top", fontsize=8,
             color=style.WATER, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.85},
         )  # fmt: skip
     return lines
@@ -139,6 +144,10 @@ def _smooth(values: Floats, groups: int = 60) -> Floats:
     if len(values) <= 2 * groups:
         return values
     return np.array([np.median(part) for part in np.array_split(values, groups)])
+
+
+def _caption(results: Results) -> str:
+    return _CAPTION if results.output_unit == "m" else f"{_CAPTION} {NO_JUMP}"
 
 
 _CAPTION = (

@@ -86,7 +86,7 @@ def draw(results: Results, folder: Path, *, day: dt.date | None = None) -> Figur
         _panel(axes, bar, e, i, results.sample_time, _limits(shown))
     path = folder / "fir_day.png"
     style.save(page.figure, path)
-    return style.figure_file(page, "fir_day", "", path, f"Impulse responses of {chosen}", _CAPTION)
+    return style.figure_file(page, "fir_day", "", path, f"Impulse responses of {chosen}", _caption(results))
 
 
 def _limits(shown: list[tuple[EstimatorResults, int]]) -> tuple[float, float]:
@@ -114,11 +114,15 @@ def _panel(
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes.yaxis.get_offset_text().set_fontsize(7.5)
     axes.yaxis.get_offset_text().set_color(style.GREY)
-    note = "no delay of its own"
+    notes = []
     if np.isfinite(d):
         axes.axvspan(d, d + 1, color=style.ACCENT, alpha=0.18, linewidth=0)
         axes.plot([d, d + 1], h[int(d) : int(d) + 2], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
-        note = f"d = {delays([float(d)], sample_time)}"
+        notes.append(f"d = {delays([float(d)], sample_time)}")
+    if np.isfinite(e.t50[i]):
+        axes.axvline(e.t50[i], color=style.WATER, lw=1.0, ls=(0, (4, 2)))
+        notes.append(f"t50 = {delays([round(float(e.t50[i]), 1)], sample_time)}")
+    note = " · ".join(notes) or "no delay of its own"
     looks: list[tuple[str, int, dict[str, Any]]] = [
         (e.estimator, 16, {"fontsize": 8.5, "fontweight": "bold"}),
         (note, 4, {"fontsize": 8, "color": style.GREY}),
@@ -137,6 +141,12 @@ def _panel(
     for spine in bar.spines.values():
         spine.set_visible(True)
         spine.set_linewidth(0.5)
+
+
+def _caption(results: Results) -> str:
+    if results.output_unit == "m":
+        return _CAPTION
+    return f"{_CAPTION} The dashed blue line is t50: half of a step has arrived."
 
 
 _CAPTION = (

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rivid.figures import passage
 from rivid.figures.selection import candidates, estimates_delay, found, rayleigh
 from rivid.figures.words import (
     RAYLEIGH,
     count,
     delays,
+    duration,
     listed,
-    minutes,
     number,
     output_words,
     share,
@@ -20,6 +21,10 @@ from rivid.results import EstimatorResults, Results
 
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range says more than these two."""
+
+
+LITTLE = 0.25
+"""With d the prior's on a larger share of days, a river's jump delay is worth little."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,9 @@ def leading(results: Results) -> EstimatorResults | None:
 def headline(results: Results) -> list[str]:
     """Sentences about the leading estimator, the first of them the headline.
 
+    A river's begin with t50, of the estimator that :func:`rivid.figures.passage.leading_response` names:
+    it is what can be estimated there. The jump delay follows, with what it is worth.
+
     Parameters
     ----------
     results : Results
@@ -111,6 +119,12 @@ def headline(results: Results) -> list[str]:
     if e is None:
         return ["There is no day in these results."]
     f = facts(results, e)
+    river = passage.leading_response(results)
+    if river is not None:
+        said = passage.sentences(results, river)
+        if f.with_delay:
+            said += _jump(results, e, f, passage.passage(results, river)) + _doubts(results, e, f)
+        return said
     if not estimates_delay(e):
         return [f"{count(f.answered, 'day')} of {f.days:,} have an impulse response ({e.estimator})."]
     if not f.with_delay:
@@ -129,7 +143,7 @@ def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
         low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
         return (
             f"Over {count(f.with_delay, 'day')} the median delay is {delays([f.median], T_s)}; on four days "
-            f"of five it is {number(low)} to {number(high)} samples ({minutes([low * T_s, high * T_s])})."
+            f"of five it is {number(low)} to {number(high)} samples ({duration([low * T_s, high * T_s])})."
         )
     if f.common_days == f.days:
         return f"On all {f.days:,} days the delay is {words}."
@@ -152,7 +166,7 @@ def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     T_s, days = results.sample_time, found(e)
     output = output_words(results.output_unit)
     usual = f.common if f.common_days >= SPREAD_OUT * f.with_delay else (f.median,)
-    arrival = minutes([(d + 1) * T_s for d in usual], "to" if _adjacent(usual) else "or")
+    arrival = duration([(d + 1) * T_s for d in usual], "to" if _adjacent(usual) else "or")
     text = f"The {output} first moves at sample d + 1, that is {arrival} after the inflow changes."
     waves = []
     bounds = [("gravity", e.bound_gravity_s)]
@@ -161,10 +175,32 @@ def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     for name, seconds in bounds:
         finite = seconds[days & np.isfinite(seconds)]
         if finite.size:
-            waves.append(f"a {name} wave takes {minutes([float(finite.min()), float(finite.max())])}")
+            waves.append(f"a {name} wave takes {duration([float(finite.min()), float(finite.max())])}")
     if waves:
         text += f" By the hydraulics of the reach, {listed(waves)}."
     return [text]
+
+
+def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -> list[str]:
+    """What the jump delay is worth in a river."""
+    T_s = results.sample_time
+    low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
+    little = f.prior_only >= LITTLE * f.with_delay or high - low > 2 * (p.high - p.low)
+    worth = "is worth little here" if little else "says no more than t50 here"
+    whose = "the prior's" if e.estimator in RAYLEIGH else "chance"
+    text = (
+        f"The jump delay d of {e.estimator} {worth}: the JMAP looks for a jump, and a dispersive river has "
+        f"none. {'It' if f.with_delay == 1 else 'Its median'} is {delays([f.median], T_s)}"
+    )
+    if f.with_delay > passage.FEW:
+        text += f", on four days in five it lies anywhere from {number(low)} to {number(high)}"
+    if f.prior_only:
+        on = "here" if f.with_delay == 1 else f"on {passage.of_days(f.prior_only, f.with_delay)}"
+        text += f"; {on} the data alone favour another delay, or none, and d is {whose} (prior_only)"
+    said = [f"{text}."]
+    if e.estimator in RAYLEIGH:
+        said.append(f"The Rayleigh prior alone, without any data, answers {_of_prior(results, e)[1]}.")
+    return said
 
 
 def _adjacent(values: tuple[float, ...]) -> bool:
@@ -174,29 +210,32 @@ def _adjacent(values: tuple[float, ...]) -> bool:
 def _prior(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     """How much of the answer the prior decides."""
     rayleighs = e.estimator in RAYLEIGH
-    cause = "the answer there may be the prior's" if rayleighs else "the answer there may be chance"
+    cause = "the answer is the prior's" if rayleighs else "the answer may be chance"
+    alone = "the data alone favour another delay, or none"
     if f.prior_only == f.with_delay == 1:
-        said = f"The data do not separate the candidates: {cause.replace('there ', '')}."
+        said = f"But {alone}: {cause}."
     elif f.prior_only:
         part = share(f.prior_only, f.with_delay)
-        said = (
-            f"On {count(f.prior_only, 'day')} ({part} of those with a delay) the data do not separate the "
-            f"candidates: {cause}."
-        )
+        said = f"On {count(f.prior_only, 'day')} ({part} of those with a delay) {alone}: {cause}."
     else:
-        said = "On every day with a delay, the data separate the candidates."
+        said = "On every day with a delay, the data alone say the same, to within a sample."
     if not rayleighs:
         return [said]
+    modes, words = _of_prior(results, e)
+    prior = f"The Rayleigh prior alone, without any data, answers {words}"
+    if min(float(np.abs(modes - d).min()) for d in f.common) > 1:
+        return [said, f"{prior}: it is the data that lead elsewhere."]
+    return [said, f"{prior}: being near it proves little by itself.{_without_prior(results)}"]
+
+
+def _of_prior(results: Results, e: EstimatorResults) -> tuple[passage.Floats, str]:
+    """The delays the Rayleigh prior favours by itself [samples], and the words for them."""
     tried = candidates(e)
     p = rayleigh(tried, results.delay_scale)
     modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
     spelt = [number(float(d)) for d in modes]
     words = listed(spelt, "or") if len(spelt) < 3 else f"{spelt[0]} to {spelt[-1]}"
-    scale = number(results.delay_scale)
-    prior = f"The Rayleigh prior alone, without any data, answers {words} (sigma_d = {scale})"
-    if min(float(np.abs(modes - d).min()) for d in f.common) > 1:
-        return [said, f"{prior}: it is the data that lead elsewhere."]
-    return [said, f"{prior}: being near it proves little by itself.{_without_prior(results)}"]
+    return modes, f"{words} (sigma_d = {number(results.delay_scale)})"
 
 
 def _without_prior(results: Results) -> str:

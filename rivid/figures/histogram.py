@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
 from rivid.figures.selection import candidates, found, rayleigh
-from rivid.figures.words import RAYLEIGH, count, estimator_words, number, statuses
+from rivid.figures.words import NO_JUMP, RAYLEIGH, count, estimator_words, number, statuses, time_unit
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -78,7 +78,12 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     path = folder / f"histogram_{e.estimator}.png"
     style.save(page.figure, path)
     return style.figure_file(
-        page, "histogram", e.estimator, path, "How often each delay", _caption(e.estimator in RAYLEIGH)
+        page,
+        "histogram",
+        e.estimator,
+        path,
+        "How often each delay",
+        _caption(e.estimator in RAYLEIGH, results.output_unit),
     )
 
 
@@ -88,7 +93,7 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     degenerate = np.array([s == "degenerate" for s in e.status], bool)
     classes = {
         "data decide": ~e.prior_only & ~degenerate,
-        "data do not separate": e.prior_only & ~degenerate,
+        "data do not decide": e.prior_only & ~degenerate,
         "degenerate": degenerate,
     }
     whole = max(int(with_delay.sum()), 1)
@@ -100,7 +105,7 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
 
 def _bars(page: style.Sheet, e: EstimatorResults, places: Floats) -> list[object]:
     """Stacked bars, hatched where they lie at a bound; their legend entries."""
-    colours = {"data decide": style.INK, "data do not separate": style.LIGHT, "degenerate": style.GREY}
+    colours = {"data decide": style.INK, "data do not decide": style.LIGHT, "degenerate": style.GREY}
     n = int(found(e).sum())
     below = np.zeros(len(places))
     handles: list[object] = []
@@ -122,13 +127,10 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
     margin = max(0.7, 0.02 * (d_max - d_min))
     axes.set_xlim(d_min - margin, d_max + margin)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=20, integer=True, steps=[1, 2, 5, 10]))
-    hours = d_max * sample_time >= 36_000
-    unit = 3600 if hours else 60
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * sample_time / unit:.1f}"))
+    unit, seconds = time_unit(d_max * sample_time)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * sample_time / seconds:.1f}"))
     axes.tick_params(axis="x", length=3)
-    axes.set_xlabel(
-        f"delay d: above in samples, below in {'hours' if hours else 'minutes'} (d T_s)", labelpad=4
-    )
+    axes.set_xlabel(f"delay d: above in samples, below in {unit} (d T_s)", labelpad=4)
     for bound, side, name in ((d_min, -0.5, "d_min"), (d_max, 0.5, "d_max")):
         axes.axvline(bound + side, color=style.ACCENT, lw=0.8, ls=(0, (4, 3)))
         axes.annotate(
@@ -138,11 +140,12 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
         )  # fmt: skip
 
 
-def _caption(with_prior: bool) -> str:
+def _caption(with_prior: bool, unit: str) -> str:
     text = (
-        "Share of days at each delay d. Dark: the data separate the candidates. Light: they do not, so the "
-        "prior, or chance, decides. Hatched bars lie at d_min or d_max: the delay may be outside."
+        "Share of days at each delay d. Dark: the data alone say the same delay, to within a sample. Light: "
+        "they favour another, or none, so the prior, or chance, decides. Hatched bars lie at d_min or d_max: "
+        "the delay may be outside."
     )
     if with_prior:
         text += " The line is the Rayleigh prior itself, before any data."
-    return text
+    return text if unit == "m" else f"{text} {NO_JUMP}"

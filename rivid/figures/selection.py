@@ -38,12 +38,12 @@ def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
     Returns
     -------
     dict
-        "data decide", "data do not separate", "degenerate" and "at a bound": arrays of shape (n,).
+        "data decide", "data do not decide", "degenerate" and "at a bound": arrays of shape (n,).
     """
     e, days = estimator, found(estimator)
     holds = {
         "data decide": days,
-        "data do not separate": days & e.prior_only,
+        "data do not decide": days & e.prior_only,
         "degenerate": days & np.array([s == "degenerate" for s in e.status], bool),
         "at a bound": days & e.at_bound,
     }

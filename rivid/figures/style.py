@@ -22,7 +22,7 @@ from PIL import Image
 
 from rivid.atomic import replacing
 from rivid.figures import FigureFile
-from rivid.figures.words import shorten
+from rivid.figures.words import shorten, time_unit
 
 INK = "#262B31"
 GREY = "#68707A"
@@ -138,7 +138,7 @@ def lag_ticks(axes: Axes, low: float, high: float, bins: int = 8) -> None:
 
 
 def second_axis(axes: Axes, sample_time: float, label: str = "minutes", offset: float = 0.0) -> Axes:
-    """A right-hand axis in minutes (in hours from ten hours on) for a left-hand axis in samples.
+    """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
 
     Parameters
     ----------
@@ -152,12 +152,12 @@ def second_axis(axes: Axes, sample_time: float, label: str = "minutes", offset: 
         Samples added before the conversion.
     """
     low, high = axes.get_ylim()
-    hours = (high + offset) * sample_time >= 36_000
-    scale = sample_time / (3600 if hours else 60)
+    unit, seconds = time_unit((high + offset) * sample_time)
+    scale = sample_time / seconds
     other = axes.twinx()
     other.set_ylim((low + offset) * scale, (high + offset) * scale)
     other.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 3, 5, 10]))
-    other.set_ylabel(label.replace("minutes", "hours") if hours else label, color=GREY)
+    other.set_ylabel(label.replace("minutes", unit), color=GREY)
     other.tick_params(axis="y", labelcolor=GREY)
     for side in ("left", "bottom", "top"):
         other.spines[side].set_visible(False)

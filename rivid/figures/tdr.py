@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
 from rivid.figures.dates import calendar
+from rivid.figures.passage import has_t50
 from rivid.figures.selection import day_numbers, found
 from rivid.figures.words import count, day_range, estimator_words, output_words, response_unit
 from rivid.results import EstimatorResults, Results
@@ -77,7 +78,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     low, high = grey_limits(e.fir)
     M = e.fir.shape[1]
     axes.set_facecolor(style.NO_DATA)
-    delays = found(e)
+    delays, passed = found(e), has_t50(e)
     if answered:
         first, last = dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5
         axes.imshow(
@@ -93,6 +94,9 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         if delays.any():
             _delay_marks(page, day_numbers(dates)[delays], e.delay[delays], image.shape[1])
             entries.append(style.dot("delay d", marker="s", color=style.ACCENT, markersize=4))
+        elif passed.any():
+            _delay_marks(page, day_numbers(dates)[passed], e.t50[passed], image.shape[1])
+            entries.append(style.dot("t50", marker="s", color=style.ACCENT, markersize=4))
         _grey_scale(page, low, high, response_unit(results.output_unit))
     else:
         style.say(axes, f"None of the {count(len(dates), 'day')} has an answer.")
@@ -114,7 +118,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         e.estimator,
         path,
         "Impulse response of each day",
-        _caption(results.output_unit, bool(delays.any())),
+        _caption(results.output_unit, bool(delays.any()), bool(passed.any())),
     )
 
 
@@ -150,15 +154,20 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
     bar.text(1.04, 0.45, f"{high:.1e}", ha="left", **words)
 
 
-def _caption(unit: str, with_delay: bool) -> str:
+def _caption(unit: str, with_delay: bool, with_t50: bool) -> str:
     text = (
         "Each column is a day, each row a lag k. White is the lowest coefficient of the record, black the "
-        "highest (1st and 99th percentile, the end lags left out). Where the inflow begins to act, the grey "
-        "jumps from one row to the next."
+        "highest (1st and 99th percentile, the end lags left out). "
     )
+    if unit == "m":
+        text += "Where the inflow begins to act, the grey jumps from one row to the next."
+    else:
+        text += "The dark band is the inflow passing; a dispersive river has no jump."
     if with_delay:
         text += (
             " The coloured line is the estimated delay d: the inflow first moves the "
             f"{output_words(unit)} at lag d + 1, the row just above it."
         )
+    elif with_t50:
+        text += " The coloured line is t50: half of a step has arrived."
     return text

@@ -1,4 +1,4 @@
-"""Words for numbers and names: delays in samples and minutes, estimators, dates, statuses.
+"""Words for numbers and names: delays in samples and minutes or hours, estimators, dates, statuses.
 
 Shared by the figures and the report; imports nothing heavy.
 """
@@ -19,6 +19,12 @@ ESTIMATOR_WORDS = {
 
 RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
 """Estimators that weigh the delay with the Rayleigh prior (26)."""
+
+HOURS_FROM = 7200
+"""Durations from here on [s] are told in hours."""
+
+NO_JUMP = "The JMAP looks for a jump; a dispersive river has none, so t50 says more than d."
+"""What every figure of a river's jump delay says below it."""
 
 NO_ANSWER = ("failed", "unidentifiable", "pending")
 """Statuses of days without an answer, the gravest first."""
@@ -68,8 +74,13 @@ def number(value: float) -> str:
     return f"{value:.1f}".removesuffix(".0")
 
 
-def minutes(seconds: Sequence[float], joint: str = "to") -> str:
-    """Durations in minutes, in hours too from two hours on.
+def time_unit(longest: float) -> tuple[str, int]:
+    """The unit for durations of up to `longest` seconds, and its seconds: minutes below two hours."""
+    return ("hours", 3600) if longest >= HOURS_FROM else ("minutes", 60)
+
+
+def duration(seconds: Sequence[float], joint: str = "to") -> str:
+    """Durations in minutes, in hours where all of them are two hours or longer.
 
     Parameters
     ----------
@@ -80,20 +91,21 @@ def minutes(seconds: Sequence[float], joint: str = "to") -> str:
 
     Examples
     --------
-    >>> minutes([798]), minutes([798, 931]), minutes([3714, 21900]), minutes([23400])
-    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '390 min, 6.5 h')
+    >>> duration([798]), duration([798, 931]), duration([3714, 21900]), duration([23400])
+    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h')
     """
 
     def spell(values: Sequence[float], unit: str) -> str:
         texts = list(dict.fromkeys(f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values))
         return f"{listed(texts, joint)} {unit}"
 
-    text = spell([s / 60 for s in seconds], "min")
-    return text if min(seconds) < 7200 else f"{text}, {spell([s / 3600 for s in seconds], 'h')}"
+    if min(seconds) < HOURS_FROM:
+        return spell([s / 60 for s in seconds], "min")
+    return spell([s / 3600 for s in seconds], "h")
 
 
 def delays(values: Sequence[float], sample_time: float) -> str:
-    """One delay, or several alternatives, in samples and minutes.
+    """One delay, or several alternatives, in samples and in minutes or hours.
 
     Parameters
     ----------
@@ -109,7 +121,7 @@ def delays(values: Sequence[float], sample_time: float) -> str:
     """
     together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
     noun = "sample" if list(values) == [1] else "samples"
-    span = minutes([v * sample_time for v in values], "to" if together else "or")
+    span = duration([v * sample_time for v in values], "to" if together else "or")
     return f"{listed([number(v) for v in values], 'or')} {noun} ({span})"
 
 

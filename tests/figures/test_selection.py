@@ -15,7 +15,7 @@ def test_each_day_with_a_delay_is_in_one_class_the_gravest():
     classes = kinds(e)
     np.testing.assert_array_equal(np.sum(list(classes.values()), axis=0), found(e).astype(int))
     np.testing.assert_array_equal(classes["at a bound"], e.at_bound & found(e))
-    np.testing.assert_array_equal(classes["data do not separate"], e.prior_only & ~e.at_bound & found(e))
+    np.testing.assert_array_equal(classes["data do not decide"], e.prior_only & ~e.at_bound & found(e))
 
 
 def test_shares_of_all_bars_make_a_hundred():
