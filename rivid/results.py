@@ -35,7 +35,7 @@ class EstimatorResults:
     delay : ndarray, shape (n,)
         Delay d [samples].
     at_bound, prior_only : ndarray of bool, shape (n,)
-        The delay is d_min or d_max; the data do not separate the candidates.
+        The delay is d_min or d_max; the data alone favour another delay, or none.
     t50 : ndarray, shape (n,)
         River reaches only: the lag by which half of a step has arrived [samples], from the FIR.
     fir : ndarray, shape (n, M)

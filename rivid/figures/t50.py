@@ -25,8 +25,6 @@ FAR = 6.0
 ROOM = 2.5
 """A bound widens the panel up to so many times what the days need; beyond, it is cut or told in words."""
 
-DASH = (0, (4, 2))
-
 
 def window(t50: Floats, bounds: list[Floats]) -> tuple[float, float]:
     """Lags [samples] the panel shows: the days, and the bounds that leave them enough room.
