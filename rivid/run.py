@@ -30,7 +30,7 @@ BATCH_DAYS = 128
 ONE_PROCESS_BELOW = 1000
 """With fewer new days than this, starting worker processes takes longer than the work itself."""
 
-TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "run.json", "report.html")
+TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "run.json")
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,8 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
         ]
         settings = config.model_dump(mode="json")
         content = digest(rows["key"].to_pylist(), settings, summary.bad_files, SCHEMA_VERSION)
-        whole = all((out / name).exists() for name in TABLES)
+        wanted = [*TABLES, "report.html"] if options.figures else TABLES
+        whole = all((out / name).exists() for name in wanted)
         if options.force or not whole or before.get("content") != content:
             write_tables(rows, out)
             summary.seconds = time.perf_counter() - began

@@ -93,7 +93,7 @@ def command(
         words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
         click.echo(f"rivid: {words}", err=True)
     if not as_json and not quiet:
-        _print_summary(summary, settings)
+        _print_summary(summary, settings, options)
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
     return 3 if summary.new_failures or summary.new_bad_files else 0
@@ -171,7 +171,7 @@ def _print_json(summary: Any) -> None:
     click.echo(json.dumps(whole))
 
 
-def _print_summary(summary: Any, settings: Any) -> None:
+def _print_summary(summary: Any, settings: Any, options: Any) -> None:
     """A few lines for a person."""
     import numpy as np
 
@@ -207,4 +207,5 @@ def _print_summary(summary: Any, settings: Any) -> None:
         if row["status"] == "failed" and row["key"] in summary.computed_keys:
             if row["estimator"] == settings.run.estimators[0]:
                 click.echo(f"  {row['date']} failed: {row['message']}", err=True)
-    click.echo(f"report: {summary.out / 'report.html'}")
+    shown = "report.html" if options.figures else "delays.csv"
+    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")

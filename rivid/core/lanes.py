@@ -97,7 +97,9 @@ def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Fl
         total = np.einsum("nb->b", y)
         G -= sums[:, None] * sums / n_rows
         b -= sums * total / n_rows
-        yy = np.einsum("nb,nb->b", y, y) - total * total / n_rows
+        raw = np.einsum("nb,nb->b", y, y)
+        yy = raw - total * total / n_rows
+        yy[yy <= 1e-14 * raw] = 0.0  # a constant, to rounding
     return G, b, yy, n_rows
 
 
