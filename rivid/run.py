@@ -173,6 +173,8 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
             _write_run(out, record)  # without its content: complete only with its figures
             if options.figures:
                 _draw(out, record)
+            else:
+                (out / "report.html").unlink(missing_ok=True)  # it would speak of older tables
             _write_run(out, record | {"content": content})
             store.compact(rows)
         store.remember_files({path: facts.to_json() for path, facts in planned.catalog.files.items()})

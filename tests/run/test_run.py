@@ -130,6 +130,17 @@ def test_a_second_run_does_nothing_and_a_changed_day_is_done_again(data, tmp_pat
     assert code == 0 and "13 data sets, 2 estimated now, 11 done before" in said
 
 
+def test_a_report_never_speaks_of_older_tables(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--to", "2008-03-12")
+    assert "2008-03-20" not in (out / "report.html").read_text()
+    rivid("run", data, "--out", out, "--no-figures")
+    assert not (out / "report.html").exists()
+    code, said = rivid("run", data, "--out", out)
+    assert code == 0 and "0 estimated now" in said
+    assert (out / "report.html").exists()
+
+
 def test_touching_a_file_computes_nothing_and_changing_settings_computes_all(data, tmp_path):
     out = tmp_path / "out"
     rivid("run", data, "--out", out, "--no-figures")
