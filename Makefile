@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon test test-long check bench accuracy glen-canyon-page figures sample-data lock clean
+.PHONY: help setup run week glen-canyon test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -54,6 +54,11 @@ glen-canyon-page: setup  ## the measured river beside what is known of it, writt
 
 figures: run  ## redraw the figures of the sample year from its stored results
 	$(BIN)/rivid figures $(OUT)/basse_isere
+
+pictures: run glen-canyon  ## the pictures of the README, from these runs
+	mkdir -p docs/pictures
+	cp $(OUT)/basse_isere/figures/tdr_jmap.png docs/pictures/tdr_jmap.png
+	cp $(OUT)/glen_canyon_rm30/figures/t50_discharge_map.png docs/pictures/glen_canyon_t50.png
 
 sample-data: setup  ## make the simulated sample data again, the same bytes
 	$(BIN)/python sample_data/make.py

@@ -93,7 +93,9 @@ def command(
         words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
         click.echo(f"rivid: {words}", err=True)
     if not as_json and not quiet:
-        _print_summary(summary, settings, options)
+        from rivid.cli.summary import print_summary
+
+        print_summary(summary, settings, "report.html" if options.figures else "delays.csv")
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
     return 3 if summary.new_failures or summary.new_bad_files else 0
@@ -169,43 +171,3 @@ def _print_json(summary: Any) -> None:
         }
     }
     click.echo(json.dumps(whole))
-
-
-def _print_summary(summary: Any, settings: Any, options: Any) -> None:
-    """A few lines for a person."""
-    import numpy as np
-
-    T_s = settings.reach.sample_time
-    click.echo(
-        f"{settings.reach.name}: {summary.windows} data sets, {summary.computed} estimated now, "
-        f"{summary.reused} done before ({summary.seconds:.1f} s)"
-    )
-    names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
-    for name, counts in summary.counts.items():
-        rows = summary.rows.filter(names == name)
-        d = rows["delay_samples"].to_numpy(zero_copy_only=False).astype(float)
-        d = d[np.isfinite(d)]
-        said = ", ".join(f"{n} {status}" for status, n in counts.items())
-        if len(d):
-            values, n = np.unique(d, return_counts=True)
-            top = sorted(values[np.argsort(-n)][:2])
-            share = np.isin(d, top).mean()
-            words = " or ".join(f"{v:.0f}" for v in top)
-            span = " to ".join(f"{v * T_s / 60:.1f}" for v in sorted({top[0], top[-1]}))
-            said += f"; delay {words} samples ({span} min) on {share:.0%} of answered days"
-            only = np.mean(rows["prior_only"].to_numpy(zero_copy_only=False).astype(bool))
-            said += f", the prior's on {only:.0%}"
-        t50 = rows["t50_samples"].to_numpy(zero_copy_only=False).astype(float)
-        if np.isfinite(t50).any():
-            low, mid, high = np.nanquantile(t50, [0.1, 0.5, 0.9])
-            hours = "{:.1f} h, {:.1f} to {:.1f} h on four days in five".format(
-                *(T_s / 3600 * x for x in (mid, low, high))
-            )
-            said += f"; t50 {mid:.1f} samples ({hours})"
-        click.echo(f"  {name}: {said}")
-    for row in summary.rows.to_pylist():
-        if row["status"] == "failed" and row["key"] in summary.computed_keys:
-            if row["estimator"] == settings.run.estimators[0]:
-                click.echo(f"  {row['date']} failed: {row['message']}", err=True)
-    shown = "report.html" if options.figures else "delays.csv"
-    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")

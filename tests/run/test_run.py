@@ -244,6 +244,19 @@ def test_todays_unfinished_log_is_pending_and_then_done(data, tmp_path):
     assert load_results(out).estimators[0].status[-1] == "ok"
 
 
+def test_the_terminal_says_the_main_numbers_in_80_columns(data, tmp_path):
+    (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+    words = ("--estimator", "jmap", "--estimator", "ml", "--no-figures")
+    _, said = rivid("run", data, "--out", tmp_path / "out", *words)
+    lines = said.splitlines()
+    assert lines[0].startswith("reach: 12 data sets, 12 estimated now, 0 done before")
+    assert any(line.split()[:3] == ["jmap", "1", "failed,"] for line in lines)
+    assert any("delay 6" in line and "min) on" in line for line in lines)
+    assert any(line.strip().startswith("2008-03-12 failed: ") for line in lines)
+    assert lines[-1].startswith("delays: ") and lines[-1].endswith("delays.csv")
+    assert all(len(line) <= 80 for line in lines if "failed:" not in line and not line.startswith("delays: "))
+
+
 def test_json_lines(data, tmp_path):
     code, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures")
     lines = [json.loads(line) for line in said.splitlines()]

@@ -1,0 +1,65 @@
+"""What `rivid run` says to a person at its end: a few lines of at most 80 columns."""
+
+from typing import Any
+
+import click
+import numpy as np
+
+from rivid.config import Config
+from rivid.figures.words import count, delays, duration, number, share
+from rivid.run import Summary
+
+
+def print_summary(summary: Summary, config: Config, shown: str) -> None:
+    """Counts and the main numbers of each estimator, the days that failed now, and where to look.
+
+    Parameters
+    ----------
+    summary : Summary
+    config : Config
+    shown : str
+        Name of the file in OUT to point to.
+    """
+    click.echo(
+        f"{config.reach.name}: {count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
+        f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
+    )
+    names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
+    width = max((len(name) for name in summary.counts), default=0)
+    for name, counts in summary.counts.items():
+        rows = summary.rows.filter(names == name)
+        first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *_numbers(rows, config)]
+        click.echo(f"  {name:<{width}}  {first}")
+        for text in rest:
+            click.echo(f"  {'':<{width}}  {text}")
+    for row in summary.rows.select(["date", "key", "status", "estimator", "message"]).to_pylist():
+        if row["status"] == "failed" and row["key"] in summary.computed_keys:
+            if row["estimator"] == config.run.estimators[0]:
+                click.echo(f"  {row['date']} failed: {row['message']}", err=True)
+    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
+
+
+def _numbers(rows: Any, config: Config) -> list[str]:
+    """The delay, its doubt, and a river's t50, in words."""
+    T_s, lines = config.reach.sample_time, []
+    t50, d = (_finite(rows[column]) for column in ("t50_samples", "delay_samples"))
+    if len(t50):
+        low, mid, high = np.quantile(t50, [0.1, 0.5, 0.9])
+        lines.append(
+            f"t50 {number(mid)} samples ({duration([mid * T_s])}), four days in five "
+            f"{duration([low * T_s, high * T_s])}"
+        )
+    if len(d):
+        values, n = np.unique(d, return_counts=True)
+        most = np.sort(values[np.argsort(-n, kind="stable")][:2])
+        often = int(np.isin(d, most).sum())
+        lines.append(f"delay {delays([float(v) for v in most], T_s)} on {share(often, len(d))} of days")
+        prior = sum(bool(p) for p in rows["prior_only"].to_pylist())
+        if prior:
+            lines.append(f"the prior's answer, not the data's, on {share(prior, len(d))}")
+    return lines
+
+
+def _finite(column: Any) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    values = column.to_numpy(zero_copy_only=False).astype(float)
+    return np.asarray(values[np.isfinite(values)])
