@@ -2,8 +2,8 @@
 
     python sample_data/glen_canyon/make.py RECORD.csv
 
-RECORD.csv has the columns of the README, a row every 15 minutes. Cells are copied as they are, but for a final
-".0"; the same record gives the same bytes.
+RECORD.csv has the columns of the README, a row every 15 minutes. Cells are copied as they are, but for a
+final ".0"; the same record gives the same bytes.
 """
 
 import sys
