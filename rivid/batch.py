@@ -19,7 +19,7 @@ from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.jmap import JmapResult
-from rivid.errors import DataError, PendingError
+from rivid.errors import DataError, PendingError, printable
 from rivid.logs.find import DaySource
 from rivid.logs.read import DataSet, read_window
 from rivid.tables import SEGMENT, to_table
@@ -29,12 +29,13 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Window:
-    """One data set to be: the days it is made of, and the key of its content."""
+    """One data set to be: the days it is made of, the key of its content under its settings, its content."""
 
     date: dt.date
     sources: tuple[DaySource, ...]
     key: str
     missing: tuple[dt.date, ...] = ()
+    content: str = ""
 
 
 @dataclass(frozen=True)
@@ -44,14 +45,14 @@ class Batch:
     root: Path
     config: Config
     windows: tuple[Window, ...]
-    today: dt.date
+    now: dt.date | dt.datetime
 
     def halves(self) -> tuple["Batch", "Batch"]:
         """The same work in two batches."""
         middle = len(self.windows) // 2
         return (
-            Batch(self.root, self.config, self.windows[:middle], self.today),
-            Batch(self.root, self.config, self.windows[middle:], self.today),
+            Batch(self.root, self.config, self.windows[:middle], self.now),
+            Batch(self.root, self.config, self.windows[middle:], self.now),
         )
 
 
@@ -107,7 +108,7 @@ def _read(batch: Batch, window: Window) -> DataSet:
         days = ", ".join(str(day) for day in window.missing)
         raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
     try:
-        return read_window(batch.root, window.sources, batch.config, today=batch.today)
+        return read_window(batch.root, window.sources, batch.config, today=batch.now)
     except (OSError, MemoryError, ValueError) as error:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
@@ -120,7 +121,7 @@ def _unread(window: Window, config: Config, name: str, status: str, error: DataE
         "estimator": name,
         "status": status,
         "output_unit": config.reach.output_unit,
-        "message": " ".join(str(error).split())[:500],
+        "message": printable(" ".join(str(error).split())[:500]),
     }
 
 
@@ -163,6 +164,8 @@ def _row(
     level = float(data.output.mean()) if reach.kind == "pool" else np.nan
     depth = reach.depth if reach.bed_level is None or np.isnan(level) else level - reach.bed_level
     notes = [data.notes] if data.notes else []
+    if result.iterations[i] >= settings.max_iterations:
+        notes.insert(0, f"not settled after {settings.max_iterations} rounds ([jmap] tolerance)")
     if status == "unidentifiable":
         notes.insert(0, _why(u, y, float(result.condition[i]), config))
     if depth <= 0:

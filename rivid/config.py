@@ -17,6 +17,7 @@ from rivid.errors import ConfigError
 T = TypeVar("T", bound=BaseModel)
 NAME = r"^[A-Za-z0-9._-]+$"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Discharge = Annotated[float, Field(gt=0, le=1e7)]
 Column = str | list[str]
 Stamp = Literal["instant", "start", "end"]
 FLOWS = ("u_Qi", "u_Qo", "Q_L")
@@ -32,12 +33,12 @@ class ReachConfig(_Section):
 
     name: str = Field("reach", pattern=NAME, max_length=80)
     kind: Literal["pool", "river"] = "pool"
-    length: Positive = 8200.0
-    width: Positive = 81.6
-    depth: Positive = 4.9
+    length: Annotated[float, Field(gt=0, le=1e7)] = 8200.0
+    width: Annotated[float, Field(gt=0, le=1e6)] = 81.6
+    depth: Annotated[float, Field(gt=0, le=1e4)] = 4.9
     bed_level: float | None = Field(None, allow_inf_nan=False)
-    surface_area: Positive = 6.7e5
-    discharge_range: tuple[Positive, Positive] = (100.0, 800.0)
+    surface_area: Annotated[float, Field(gt=0, le=1e12)] = 6.7e5
+    discharge_range: tuple[Discharge, Discharge] = (100.0, 800.0)
     sample_time: Annotated[float, Field(ge=1, le=86_400, allow_inf_nan=False)] = 133.0
 
     @model_validator(mode="after")
@@ -56,6 +57,10 @@ class ReachConfig(_Section):
     def output_unit(self) -> str:
         """Unit of the output."""
         return "m" if self.kind == "pool" else "m3/s"
+
+
+MAX_ORDER = 1000
+"""Longest FIR [samples]."""
 
 
 class InputConfig(_Section):
@@ -163,13 +168,13 @@ class RunConfig(_Section):
 class JmapConfig(_Section):
     """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
 
-    order: Annotated[int, Field(ge=6, le=1000)] | Literal["bounds"] = JmapSettings.order
+    order: Annotated[int, Field(ge=6, le=MAX_ORDER)] | Literal["bounds"] = JmapSettings.order
     d_min: Annotated[int, Field(ge=1)] = JmapSettings.d_min
     d_max: Annotated[int, Field(ge=1)] | Literal["bounds"] = JmapSettings.d_max
-    sigma_d: Positive | Literal["bounds"] = JmapSettings.delay_scale
-    alpha: Positive = DEFAULT_ALPHA
+    sigma_d: Annotated[float, Field(ge=0.1, le=1e4)] | Literal["bounds"] = JmapSettings.delay_scale
+    alpha: Annotated[float, Field(ge=1e-9, le=1e14)] = DEFAULT_ALPHA
     d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
-    tolerance: Annotated[float, Field(gt=0, lt=1)] = JmapSettings.tolerance
+    tolerance: Annotated[float, Field(ge=1e-9, lt=1)] = JmapSettings.tolerance
     max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
     start: Literal["rest", "free"] | None = None
 
@@ -206,6 +211,12 @@ class Config(_Section):
             d_max = proposal.d_max if d_max == "bounds" else d_max
             sigma_d = proposal.delay_scale if sigma_d == "bounds" else sigma_d
         assert not isinstance(order, str) and not isinstance(d_max, str)
+        if order > MAX_ORDER:
+            raise ConfigError(
+                f"the bounds of [reach] ask for an FIR of order {order} at sample_time = "
+                f"{self.reach.sample_time:g} s, {MAX_ORDER} is the most: give "
+                "[jmap] order and d_max, or a longer sample_time"
+            )
         return JmapSettings(
             order=order,
             d_min=j.d_min,
@@ -230,7 +241,7 @@ def load_toml(path: Path, model: type[T]) -> T:
         In one line: the file, the key, what came and what is valid.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -244,7 +255,7 @@ def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:
         return model.model_validate(raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise ConfigError(f"{source}: {_explain(first, model)}") from None
+        raise ConfigError(f"{source}: {_explain(first, model, raw)}") from None
 
 
 def load_config(path: Path | None) -> Config:
@@ -252,8 +263,8 @@ def load_config(path: Path | None) -> Config:
     return Config() if path is None else load_toml(path, Config)
 
 
-def _explain(fault: Any, model: type[BaseModel]) -> str:
-    where = ".".join(str(part) for part in fault["loc"] if not str(part).startswith("function-"))
+def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
+    where = ".".join(_place(fault["loc"], raw))
     if fault["type"] == "extra_forbidden":
         fields = _fields_at(model, fault["loc"][:-1])
         return f"unknown key {where}; valid keys here: {', '.join(fields)}"
@@ -261,6 +272,16 @@ def _explain(fault: Any, model: type[BaseModel]) -> str:
     came = came if len(came) <= 60 else came[:57] + "..."
     message = fault["msg"].removeprefix("Value error, ")
     return f"{where} = {came}: {message[:1].lower()}{message[1:]}"
+
+
+def _place(loc: tuple[int | str, ...], raw: Any) -> list[str]:
+    """The part of pydantic's path that stands in the file; the rest names types."""
+    place = []
+    for part in loc:
+        if isinstance(raw, dict) and part in raw or isinstance(raw, list) and isinstance(part, int):
+            raw = raw[part]  # type: ignore[index]
+            place.append(str(part))
+    return place or [str(loc[0])]
 
 
 def _fields_at(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:

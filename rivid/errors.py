@@ -7,6 +7,11 @@ command line returns for it.
 from typing import ClassVar
 
 
+def printable(text: str) -> str:
+    """The text with what UTF-8 cannot hold (file names of other encodings) as escapes."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 class RividError(Exception):
     """Base of all errors that rivid raises on purpose."""
 

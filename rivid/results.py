@@ -102,7 +102,7 @@ class Results:
     estimators: list[EstimatorResults]
 
 
-def load_results(out: Path) -> Results:
+def load_results(out: Path | str) -> Results:
     """Read delays.parquet, fir.parquet, criterion.parquet and run.json of a run.
 
     Raises
@@ -115,6 +115,7 @@ def load_results(out: Path) -> Results:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    out = Path(out)
     try:
         run = json.loads((out / "run.json").read_text(encoding="utf-8"))
         delays, fir, criterion = (

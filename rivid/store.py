@@ -61,8 +61,9 @@ class Store:
             ) from None
         except OSError as error:
             raise RividError(f"cannot write to {self.out}: {error.strerror}: choose another --out") from None
-        for leftover in self.segments.glob(".*.part"):  # of a killed run
-            leftover.unlink(missing_ok=True)
+        for folder in (self.segments, self.root, self.out, self.out / "figures"):
+            for leftover in folder.glob(".*.part"):  # of a killed run
+                leftover.unlink(missing_ok=True)
         return self
 
     def __exit__(
@@ -70,33 +71,27 @@ class Store:
     ) -> None:
         self._lock.release()
 
-    def known_files(self) -> dict[str, Any]:
-        """What the last finished run saw of the input files; empty where it is not readable."""
+    def known_files(self, data_dir: Path) -> dict[str, Any]:
+        """What the last finished run saw of the files of DATA_DIR; empty where that is not known."""
         try:
             known = json.loads((self.root / "files.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            files = known["files"] if known["data_dir"] == str(data_dir.resolve()) else {}
+        except (OSError, ValueError, KeyError, TypeError):
             return {}
-        return known if isinstance(known, dict) else {}
+        return files if isinstance(files, dict) else {}
 
-    def remember_files(self, files: dict[str, Any]) -> None:
-        """Keep what was seen of the input files."""
-        write_text(self.root / "files.json", json.dumps(files, sort_keys=True))
+    def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
+        """Keep what was seen of the files of DATA_DIR."""
+        known = {"data_dir": str(data_dir.resolve()), "files": files}
+        write_text(self.root / "files.json", json.dumps(known, sort_keys=True))
 
     def read(self) -> pa.Table:
-        """All rows of all sound segments, each key once; damaged segments are dropped and named."""
-        tables = []
-        for path in sorted(self.segments.glob("*.parquet")):
-            try:
-                table = pq.read_table(path, page_checksum_verification=True)
-                if table.schema.names != SEGMENT.names:
-                    raise ValueError("another version's columns")
-                tables.append(table.cast(SEGMENT))
-            except (OSError, ValueError, pa.ArrowException) as error:
-                self.damaged.append(f"{path.name}: {error}")
-                path.unlink(missing_ok=True)
-        if not tables:
-            return SEGMENT.empty_table()
-        return pa.concat_tables(tables)
+        """All rows of all sound segments; damaged segments are dropped and named."""
+        rows, damaged = read_segments(self.segments)
+        for path, reason in damaged:
+            self.damaged.append(f"{path.name}: {reason}")
+            path.unlink(missing_ok=True)
+        return rows
 
     def forget(self, keys: set[str]) -> None:
         """Drop the rows of some keys: they are to be computed again."""
@@ -117,6 +112,20 @@ class Store:
         for path in paths:
             if path != kept:
                 path.unlink(missing_ok=True)
+
+
+def read_segments(segments: Path) -> tuple[pa.Table, list[tuple[Path, str]]]:
+    """The rows of all sound segments, and the damaged ones with what is wrong; changes nothing."""
+    tables, damaged = [SEGMENT.empty_table()], []
+    for path in sorted(p for p in segments.glob("*.parquet") if p.is_file()):
+        try:
+            table = pq.read_table(path, page_checksum_verification=True)
+            if table.schema.names != SEGMENT.names:
+                raise ValueError("another version's columns")
+            tables.append(table.cast(SEGMENT))
+        except (OSError, ValueError, pa.ArrowException) as error:
+            damaged.append((path, str(error)))
+    return pa.concat_tables(tables), damaged
 
 
 def write_segment(segments: Path, rows: pa.Table) -> Path:

@@ -61,6 +61,9 @@ SEGMENT = pa.schema(
 )
 """What workers write: the row, the content key of its day, its FIR and its whole criterion."""
 
+TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet")
+"""What :func:`write_tables` writes."""
+
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 

@@ -109,6 +109,8 @@ def _begin(parent: int) -> None:
     """Set a worker up: signals are the parent's business, and it does not outlive the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
     spare_pandas()
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
 

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from rivid import __version__
-from rivid.errors import RividError
+from rivid.errors import RividError, printable
 
 COMMANDS = {
     "run": "Estimate every day of DATA_DIR that is new or changed.",
@@ -51,35 +51,71 @@ def cli() -> None:
     """
 
 
-class _Terminated(BaseException):
-    """SIGTERM came."""
+class _Interrupted(BaseException):
+    """SIGINT or SIGTERM came."""
 
 
-def _terminate(number: int, frame: Any) -> None:
-    raise _Terminated
+_came: list[int] = []
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    """Leave at once. Python drops an exception that falls into a destructor: the alarm raises it again."""
+    if number != getattr(signal, "SIGALRM", None):
+        _came.append(number)
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+    raise _Interrupted
+
+
+def _listen() -> None:
+    for name in ("SIGINT", "SIGTERM", "SIGALRM"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _interrupt)
+
+
+def _calm() -> None:
+    """No more alarms: the way out is not interrupted."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def main() -> None:
     """Entry point of the command ``rivid``."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # before numpy: days run side by side, one thread each
-    signal.signal(signal.SIGTERM, _terminate)
+    _listen()
+    try:
+        try:
+            code = _run()
+            sys.stdout.flush()
+        finally:
+            _calm()
+    except _Interrupted:
+        code = 1
+    except BrokenPipeError:
+        code = _hush()
+    except OSError as error:
+        where = error.filename or "standard output"
+        click.echo(f"rivid: {printable(str(where))}: {error.strerror or error}", err=True)
+        code = _hush()
+    sys.exit(128 + _came[0] if _came else code)
+
+
+def _run() -> int:
     try:
         status = cli.main(standalone_mode=False)
-        code = status if isinstance(status, int) else 0
+        return status if isinstance(status, int) else 0
     except click.exceptions.Abort:
-        code = 130
+        return 1
     except click.ClickException as error:
         error.show()
-        code = error.exit_code
+        return error.exit_code
     except RividError as error:
-        click.echo(f"rivid: {error}", err=True)
-        code = error.exit_code
-    except KeyboardInterrupt:
-        code = 130
-    except _Terminated:
-        code = 143
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 1
-    sys.exit(code)
+        click.echo(f"rivid: {printable(str(error))}", err=True)
+        return error.exit_code
+
+
+def _hush() -> int:
+    """Nobody reads our stdout: spare them the interpreter's complaint about it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 1

@@ -1,6 +1,7 @@
 """``rivid run``."""
 
 import datetime as dt
+import math
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,8 @@ def command(
     """
     from rivid.config import load_config, parse
     from rivid.lean import spare_pandas
-    from rivid.run import Options, make_plan, run
+    from rivid.plan import Options, make_plan
+    from rivid.run import run
 
     spare_pandas()
     settings = load_config(config)
@@ -71,6 +73,8 @@ def command(
         raw = settings.model_dump(mode="json", exclude_none=True)
         raw["run"]["estimators"] = list(estimators)
         settings = parse(raw, type(settings), "--estimator")
+    if dry_run and as_json:
+        raise click.UsageError("--dry-run has no JSON: leave out one of the two")
     options = Options(
         workers=workers,
         first=first.date() if first else None,
@@ -87,6 +91,10 @@ def command(
         _print_json(summary)
     for path, reason in summary.bad_files:
         click.echo(f"rivid: {path}: {reason}", err=True)
+    if summary.dropped:
+        click.echo(
+            f"rivid: {summary.dropped} days of earlier runs have no log any more: dropped from OUT", err=True
+        )
     for name in summary.damaged:
         click.echo(f"rivid: damaged, its days are computed again: {name}", err=True)
     if config and unsaid and not quiet:
@@ -102,17 +110,10 @@ def command(
 
 
 def _dry_run(planned: Any, out: Path, settings: Any) -> int:
-    from rivid.store import Store
+    from rivid.store import read_segments
 
-    done: set[str] = set()
-    if (out / ".rivid").exists():
-        with Store(out) as store:
-            rows = store.read()
-        done = {
-            k
-            for k, s in zip(rows["key"].to_pylist(), rows["status"].to_pylist(), strict=True)
-            if s != "pending"
-        }
+    rows, _ = read_segments(out / ".rivid" / "segments")
+    done = set(rows["key"].to_pylist())
     new = [w for w in planned.asked if w.key not in done]
     click.echo(
         f"{len(planned.windows)} data sets in all, {len(planned.asked)} asked for, {len(new)} to estimate"
@@ -147,6 +148,11 @@ def _progress(total: int) -> Any:
     return bar()
 
 
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no infinity."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+
+
 def _print_json(summary: Any) -> None:
     import json
 
@@ -156,7 +162,7 @@ def _print_json(summary: Any) -> None:
         key = row.pop("key")
         if key in summary.asked_keys:
             row["computed"] = key in summary.computed_keys
-            click.echo(json.dumps(row, default=str))
+            click.echo(json.dumps(_finite(row), default=str))
     whole = {
         "summary": {
             "out": str(summary.out),

@@ -1,0 +1,90 @@
+"""run.json: what a run was and did, and the hashes that tell whether its files are whole."""
+
+import datetime as dt
+import hashlib
+import json
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rivid import __version__
+from rivid.atomic import write_text
+from rivid.config import Config
+from rivid.core.settings import JmapSettings
+from rivid.errors import RividError
+from rivid.tables import SCHEMA_VERSION
+
+NAME = "run.json"
+
+
+def last(out: Path) -> dict[str, Any]:
+    """The record of the last run into OUT; empty without one.
+
+    Raises
+    ------
+    RividError
+        Where a newer rivid wrote it.
+    """
+    try:
+        record = json.loads((out / NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(record, dict):
+        return {}
+    if record.get("schema_version", 0) > SCHEMA_VERSION:
+        raise RividError(
+            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
+            f"{SCHEMA_VERSION}): upgrade rivid, or give another --out"
+        )
+    return record
+
+
+def describe(config: Config, settings: JmapSettings, data_dir: Path, started: dt.datetime) -> dict[str, Any]:
+    """The part of the record that holds before anything is computed."""
+    versions = {"rivid": __version__, "python": platform.python_version()}
+    versions |= {name: version(name) for name in ("numpy", "scipy", "pyarrow", "matplotlib")}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "reach": config.reach.name,
+        "sample_time": config.reach.sample_time,
+        "output_unit": config.reach.output_unit,
+        "estimators": list(config.run.estimators),
+        "order": settings.order,
+        "d_min": settings.d_min,
+        "d_max": settings.d_max,
+        "delay_scale": settings.delay_scale,
+        "data_dir": str(data_dir),
+        "started": started.isoformat(timespec="seconds"),
+        "versions": versions,
+        "config": config.model_dump(mode="json"),
+    }
+
+
+def unfinished(out: Path, record: dict[str, Any]) -> None:
+    """Write a record that no run takes for finished: while files of OUT are being replaced."""
+    write(out, record | {"content": None, "outputs": {}})
+
+
+def write(out: Path, record: dict[str, Any]) -> None:
+    """Write run.json."""
+    write_text(out / NAME, json.dumps(record, indent=2, sort_keys=True) + "\n")
+
+
+def hashes(out: Path, files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of files of OUT, by their path in it."""
+    return {
+        str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)
+    }
+
+
+def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
+    """Whether all files that the record's run wrote are there, to the bit, and a report if one is wanted."""
+    outputs = record.get("outputs") or {}
+    if not outputs or (figures and "report.html" not in outputs):
+        return False
+    try:
+        return hashes(out, [out / name for name in outputs]) == outputs
+    except OSError:
+        return False

@@ -1,0 +1,261 @@
+"""Promises that a hunt for faults found broken once."""
+
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from rivid import record
+from rivid.config import Config, load_config, parse
+from rivid.errors import ConfigError, RividError
+from rivid.plan import Options
+from rivid.results import load_results
+from rivid.run import run
+from tests.daily import write_days
+from tests.run.test_run import TABLES, bytes_of, command, rivid
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs") / "data"
+    write_days(folder, 5)
+    return folder
+
+
+@pytest.fixture
+def data(logs, tmp_path):
+    return shutil.copytree(logs, tmp_path / "data")
+
+
+def settings(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def test_tables_left_by_an_interrupted_run_of_other_settings_are_not_taken_for_ours(
+    data, tmp_path, monkeypatch
+):
+    out = tmp_path / "out"
+    run(data, out, Config(), Options(figures=False))
+    ours = bytes_of(out)
+    other = parse({"jmap": {"sigma_d": 3.0}}, Config)
+
+    def dies(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(record, "describe", dies)  # right after the tables were replaced
+    with pytest.raises(KeyboardInterrupt):
+        run(data, out, other, Options(figures=False))
+    monkeypatch.undo()
+    assert bytes_of(out) != ours
+    run(data, out, Config(), Options(figures=False))
+    assert bytes_of(out) == ours
+
+
+@pytest.mark.parametrize("name", [*TABLES, "report.html", "figures/tdr_jmap.png"])
+@pytest.mark.parametrize("damage", ["flip", "cut", "gone"])
+def test_our_own_files_damaged_are_found_and_written_again(data, tmp_path, name, damage):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out)
+    path, before = out / name, bytes_of(out)
+    content = bytearray(path.read_bytes())
+    if damage == "flip":
+        content[len(content) // 2] ^= 1
+        path.write_bytes(bytes(content))
+    elif damage == "cut":
+        path.write_bytes(bytes(content[:100]))
+    else:
+        path.unlink()
+    code, said = rivid("run", data, "--out", out)
+    assert code == 0 and "0 estimated now" in said
+    assert path.stat().st_size > 100
+    assert bytes_of(out) == before
+
+
+def test_a_failure_is_told_until_a_run_that_finished_has_told_it(data, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+
+    def dies(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rivid.run._draw", dies)
+    with pytest.raises(KeyboardInterrupt):
+        run(data, out, Config(), Options())
+    monkeypatch.undo()
+    assert rivid("run", data, "--out", out)[0] == 3
+    assert rivid("run", data, "--out", out)[0] == 0
+    assert rivid("run", data, "--out", out, "--force")[0] == 0
+
+
+def test_signals_at_any_moment_end_the_run(tmp_path):
+    write_days(tmp_path / "data", 60)
+    dice = random.Random(5)
+    for k in range(12):
+        number, code = ((signal.SIGTERM, 143), (signal.SIGINT, 130))[k % 2]
+        words = ["run", str(tmp_path / "data"), "--out", str(tmp_path / f"out{k}"), "-q"]
+        child = subprocess.Popen([sys.executable, "-m", "rivid", *words], stderr=subprocess.PIPE, text=True)
+        time.sleep(0.15 + 0.6 * dice.random())
+        if child.poll() is None:
+            child.send_signal(number)
+            began = time.monotonic()
+            assert child.wait(timeout=20) in (code, -number), child.stderr.read()
+            assert time.monotonic() - began < 2
+        child.stderr.close()
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_a_full_stdout_is_one_line(data, tmp_path, words):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rivid", "run", str(data), "--out", str(tmp_path / "out"), *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert done.returncode == 1
+    assert done.stderr.splitlines() == ["rivid: standard output: No space left on device"]
+
+
+def test_a_file_size_limit_is_one_line_and_leaves_nothing_partial(data, tmp_path):
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (14_000, 14_000))
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+    done = command("run", data, "--out", tmp_path / "out", preexec_fn=limit)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1 and "cannot write" in done.stderr
+    assert not list((tmp_path / "out").rglob("*.part"))
+    assert command("run", data, "--out", tmp_path / "out").returncode == 0
+
+
+def test_json_is_json_also_for_a_day_without_motion(data, tmp_path):
+    path = data / "2008-03-12.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    path.write_text(
+        "\n".join(",".join([r[0], "300" if i else r[1], *r[2:]]) for i, r in enumerate(rows)) + "\n"
+    )
+    _, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures")
+
+    def refuse(word):
+        raise ValueError(word)
+
+    lines = [json.loads(line, parse_constant=refuse) for line in said.splitlines()]
+    assert lines[2]["status"] == "unidentifiable" and lines[2]["condition"] is None
+
+
+def test_out_is_not_data_dir(data):
+    assert rivid("run", data, "--out", data)[0] == 2
+    assert not (data / ".rivid").exists()
+
+
+@pytest.mark.parametrize("words", [("--from", "2030-01-01"), ("--from", "2008-03-14", "--to", "2008-03-11")])
+def test_nothing_asked_for_is_exit_10(data, tmp_path, words):
+    code, said = rivid("run", data, "--out", tmp_path / "out", *words)
+    assert code == 10 and "2008-03-10 to 2008-03-14" in said
+
+
+def test_no_whole_window_is_exit_10(data, tmp_path):
+    config = settings(tmp_path, "c.toml", "[run]\nwindow_days = 9\n")
+    code, said = rivid("run", data, "--out", tmp_path / "out", "--config", config)
+    assert code == 10 and "window_days" in said
+
+
+def test_days_whose_logs_are_gone_leave_with_a_word(data, tmp_path):
+    out = tmp_path / "out"
+    command("run", data, "--out", out, "--no-figures")
+    for day in ("10", "11"):
+        (data / f"2008-03-{day}.csv").unlink()
+    assert "2 days of earlier runs have no log any more" in command("run", data, "--out", out).stderr
+    assert len(load_results(out).estimators[0].dates) == 3
+    assert "no log any more" not in command("run", data, "--out", out).stderr
+
+
+def test_another_directory_is_read_although_names_sizes_and_times_agree(data, tmp_path):
+    other = shutil.copytree(data, tmp_path / "other" / "data")
+    for path in other.iterdir():
+        was = (data / path.name).stat()
+        path.write_text(path.read_text().replace(",118.", ",119."))
+        os.utime(path, ns=(was.st_atime_ns, was.st_mtime_ns))
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    assert "5 estimated now" in rivid("run", other, "--out", out, "--no-figures")[1]
+
+
+def test_dry_run_reads_without_writing(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures", "--to", "2008-03-12")
+    stamps = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
+    assert "2 to estimate" in rivid("run", data, "--out", out, "--dry-run")[1]
+    assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == stamps
+    assert rivid("run", data, "--out", out, "--dry-run", "--json")[0] == 2
+
+
+def test_a_missing_data_dir_makes_no_out(tmp_path):
+    assert rivid("run", tmp_path / "none", "--out", tmp_path / "out")[0] == 10
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", ['{"2008-03-10.csv": 5}', "[]", "nonsense", '{"data_dir": 3}'])
+def test_a_broken_note_of_files_is_no_obstacle(data, tmp_path, content):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    (out / ".rivid" / "files.json").write_text(content)
+    (out / ".rivid" / "segments" / "folder.parquet").mkdir()
+    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+
+
+def test_results_of_a_newer_rivid_are_left_alone(data, tmp_path):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    run_json = json.loads((out / "run.json").read_text())
+    (out / "run.json").write_text(json.dumps(run_json | {"schema_version": 99}))
+    with pytest.raises(RividError, match="newer rivid"):
+        run(data, out, Config(), Options(figures=False))
+
+
+def test_a_file_name_that_is_not_utf8_is_no_obstacle(data, tmp_path):
+    with open(os.fsencode(data) + b"/d\xe9bit.csv", "wb") as file:
+        file.write(b"x\n")
+    done = command("run", data, "--out", tmp_path / "out")
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr and "bit.csv" in done.stderr
+    assert load_results(str(tmp_path / "out")).estimators[0].status == ["ok"] * 5
+
+
+def test_rounds_that_do_not_settle_are_told(data, tmp_path):
+    config = settings(tmp_path, "c.toml", "[jmap]\nmax_iterations = 2\n")
+    rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")
+    messages = load_results(tmp_path / "out").estimators[0].messages
+    assert all("not settled after 2 rounds" in message for message in messages)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[reach]\nlength = 1e5\nsample_time = 10\n[jmap]\norder = 'bounds'\nd_max = 'bounds'\n", "the most"),
+        ("[jmap]\nsigma_d = 1e-300\n", "jmap.sigma_d = 1e-300"),
+        ("[jmap]\nsigma_d = 1e300\n", "jmap.sigma_d = 1e+300"),
+        ("[jmap]\nalpha = 1e-300\n", "jmap.alpha"),
+        ("[reach]\nlength = 1e300\n", "reach.length"),
+        ("[jmap]\nsigma_d = 'x'\n", "jmap.sigma_d = 'x'"),
+    ],
+)
+def test_numbers_beyond_sense_are_refused_in_the_words_of_the_file(tmp_path, text, words):
+    with pytest.raises(ConfigError) as caught:
+        load_config(settings(tmp_path, "c.toml", text)).jmap_settings()
+    assert words in str(caught.value) and "constrained" not in str(caught.value)
+
+
+def test_a_toml_with_a_byte_order_mark_is_read(tmp_path):
+    path = tmp_path / "c.toml"
+    path.write_bytes(b"\xef\xbb\xbf[jmap]\nsigma_d = 9\n")
+    assert load_config(path).jmap.sigma_d == 9
