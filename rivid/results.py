@@ -199,7 +199,8 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
         raise NoDataError(f"{path} does not exist: run `rivid run DATA_DIR --out OUT` first")
     frame = pd.read_parquet(path)
     frame["date"] = pd.to_datetime(frame["date"])
-    return frame
+    flags = ["at_bound", "prior_only"]  # with missing values, which plain bool cannot hold
+    return frame.astype(dict.fromkeys(flags, "boolean"))
 
 
 def _floats(column: NDArray[np.generic]) -> Floats:

@@ -102,6 +102,7 @@ def test_delays_come_as_a_data_frame(data, tmp_path):
     assert list(frame.columns) == DELAYS.names
     assert frame["date"].dt.month.eq(3).all()
     assert frame["delay_samples"].between(1, 15).all()
+    assert str(frame["prior_only"].dtype) == "boolean"
     with pytest.raises(NoDataError, match="rivid run"):
         load_delays(tmp_path)
 
