@@ -4,12 +4,22 @@ Every key has a unit and a default here; an unknown key is an error that lists t
 defaults are the reach of Table I and the settings of section VI.
 """
 
+import datetime as dt
 import tomllib
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from rivid.core.settings import DEFAULT_ALPHA, EstimatorName, JmapSettings, Prior
 from rivid.errors import ConfigError
@@ -126,11 +136,41 @@ class InputConfig(_Section):
             )
         if self.thousands == self.decimal:
             raise ValueError(f"thousands and decimal are both {self.decimal!r}: expected two different marks")
-        for name in ("time", "u_Qi"):
-            columns = getattr(self, name)
-            if not columns or "" in ([columns] if isinstance(columns, str) else columns):
-                raise ValueError(f"{name} is empty: expected the name of a column, or a list of names")
         return self
+
+    @model_validator(mode="after")
+    def _whole_names(self) -> "InputConfig":
+        for name in ("time", "u_Qi", "u_Qo", "h_L", "Q_L"):
+            columns = getattr(self, name)
+            if columns is None or (name == "u_Qo" and columns == ""):
+                continue
+            listed = [columns] if isinstance(columns, str) else columns
+            if not listed or "" in listed:
+                hint = {
+                    "u_Qo": ', or "" where the outflow is not logged',
+                    "h_L": '; a reach without level is [reach] kind = "river"',
+                }.get(name, "")
+                raise ValueError(f"empty {name}: expected the name of a column, or a list of names{hint}")
+            if len(set(listed)) < len(listed):
+                raise ValueError(f"a column stands twice in {name} = {listed}: expected each once")
+        return self
+
+    @field_validator("time_format")
+    @classmethod
+    def _readable_format(cls, value: str | None) -> str | None:
+        if value is None or value in ("unix", "unix_ms"):
+            return value
+        moment = dt.datetime(2008, 3, 14, 13, 5, tzinfo=dt.UTC)
+        expected = 'expected one like "%d/%m/%Y %H:%M", or "unix" or "unix_ms"'
+        try:
+            back = dt.datetime.strptime(moment.strftime(value), value)
+        except ValueError as error:
+            raise ValueError(f"no format of times ({error}); {expected}") from None
+        if back.date() != moment.date():
+            raise ValueError(f"does not tell year, month and day; {expected}")
+        if back.hour not in (0, moment.hour):
+            raise ValueError(f"%I counts hours to 12 and needs %p for AM or PM; {expected}")
+        return value
 
     @field_validator("time_zone")
     @classmethod
@@ -186,6 +226,28 @@ class Config(_Section):
     input: InputConfig = InputConfig()
     run: RunConfig = RunConfig()
     jmap: JmapConfig = JmapConfig()
+
+    @field_validator("input")
+    @classmethod
+    def _columns_of_one_role(cls, value: InputConfig, info: ValidationInfo) -> InputConfig:
+        reach = info.data.get("reach")
+        if reach is None:
+            return value  # its own fault is said instead
+        roles = ("time", "u_Qi", "u_Qo", "h_L") if reach.kind == "pool" else ("time", "u_Qi", "Q_L")
+        given = {}
+        for role in roles:
+            columns = getattr(value, role)
+            given[role] = {columns or role} - {""} if not isinstance(columns, list) else set(columns)
+        if value.u_Qo == "":
+            given.pop("u_Qo", None)
+        for one, other in combinations(given, 2):
+            shared = given[one] & given[other]
+            # two discharges may share a part, such as a bypass; nothing else may
+            if shared and (given[one] == given[other] or not {one, other} <= set(FLOWS)):
+                raise ValueError(
+                    f"column {min(shared)!r} stands for {one} and for {other}: expected different columns"
+                )
+        return value
 
     def jmap_settings(
         self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True

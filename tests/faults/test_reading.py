@@ -361,9 +361,47 @@ def test_one_bad_file_of_many_loses_nothing_else(tmp_path):
         {"skip_rows": 10**9},
         {"max_gap": float("nan")},
         {"colour": "blue"},
+        {"h_L": ""},
+        {"h_L": []},
+        {"Q_L": ""},
+        {"u_Qo": []},
+        {"u_Qo": ["a", ""]},
+        {"u_Qo": ["a", "b", "a"]},
+        {"u_Qi": "h_L"},
+        {"u_Qi": ["a", "stage"], "h_L": "stage"},
+        {"u_Qi": "q", "u_Qo": "q"},
+        {"h_L": "time"},
+        {"time_format": "%Q"},
+        {"time_format": "%d/%m %H:%M"},
+        {"time_format": "%Y-%m-%d %I:%M"},
+        {"time_format": "%s"},
+        {"time_format": "\ud800"},
     ],
 )
 def test_hostile_declarations_are_refused_in_one_line(given):
     with pytest.raises(ConfigError) as caught:
         config(**given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"h_L": ""}, 'a reach without level is [reach] kind = "river"'),
+        ({"u_Qo": []}, 'or "" where the outflow is not logged'),
+        ({"u_Qo": ["a", "a"]}, "a column stands twice in u_Qo = ['a', 'a']"),
+        ({"u_Qi": "stage", "h_L": "stage"}, "column 'stage' stands for u_Qi and for h_L"),
+        ({"time_format": "%Q"}, "'Q' is a bad directive in format '%Q'"),
+    ],
+)
+def test_a_refused_declaration_says_what_to_declare(given, said):
+    with pytest.raises(ConfigError) as caught:
+        config(**given)
+    assert said in str(caught.value)
+
+
+def test_roles_that_the_reach_has_not_may_name_anything():
+    assert config({"kind": "river"}, u_Qi="h_L").input.u_Qi == "h_L"
+    assert config(u_Qi="Q_L", u_Qo=["a", "b"]).input.u_Qo == ["a", "b"]
+    assert config(u_Qi=["a", "bypass"], u_Qo=["b", "bypass"], h_L="c")
+    assert config(time_format="%d.%m.%y %I:%M %p") and config(time_format="%Y-%m-%dT%H:%M:%S%z")
