@@ -11,7 +11,7 @@ from rivid.logs.files import CutError, Limits, refuse_rows, refuse_size
 from rivid.logs.header import check_names
 from rivid.logs.numbers import NumberReader
 from rivid.logs.spec import Spec
-from rivid.logs.times import FIRST, LAST, read_text
+from rivid.logs.times import FIRST, LAST, UNIX, read_text
 
 LONGEST_TEXT = 100
 """Characters of a cell: a text column is unpacked only when no cell is longer."""
@@ -64,8 +64,11 @@ def _table(content: bytes, spec: Spec, name: str, limits: Limits) -> pa.Table:
         kind = schema.field(column).type
         if _is_text(kind):
             texts.append(column)
-        elif column in spec.time and not pa.types.is_timestamp(kind):
-            raise DataError(f"{name}: column {column!r} is of type {kind}: expected times or text")
+        elif column in spec.time and not pa.types.is_timestamp(kind) and not _is_count(kind, spec):
+            hint = ""
+            if _is_number(kind):
+                hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
+            raise DataError(f"{name}: column {column!r} is of type {kind}: expected times or text{hint}")
         elif column in spec.sources and not _is_number(kind):
             raise DataError(f"{name}: column {column!r} is of type {kind}: expected numbers")
     if texts:  # as codes, so that a long text that many rows share stays one
@@ -93,6 +96,11 @@ def _is_text(kind: pa.DataType) -> bool:
 
 def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
+
+
+def _is_count(kind: pa.DataType, spec: Spec) -> bool:
+    """Whether a column of numbers counts the time since 1970, as declared."""
+    return spec.time_format in UNIX and len(spec.time) == 1 and _is_number(kind)
 
 
 def _columns(table: pa.Table, spec: Spec, name: str) -> Columns:
@@ -130,6 +138,12 @@ def _times(
         _mark(np.asarray(columns[0].is_null().to_numpy()), good, bad, "no time")
         _mark((times < FIRST) | (times >= LAST), good, bad, "a year that no log is of")
         return times, _stored_offset(zone, len(times)), zone is not None
+    if _is_count(columns[0].type, spec):
+        counts = np.asarray(columns[0].cast(pa.float64(), safe=False).to_numpy(), np.float64)
+        micros = np.rint(counts * UNIX[spec.time_format or ""])  # exact: below 2^53 until 2200
+        _mark(np.isnan(micros), good, bad, "no time")
+        _mark(~((micros >= FIRST) & (micros < LAST)), good, bad, "a year that no log is of")
+        return np.where(good, micros, 0.0).astype(np.int64), np.zeros(len(counts), np.int64), True
     texts = [c.to_pylist() for c in columns]
     times, offsets = np.zeros(len(good), np.int64), np.full(len(good), None, object)
     for i, cells in enumerate(zip(*texts, strict=True)):

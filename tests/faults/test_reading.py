@@ -1,5 +1,6 @@
 """Each fault of a log is made, read, and must be a reason that names the file; nothing else is lost."""
 
+import datetime as dt
 import gzip
 import os
 import pickle
@@ -82,6 +83,24 @@ class TestParquet:
         assert "column 'u_Qi' is of type list" in reason(tmp_path)
         parquet(tmp_path, columns={"time": np.arange(650)})
         assert "column 'time' is of type int64: expected times or text" in reason(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("time_format", "unit", "kind"),
+        [("unix", 1, np.int64), ("unix", 1, np.uint32), ("unix", 1, float), ("unix_ms", 1000, np.int64)],
+    )
+    def test_times_that_count_from_1970_are_read_where_declared(self, tmp_path, time_format, unit, kind):
+        first = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
+        parquet(tmp_path, columns={"time": ((first + 133 * np.arange(650)) * unit).astype(kind)})
+        data = read(tmp_path, time_format=time_format, time_zone="Etc/GMT-1")
+        assert (data.output == a_day(DAY)[3]).all() and data.notes == ""
+        assert 'time_format = "unix" or "unix_ms"' in reason(tmp_path, time_zone="Etc/GMT-1")
+
+    def test_counts_of_no_year_and_no_counts(self, tmp_path):
+        first = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
+        times = (first + 133 * np.arange(650)).astype(object)
+        for wrong, said in ((2**62, "a year that no log is of"), (-(2**62), "a year"), (None, "no time")):
+            parquet(tmp_path, columns={"time": pa.array([*times[:8], wrong, *times[9:]], pa.int64())})
+            assert f"row 9: {said}" in reason(tmp_path, time_format="unix", time_zone="Etc/GMT-1")
 
     def test_infinite_and_missing_numbers(self, tmp_path):
         level = a_day(DAY)[3].copy()
