@@ -41,6 +41,14 @@ def suffix_of(name: str) -> str | None:
     return next((s for s in SUFFIXES[::-1] if lower.endswith(s)), None)
 
 
+def shown(name: str) -> str:
+    """A file's name as it can be printed: bytes that are not UTF-8, and what no line can hold, escaped."""
+    if name.isprintable():
+        return name
+    text = os.fsencode(name).decode("utf-8", "backslashreplace")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def read_bytes(path: Path, name: str, limits: Limits) -> tuple[bytes, str]:
     """The unpacked content of a log and the digest of its file.
 

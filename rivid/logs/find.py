@@ -12,7 +12,7 @@ from typing import Any
 
 from rivid.config import Config
 from rivid.errors import DataError, NoDataError
-from rivid.logs.files import DAY, MANY, SUFFIXES, suffix_of
+from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
 
 _DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
 LOOKED_FOR = f"YYYY-MM-DD{', YYYY-MM-DD'.join(SUFFIXES)}, or files of many days with these suffixes"
@@ -32,6 +32,11 @@ class Part:
 
     path: str
     digest: str
+
+    @property
+    def name(self) -> str:
+        """How messages call the file."""
+        return shown(self.path)
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ class Catalog:
     days : list of DaySource
         In date order.
     bad_files : list of (str, str)
-        Relative path and reason, of files that speak of no day.
+        Relative path, printable, and reason, of files that speak of no day.
     files : dict of FileFacts
         By relative path.
     """
@@ -149,7 +154,7 @@ def find_days(
         try:
             facts = _look(path, inside if folder == root else None, config, (known or {}).get(name), verify)
         except DataError as error:
-            bad.append((name, _without_name(str(error), name)))
+            bad.append((shown(name), _without_name(str(error), shown(name))))
             continue
         files[name] = facts
         if facts.days is None:
@@ -158,8 +163,8 @@ def find_days(
             parts.setdefault(dt.date.fromisoformat(date), []).append(Part(name, digest))
     if not parts:
         if bad:
-            raise NoDataError(f"no log in {root} can be used: {bad[0][0]}: {bad[0][1]}")
-        raise NoDataError(f"no logs in {root}: looked for {LOOKED_FOR}")
+            raise NoDataError(f"no log in {shown(str(root))} can be used: {bad[0][0]}: {bad[0][1]}")
+        raise NoDataError(f"no logs in {shown(str(root))}: looked for {LOOKED_FOR}")
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
 
 
@@ -169,12 +174,14 @@ def _candidates(root: Path) -> tuple[list[Path], Path]:
         if root.is_file():
             if suffix_of(root.name) is None:
                 raise NoDataError(
-                    f"{root} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
+                    f"{shown(str(root))} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
                 )
             return [root], root.parent
         names = sorted(os.listdir(root))
     except OSError as error:
-        raise NoDataError(f"{root} cannot be read: {error.strerror}; expected a directory of logs") from None
+        raise NoDataError(
+            f"{shown(str(root))} cannot be read: {error.strerror}; expected a directory of logs"
+        ) from None
     return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
 
 
@@ -220,7 +227,7 @@ def _split(path: Path, config: Config, status: os.stat_result, settings: str) ->
     from rivid.logs.load import load
     from rivid.logs.spec import spec_of
 
-    log = load(path, path.name, spec_of(config), MANY, fresh=True)
+    log = load(path, shown(path.name), spec_of(config), MANY, fresh=True)
     days = tuple((date.isoformat(), log.digest_of(date)) for date in log.dates())
     if not days:
         raise DataError("has no values in the columns that are asked for")

@@ -88,7 +88,7 @@ def read_window(
             raise PendingError(f"the log of {sources[-1].date} is not finished: {error}") from None
         raise DataError(str(error)) from None
     except CutError as error:
-        if unfinished and any(part.path in str(error) for part in sources[-1].parts):
+        if unfinished and any(part.name in str(error) for part in sources[-1].parts):
             raise PendingError(f"the log of {sources[-1].date} is being written: {error}") from None
         raise DataError(str(error)) from None
 
@@ -113,7 +113,7 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
     for at in {0, len(days) // 2, len(days) - 1}:
         part = days[at].parts[0]
         try:
-            load(folder / part.path, part.path, spec, DAY if is_day_file(part.path) else MANY)
+            load(folder / part.path, part.name, spec, DAY if is_day_file(part.path) else MANY)
         except ColumnError as error:
             reasons.append(str(error))
         except DataError:
@@ -172,7 +172,7 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
         return logs[0].of_day(source.date), logs[0].zone
     _refuse_zones([log.zone for log in logs], source.date)
     parts = [log.of_day(source.date) for log in logs]
-    paths = " and ".join(part.path for part in source.parts)
+    paths = " and ".join(part.name for part in source.parts)
     merged = {name: _merge([p[name] for p in parts], name, paths, logs[0].zone, notes) for name in parts[0]}
     return merged, logs[0].zone
 
@@ -181,10 +181,10 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     """The log of a part: results stand under the digest of what was listed, so nothing else may be read."""
     single = is_day_file(part.path)
     for fresh in (False, True):
-        log = load(root / part.path, part.path, spec, DAY if single else MANY, fresh=fresh)
+        log = load(root / part.path, part.name, spec, DAY if single else MANY, fresh=fresh)
         if (log.digest if single else log.digest_of(date)) == part.digest:
             return log
-    raise DataError(f"{part.path} is not what it was when it was listed: run again, with --verify")
+    raise DataError(f"{part.name} is not what it was when it was listed: run again, with --verify")
 
 
 def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:
@@ -192,7 +192,7 @@ def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:
     if faults:
         more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         kind = CutError if all(fault.cut for fault in faults) else DataError
-        raise kind(f"{part.path}, {faults[0].text}{more}")
+        raise kind(f"{part.name}, {faults[0].text}{more}")
 
 
 def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> None:
@@ -209,7 +209,7 @@ def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> 
         held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
         span = " to ".join(str(day) for day in held)
         raise DataError(
-            f"{part.path} holds {span} and nothing of {date}: check its name and [input] time_zone"
+            f"{part.name} holds {span} and nothing of {date}: check its name and [input] time_zone"
         )
     if outside:
         notes["rows of other days dropped"] += outside

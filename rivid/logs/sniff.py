@@ -7,7 +7,7 @@ from typing import Any
 
 from rivid.config import InputConfig
 from rivid.errors import DataError
-from rivid.logs.files import Limits, read_bytes
+from rivid.logs.files import Limits, read_bytes, shown
 from rivid.logs.guess import ColumnGuess, guess_column, guess_marks
 from rivid.logs.layout import Layout, TimeLayout, guess_layout, guess_time
 from rivid.logs.numbers import NumberReader
@@ -54,17 +54,17 @@ def sniff(path: Path, time_zone: str | None = None) -> Proposal:
     """
     if path.suffix.lower() == ".parquet":
         raise DataError(
-            f"{path.name} is Parquet: it states its columns and types itself; set [input] names and units"
+            f"{shown(path.name)} is Parquet: it states its columns and types itself; set [input] names and units"
         )
-    content, _ = read_bytes(path, path.name, Limits(512 << 20, 0))
+    content, _ = read_bytes(path, shown(path.name), Limits(512 << 20, 0))
     if len(content) > LOOKED_AT:
         content = content[: content.rfind(b"\n", 0, LOOKED_AT) + 1] or content[:LOOKED_AT]
-    layout = guess_layout(content, path.name)
+    layout = guess_layout(content, shown(path.name))
     del layout.rows[ROWS:]
     time = guess_time(layout)
     if time is None:
         raise DataError(
-            f"{path.name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
+            f"{shown(path.name)}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             "set [input] time and time_format"
         )
     return _propose(layout, time, path.name, time_zone)

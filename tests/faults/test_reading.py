@@ -326,7 +326,24 @@ class TestNamesAndLinks:
 
     def test_an_unreadable_name_is_no_crash(self, logs):
         (logs / os.fsdecode(b"caf\xe9.csv")).write_text("x")
-        assert len(self.bad(logs)) == 1
+        (logs / "a\nb.csv").write_text("x")
+        assert set(self.bad(logs)) == {r"caf\xe9.csv", r"a\nb.csv"}
+        assert all(why.startswith("line 1: no column") for why in self.bad(logs).values())
+
+    def test_reasons_from_a_log_with_an_unreadable_name_can_be_printed(self, logs):
+        name, date = os.fsdecode(b"d\xe9bit.csv"), dt.date(2008, 3, 11)
+        lines = rows(date) + rows(date + dt.timedelta(days=1))
+        lines[700][1] = "ERR"
+        (logs / name).write_text(text(lines))
+        catalog = find_days(logs, config())
+        assert len(read_window(logs, [catalog.days[1]], config()).inflow) == 650
+        with pytest.raises(DataError) as caught:
+            read_window(logs, [catalog.days[2]], config())
+        assert str(caught.value).encode().startswith(rb"d\xe9bit.csv, line 702: ")
+        (logs / name).write_text("")
+        with pytest.raises(NoDataError) as caught:
+            find_days(logs / name, config())
+        assert rb"d\xe9bit.csv can be used: " in str(caught.value).encode()
 
 
 def test_pickles_are_never_opened(tmp_path):
