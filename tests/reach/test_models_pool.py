@@ -1,6 +1,7 @@
 """The responses of pools against fine integration, step responses and waves followed by hand."""
 
 import dataclasses
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -126,6 +127,18 @@ def test_integrator_resonance_is_the_zero_order_hold_of_control_theory():
     step, decay = WAVE._wave(T_S)
     np.testing.assert_allclose([0.0, step, -step], numerator[0], rtol=0, atol=1e-10)
     np.testing.assert_allclose([1.0, *decay], denominator, rtol=1e-10)
+
+
+def test_the_slow_rate_of_a_heavily_damped_wave_keeps_its_digits():
+    """Its difference of two large numbers would lose ten of them; here with fifty digits."""
+    with localcontext() as context:
+        context.prec = 50
+        zeta, omega, T = Decimal(1000), Decimal(2) ** -9, Decimal(2) ** 27
+        root = (zeta * zeta - 1).sqrt()
+        slow, fast = omega * (zeta - root), omega * (zeta + root)
+        wanted = float((-slow * T).exp() / (fast - slow))
+    model = IntegratorResonance(A, 2 * np.pi / float(omega), 1000.0)
+    np.testing.assert_allclose(model._wave(float(T))[0], wanted, rtol=1e-12)
 
 
 def test_heavy_damping_or_no_strength_leaves_the_integrator():

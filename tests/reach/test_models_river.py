@@ -128,6 +128,8 @@ def test_diffusivity_zero_is_a_pure_delay_and_little_is_near_it():
     np.testing.assert_array_equal(pure, np.concatenate([np.zeros(11), inflow])[:N])
     on_a_sample = DiffusiveWave(2.0 * T_S * 10, 2.0, 0.0).simulate(T_S, inflow)
     np.testing.assert_array_equal(on_a_sample, np.concatenate([np.zeros(10), inflow])[:N])
+    rounded = DiffusiveWave(10.0, 3.0, 0.0).simulate(10.0 / 21.0, inflow)  # 7 samples, but for rounding
+    np.testing.assert_array_equal(rounded, np.concatenate([np.zeros(7), inflow])[:N])
     little = DiffusiveWave(2.0 * T_S * 10.4, 2.0, 0.1).simulate(T_S, inflow)
     np.testing.assert_allclose(little, pure, rtol=0, atol=1e-12)
     gaps = [

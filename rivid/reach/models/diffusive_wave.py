@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.special import erfc, erfcx
 
-from rivid.reach.models.base import INFLOW_GAIN, Output, Parameter, ReachResponse, arriving
+from rivid.reach.models.base import INFLOW_GAIN, Output, Parameter, ReachResponse
 from rivid.reach.response import Floats
 
 
@@ -76,7 +76,7 @@ class DiffusiveWave(ReachResponse):
         """
         t = np.asarray(time, float)
         if self.diffusivity == 0.0:
-            return np.where(t >= self.mean_delay, 1.0, 0.0)
+            return np.where(t >= self.mean_delay * (1.0 - 1e-12), 1.0, 0.0)  # L / C may be rounded up
         share = np.zeros_like(t)
         late = t > 0.0
         root = 2.0 * np.sqrt(self.diffusivity * t[late])
@@ -109,7 +109,5 @@ class DiffusiveWave(ReachResponse):
         return np.diff(share[:end], prepend=0.0)
 
     def _respond(self, sample_time: float, inflow: Floats, outflow: Floats) -> Floats:
-        if self.diffusivity == 0.0:
-            return self.inflow_gain * arriving(inflow, self.mean_delay, sample_time)
         kernel = self.kernel(sample_time, inflow.shape[-1])
         return np.asarray(lfilter(self.inflow_gain * kernel, [1.0], inflow))
