@@ -19,7 +19,7 @@ def plain(times, values, instants, held, late):
     out = []
     for g in instants:
         before = [i for i, t in enumerate(times) if t <= g + late]
-        if held or not before or before[-1] == len(times) - 1:
+        if held or not before:
             out.append(values[before[-1]] if before else values[0])
         else:
             out.append(np.interp(g, times, values))
