@@ -66,6 +66,7 @@ class _Rows:
         self.lines: list[int] = []
         self.bad: list[BadRow] = []
         self.repeated: list[int] = []
+        self.empty: list[int] = []
         self.shortest = 10**9
         self.last: tuple[int, list[str]] = (0, [])
 
@@ -75,6 +76,9 @@ class _Rows:
         if cells is None:
             return self._refuse(number, "a quotation mark is not closed")
         self.shortest = min(self.shortest, len(self.last[1][-1]) if self.last[1] else 10**9)
+        if not any(cells):
+            self.last = (0, [])
+            return self.empty.append(len(self.times))  # spreadsheets leave such rows at the end
         self.last = (number, cells)
         if tuple(cells) == self.names:
             if self.spec.repeated_header == "drop":
@@ -134,7 +138,9 @@ class _Rows:
         whole one.
         """
         number, cells = self.last
-        too_few, too_short = len(cells) < len(self.names), len(cells[-1]) < self.shortest if cells else False
+        if not cells:
+            return
+        too_few, too_short = len(cells) < len(self.names), len(cells[-1]) < self.shortest
         if self.bad and self.bad[-1].text.startswith(f"line {number}:"):
             self.bad[-1] = self.bad[-1]._replace(cut=True)
         elif not (too_few or (too_short and self.shortest < 10**9)):
@@ -164,5 +170,5 @@ class _Rows:
             numbers,
             lines=np.array(self.lines, np.int64),
             bad=self.bad,
-            dropped={"repeated headers": self.repeated} if self.repeated else {},
+            dropped={k: v for k, v in (("repeated headers", self.repeated), ("empty rows", self.empty)) if v},
         )

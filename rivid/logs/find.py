@@ -144,7 +144,7 @@ def find_days(
     NoDataError
         Where there is no log.
     """
-    paths, folder = _candidates(root)
+    paths, folder = _candidates(root, shown(str(root)))
     inside = os.path.realpath(folder)
     parts: dict[dt.date, list[Part]] = {}
     bad: list[tuple[str, str]] = []
@@ -168,20 +168,18 @@ def find_days(
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
 
 
-def _candidates(root: Path) -> tuple[list[Path], Path]:
+def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
     """Paths that may be logs, in order of name, and the folder they are in."""
     try:
         if root.is_file():
             if suffix_of(root.name) is None:
                 raise NoDataError(
-                    f"{shown(str(root))} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
+                    f"{name} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
                 )
             return [root], root.parent
         names = sorted(os.listdir(root))
     except OSError as error:
-        raise NoDataError(
-            f"{shown(str(root))} cannot be read: {error.strerror}; expected a directory of logs"
-        ) from None
+        raise NoDataError(f"{name} cannot be read: {error.strerror}; expected a directory of logs") from None
     return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
 
 

@@ -118,13 +118,13 @@ def guess_layout(content: bytes, name: str) -> Layout:
     if width < 2:
         raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
     cells = [_split(line, separator) for line in lines]
-    header = next(i for i, row in enumerate(cells) if len(row) == width)
+    header = _find_header(cells, width)
     names = cells[header]
     if sum(_looks_like_data(cell) for cell in names) > len(names) // 2:
         raise DataError(
             f"{name} has no header: line {header + 1} is already data; add a line of column names"
         )
-    body = [row for row in cells[header + 1 :] if len(row) == width and tuple(row) != tuple(names)]
+    body = [row for row in cells[header + 1 :] if len(row) == width and any(row) and row != names]
     unit_rows = 0
     while unit_rows < min(len(body), 5) and not any(_looks_like_data(cell) for cell in body[unit_rows]):
         unit_rows += 1
@@ -132,6 +132,22 @@ def guess_layout(content: bytes, name: str) -> Layout:
         raise DataError(f"{name} has a header and no rows of data")
     units = tuple(body[0]) if unit_rows else ("",) * width
     return Layout(encoding, separator, header, unit_rows, tuple(names), units, body[unit_rows:])
+
+
+def _find_header(cells: Sequence[list[str]], width: int) -> int:
+    """The row of names: before the data, and with most of its cells filled.
+
+    Spreadsheets pad a title with empty cells until it is as wide as the table.
+    """
+    above = []
+    for i, row in enumerate(cells):
+        if len(row) != width or not any(row):
+            continue
+        above.append((sum(map(bool, row)), i))
+        if sum(map(_looks_like_data, row)) > width // 2:
+            break
+    fullest = max(filled for filled, _ in above[:-1] or above)
+    return next(i for filled, i in above if 2 * filled > fullest)
 
 
 def _split(line: str, separator: str) -> list[str]:

@@ -111,6 +111,9 @@ def _columns(table: pa.Table, spec: Spec, name: str) -> Columns:
     numbers: dict[str, Floats] = {}
     for column in spec.sources:
         numbers[column] = _numbers(table[column], spec, column, good, bad)
+    empty = np.all([np.asarray(table[c].is_null().to_numpy()) for c in (*spec.time, *spec.sources)], axis=0)
+    for i in np.flatnonzero(empty):
+        bad.pop(int(i), None)
     rows = np.flatnonzero(good)
     before = np.cumsum(good)
     seen = {None if o is None else int(o) for o in (offsets[rows] if offsets is not None else [None])}
@@ -121,6 +124,7 @@ def _columns(table: pa.Table, spec: Spec, name: str) -> Columns:
         {n: v[rows] for n, v in numbers.items()},
         lines=rows + 1,
         bad=[BadRow(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)],
+        dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
         zone=_named_zone(table[spec.time[0]].type),
         unit="row",
     )

@@ -52,19 +52,20 @@ def sniff(path: Path, time_zone: str | None = None) -> Proposal:
     DataError
         Where the file is no table with a header and times.
     """
+    name = shown(path.name)
     if path.suffix.lower() == ".parquet":
         raise DataError(
-            f"{shown(path.name)} is Parquet: it states its columns and types itself; set [input] names and units"
+            f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
         )
-    content, _ = read_bytes(path, shown(path.name), Limits(512 << 20, 0))
+    content, _ = read_bytes(path, name, Limits(512 << 20, 0))
     if len(content) > LOOKED_AT:
         content = content[: content.rfind(b"\n", 0, LOOKED_AT) + 1] or content[:LOOKED_AT]
-    layout = guess_layout(content, shown(path.name))
+    layout = guess_layout(content, name)
     del layout.rows[ROWS:]
     time = guess_time(layout)
     if time is None:
         raise DataError(
-            f"{shown(path.name)}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
+            f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             "set [input] time and time_format"
         )
     return _propose(layout, time, path.name, time_zone)

@@ -111,6 +111,19 @@ class TestParquet:
         parquet(tmp_path, columns={"h_L": level})
         assert "row 22: column 'h_L' holds an infinite number" in reason(tmp_path)
 
+    def test_rows_of_nulls_are_skipped_and_a_null_time_is_not(self, tmp_path):
+        path = parquet(tmp_path)
+        table = pq.read_table(path)
+        nulls = pa.table(
+            {n: pa.nulls(2, t) for n, t in zip(table.schema.names, table.schema.types, strict=True)}
+        )
+        pq.write_table(pa.concat_tables([table, nulls]), path)
+        data = read(tmp_path)
+        assert data.notes == "2 empty rows dropped" and (data.output == a_day(DAY)[3]).all()
+        timeless = nulls.set_column(1, "u_Qi", pa.array([300.0, 300.0]))
+        pq.write_table(pa.concat_tables([table, timeless]), path)
+        assert "row 651: " in reason(tmp_path)
+
     def test_texts_are_read_like_csv(self, tmp_path):
         times, inflow, _, _ = a_day(DAY)
         cells = [f"{v:g}" for v in inflow]

@@ -122,6 +122,38 @@ def test_a_repeated_header_is_refused_or_dropped(tmp_path):
     assert data.notes == "1 repeated headers dropped"
 
 
+@pytest.mark.parametrize("name", ["french", "german", "date and clock", "thousands"])
+def test_a_title_padded_with_separators_is_not_taken_for_the_header(tmp_path, name):
+    export, path = write(tmp_path, name)
+    mark = export.separator
+    width = path.read_bytes().decode(export.encoding).splitlines()[0].count(mark)
+    title = ["Export SCADA" + mark * width, "Station" + mark + "Isere" + mark * (width - 1), mark * width]
+    before = (export.newline.join(title) + export.newline).encode(export.encoding)
+    path.write_bytes(before + path.read_bytes())
+    config = tmp_path / "proposed.toml"
+    config.write_text(sniff(path, "Etc/GMT-1").toml, encoding="utf-8")
+    settings = load_config(config)
+    assert settings.input.skip_rows == 3
+    assert_true(read(path, settings), export)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+@pytest.mark.parametrize("name", ["plain", "french", "date and clock"])
+def test_rows_of_empty_cells_are_skipped_and_counted(tmp_path, name, ends):
+    export, path = write(tmp_path, name)
+    content = path.read_bytes().decode(export.encoding)
+    empty = export.separator * content.splitlines()[0].count(export.separator)
+    content += export.newline.join([empty, " " + empty, empty]) + (export.newline if ends else "")
+    path.write_bytes(content.encode(export.encoding))
+    settings = parse({"reach": REACH, "input": {**export.declared, **ZONE[name]}}, Config)
+    data = read(path, settings)
+    assert_true(data, export)
+    assert data.notes == "3 empty rows dropped"
+    config = tmp_path / "proposed.toml"
+    config.write_text(sniff(path, "Etc/GMT-1").toml, encoding="utf-8")
+    assert_true(read(path, load_config(config)), export)
+
+
 def test_times_without_offset_need_a_zone(tmp_path):
     _, path = write(tmp_path, "plain")
     with pytest.raises(DataError, match=r"have no UTC offset: set the zone .* \[input\] time_zone"):
