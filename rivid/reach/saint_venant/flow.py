@@ -1,0 +1,289 @@
+"""From commands to levels: one call for a season, or for many days that know nothing of each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.errors import ConfigError, RividError
+from rivid.reach.response import AddedFlow
+from rivid.reach.saint_venant.channel import COURANT_LIMIT, Channel, Floats
+
+NUDGE_TIME = 7200.0
+"""Time in which a nudge would close the gap between the observed level and the water's [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The water between two samples, from which :func:`simulate` can go on; a row for each day.
+
+    Attributes
+    ----------
+    area : ndarray, shape (days, cells)
+        Wetted areas [m2] at the last sample.
+    discharge : ndarray, shape (days, 2, cells + 1)
+        Discharges on the faces [m3/s] half a step and one step and a half before it.
+    gates : ndarray, shape (days, 2)
+        Flows that the two dams let through at the last sample [m3/s].
+    clock : ndarray, shape (days, 3)
+        The last two time steps [s], and the wave speed at the start [m/s] that sets the usual step.
+    """
+
+    area: Floats
+    discharge: Floats
+    gates: Floats
+    clock: Floats
+
+    def copy(self) -> "State":
+        """The same in arrays of its own."""
+        return State(self.area.copy(), self.discharge.copy(), self.gates.copy(), self.clock.copy())
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What the water did, at the sample times; (days, n) is (n,) where the commands were (n,).
+
+    Attributes
+    ----------
+    level : ndarray, shape (days, n)
+        Level at x = L [m].
+    levels, discharges : ndarray, shape (days, n, places)
+        Level [m] and discharge [m3/s] at the places asked for.
+    volume : ndarray, shape (days, n)
+        Water in the reach [m3]: it changes by what the dams and the lateral flows bring, to rounding.
+    nudge : ndarray, shape (days, n)
+        Rise that was added to every cell from each sample to the next [m/s]; zero without `observed`.
+    end : State
+        Where it ended, to go on from.
+    """
+
+    level: Floats
+    levels: Floats
+    discharges: Floats
+    volume: Floats
+    nudge: Floats
+    end: State
+
+
+def simulate(
+    channel: Channel,
+    time: ArrayLike,
+    inflow: ArrayLike,
+    outflow: ArrayLike,
+    start: ArrayLike | State,
+    *,
+    lateral: Sequence[AddedFlow] = (),
+    places: Sequence[float] = (),
+    gate_time: float = 30.0,
+    courant: float = 0.5,
+    step: float | None = None,
+    observed: ArrayLike | None = None,
+    nudge_time: float = NUDGE_TIME,
+) -> Flow:
+    """Solve Saint-Venant's equations for known flows at both dams.
+
+    The first call in a process compiles the loops, or loads them compiled.
+
+    Parameters
+    ----------
+    channel : Channel
+    time : array_like, shape (n,) or (days, n)
+        Sample times [s], increasing.
+    inflow, outflow : array_like, shape (n,) or (days, n)
+        Flows of the dams [m3/s], held from each sample to the next. With (days, n) each row is
+        a simulation of its own, with the same result whatever rows stand beside it.
+    start : float, array_like of shape (days,), or State
+        Level at x = L [m] at the first sample; the flow is then steady for the first commands, or, where
+        they differ, fills or empties the reach evenly. Or the `end` of an earlier flow: `time` then
+        begins with the sample at which that ended.
+    lateral : sequence of AddedFlow
+        Flows that enter beside the dams (negative: a loss), at places from 0 (upstream) to 1, without
+        momentum of their own along the reach; part of the steady start.
+    places : sequence of float
+        Where else to give level and discharge, from 0 (upstream) to 1.
+    gate_time : float
+        Time a gate takes from one command to the next, linearly [s]; 0 is at once.
+    courant : float
+        Courant number of the usual time step, more than 0 and at most 0.6. The step is set by the wave
+        speed at the start; it becomes shorter where a later flow would bring it above 0.6.
+    step : float, optional
+        Longest time step [s], instead of `courant`; refused where it is unstable.
+    observed : array_like, shape (n,) or (days, n), optional
+        A level [m] to stay near: ``(observed - level) / nudge_time`` is added to the rise of every cell.
+        NaN adds nothing.
+    nudge_time : float
+        See `observed` [s].
+
+    Returns
+    -------
+    Flow
+
+    Raises
+    ------
+    ConfigError
+        Where a setting is impossible or unstable.
+    RividError
+        Where a cell runs dry or no subcritical steady flow has the start level.
+
+    Notes
+    -----
+    Source: equation (1), with Manning friction, bed slope and varying sections.
+
+    Examples
+    --------
+    >>> pool = Channel.uniform(8200.0, 81.6, 1.2e-4, 0.03, 32)
+    >>> flow = simulate(pool, [0.0, 3600.0], [300.0, 300.0], [300.0, 300.0], 5.0)
+    >>> flow.level.round(6).tolist()
+    [5.0, 5.0]
+    """
+    from rivid.reach.saint_venant import kernel
+
+    _check_settings(gate_time, courant, step, nudge_time, places)
+    single = np.ndim(inflow) < 2
+    shape = np.shape(np.atleast_2d(np.asarray(inflow, float)))
+    clock_time = _rows("time", time, shape)
+    if not (np.diff(clock_time, axis=1) > 0).all():
+        raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
+    q_in, q_out = _rows("inflow", inflow, shape), _rows("outflow", outflow, shape)
+    sides = np.empty((len(lateral), *shape))
+    for j, flow in enumerate(lateral):
+        sides[j] = _rows("lateral", flow.flow(np.asarray(time, float)), shape)
+    share = np.zeros((len(lateral), channel.cells))
+    for row, flow in zip(share, lateral, strict=True):
+        cell, weight = _between_cells(channel.cells, flow.place)
+        weight = min(max(weight, 0.0), 1.0)
+        row[cell], row[cell + 1] = 1.0 - weight, weight
+    friction = _friction(channel)
+    state = (
+        start.copy()
+        if isinstance(start, State)
+        else _steady(channel, friction, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start)
+    )
+    if state.area.shape != (shape[0], channel.cells):
+        raise RividError(
+            f"the start has (days, cells) = {state.area.shape}: expected {(shape[0], channel.cells)} "
+            "as the commands and the channel have"
+        )
+    cells = [_between_cells(channel.cells, place) for place in places]
+    faces = [_between_faces(channel.cells, place) for place in places]
+    level, volume, nudge = np.empty(shape), np.empty(shape), np.empty(shape)
+    levels, discharges = np.empty((*shape, len(places))), np.empty((*shape, len(places)))
+    target = np.empty((1, 1)) if observed is None else _rows("observed", observed, shape, gaps=True)
+    answer = kernel.advance(
+        clock_time, q_in, q_out, sides, share, target, 0.0 if observed is None else float(nudge_time),
+        channel.bed, channel.bottom_width, channel.side_slope, friction, channel.dx,
+        float(gate_time), float(courant), 0.0 if step is None else float(step),
+        state.area, state.discharge, state.gates, state.clock,
+        np.array([i for i, _ in cells], np.int64), np.array([w for _, w in cells]),
+        np.array([i for i, _ in faces], np.int64), np.array([w for _, w in faces]),
+        level, levels, discharges, volume, nudge,
+    )  # fmt: skip
+    if answer[0] != kernel.OK:
+        raise _failure(channel, shape[0], clock_time, step, courant, *answer)
+    if single:
+        level, volume, nudge, levels, discharges = level[0], volume[0], nudge[0], levels[0], discharges[0]
+    return Flow(level, levels, discharges, volume, nudge, state)
+
+
+def _check_settings(
+    gate_time: float, courant: float, step: float | None, nudge_time: float, places: Sequence[float]
+) -> None:
+    if not (np.isfinite(gate_time) and gate_time >= 0):
+        raise ConfigError(f"gate_time = {gate_time} s: expected 0 or more")
+    if not 0 < courant <= COURANT_LIMIT:
+        raise ConfigError(
+            f"courant = {courant}: expected more than 0 and at most {COURANT_LIMIT}, beyond it is unstable"
+        )
+    if step is not None and not step > 0:
+        raise ConfigError(f"step = {step} s: expected more than 0")
+    if not (np.isfinite(nudge_time) and nudge_time > 0):
+        raise ConfigError(f"nudge_time = {nudge_time} s: expected more than 0")
+    for place in places:
+        if not 0.0 <= place <= 1.0:
+            raise ConfigError(f"places holds {place}: expected 0 (upstream) to 1 (downstream)")
+
+
+def _rows(name: str, values: ArrayLike, shape: tuple[int, ...], gaps: bool = False) -> Floats:
+    """A (days, n) array of its own, finite unless gaps are allowed."""
+    given = np.asarray(values, float)
+    try:
+        rows = np.array(np.broadcast_to(given, shape), order="C")
+    except ValueError:
+        raise RividError(f"{name} has shape {given.shape}: expected {shape} like the inflow") from None
+    wrong = np.isinf(rows) if gaps else ~np.isfinite(rows)
+    if wrong.any():
+        day, k = np.argwhere(wrong)[0]
+        raise RividError(f"{name} is {rows[day, k]} in row {day}, sample {k}: expected a number")
+    return rows
+
+
+def _between_cells(cells: int, place: float) -> tuple[int, float]:
+    """The cell before a place and the weight of the next; beyond the last middles it extrapolates."""
+    at = place * cells - 0.5
+    cell = min(max(int(np.floor(at)), 0), cells - 2)
+    return cell, at - cell
+
+
+def _between_faces(cells: int, place: float) -> tuple[int, float]:
+    at = place * cells
+    face = min(int(at), cells - 1)
+    return face, at - face
+
+
+def _friction(channel: Channel) -> Floats:
+    """g n^2 on the faces, the ends left at zero; shape (cells + 1,)."""
+    from rivid.core.hydraulics import GRAVITY
+
+    squares = channel.manning**2
+    return np.asarray(GRAVITY * np.pad(0.5 * (squares[:-1] + squares[1:]), 1))
+
+
+def _steady(
+    channel: Channel, friction: Floats, inflow: Floats, outflow: Floats, sides: Floats, start: ArrayLike
+) -> State:
+    from rivid.reach.saint_venant.steady import settle
+
+    days, cells = len(inflow), channel.cells
+    levels = np.broadcast_to(np.asarray(start, float), (days,))
+    area, discharge = np.empty((days, cells)), np.zeros((days, 2, cells + 1))
+    for day in range(days):
+        if not settle(
+            float(inflow[day]), float(outflow[day]), sides[day], float(levels[day]),
+            channel.bed, channel.bottom_width, channel.side_slope, friction, channel.dx,
+            area[day], discharge[day, 0],
+        ):  # fmt: skip
+            raise RividError(
+                f"no steady flow of {inflow[day]:g} m3/s has the start level {levels[day]:g} m at x = L "
+                f"(bed there {channel.bed[-1]:g} m) without a dry or critical place{_row(day, days)}: "
+                "raise the start level, or check bed, width and manning"
+            )
+    discharge[:, 1] = discharge[:, 0]
+    return State(area, discharge, np.stack([inflow, outflow], axis=1), np.zeros((days, 3)))
+
+
+def _row(day: int, days: int) -> str:
+    return f", row {day}" if days > 1 else ""
+
+
+def _failure(
+    channel: Channel, days: int, time: NDArray[np.float64], step: float | None, courant: float,
+    how: int, day: int, k: int, cell: int, value: float,
+) -> RividError:  # fmt: skip
+    from rivid.reach.saint_venant import kernel
+
+    when = f"at {time[day, k]:g} s{_row(day, days)}"
+    if how == kernel.UNSTABLE and value > 0.0:
+        return ConfigError(
+            f"step = {step:g} s is unstable {when} with dx = {channel.dx:.4g} m: expected at most "
+            f"{value:.4g} s (a Courant number of {COURANT_LIMIT}), or fewer cells"
+        )
+    if how == kernel.UNSTABLE:
+        return RividError(
+            f"the flow blows up {when} (courant = {courant:g}, dx = {channel.dx:.4g} m): "
+            "check the commands, or give a smaller courant"
+        )
+    return RividError(
+        f"the reach runs dry {when}, {channel.x[cell]:.0f} m below the upstream dam: check inflow and "
+        f"outflow, raise the start level, or give a smaller courant ({courant:g}; dx = {channel.dx:.4g} m)"
+    )

@@ -1,0 +1,216 @@
+"""The compiled loops of Saint-Venant (1); importing this module loads numba.
+
+Continuity and momentum (1), for any section, without further terms for slope and width:
+
+    dA/dt + dQ/dx = q
+    dQ/dt + d(Q^2 / A)/dx + g A dz/dx + g n^2 Q |Q| / (A R^(4/3)) = 0
+
+Areas A stand in the cells at whole time steps, discharges Q on the faces between cells at half steps
+(leapfrog): all differences are centred, and a volume changes by what passes its faces and nothing else.
+Q on the faces at a whole step is extrapolated from the last two half steps; the momentum flux Q^2 / A is
+taken in the cells, Q there from a quadratic that leans upwind. Friction is implicit: Q |Q| is the product
+of the new and the old Q, which is second order since they stand half a step on either side.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from rivid.core.hydraulics import GRAVITY
+from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
+
+Floats = NDArray[np.float64]
+OK, DRY, UNSTABLE = 0, 1, 2
+"""How a day ended."""
+MAX_STEPS = 100_000
+"""More steps between two samples than this only a flow that blows up asks for."""
+
+
+@njit(cache=True, error_model="numpy")
+def wave_speed(A: Floats, Q: Floats, b: Floats, s: Floats) -> float:
+    """Largest |v| + sqrt(g A / B) in the reach [m/s]; NaN where a cell is not wet."""
+    fastest = 0.0
+    for i in range(len(A)):
+        B = np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i])  # width of the surface
+        speed = abs(0.5 * (Q[i] + Q[i + 1])) / A[i] + np.sqrt(GRAVITY * A[i] / B)
+        if not speed <= fastest:
+            fastest = speed
+    return float(fastest)
+
+
+@njit(cache=True, error_model="numpy")
+def ramp(t: float, gate_time: float) -> float:
+    """Integral from 0 to t of a gate's way from 0 to 1 [s]."""
+    if t < gate_time:
+        return 0.5 * t * t / gate_time
+    return t - 0.5 * gate_time
+
+
+@njit(cache=True, error_model="numpy")
+def in_cell(Q: Floats, i: int) -> float:
+    """Discharge in the middle of cell i, from a quadratic through two faces upstream and one downstream.
+
+    `Q` has one face more at each end than the reach: straight extensions, so that no cell is special.
+    """
+    mean = 0.5 * (Q[i + 1] + Q[i + 2])
+    bend_up = Q[i] - 2.0 * Q[i + 1] + Q[i + 2]
+    bend_down = Q[i + 1] - 2.0 * Q[i + 2] + Q[i + 3]
+    return float(mean - 0.125 * (bend_up if mean > 0.0 else bend_down))
+
+
+@njit(cache=True, error_model="numpy")
+def extend(Q: Floats) -> None:
+    """Fill in the face beyond each end."""
+    Q[0], Q[-1] = 2.0 * Q[1] - Q[2], 2.0 * Q[-2] - Q[-3]
+
+
+@njit(cache=True, error_model="numpy")
+def fluxes(A: Floats, Q: Floats, z: Floats, P: Floats, M: Floats, bed: Floats, b: Floats, s: Floats) -> None:
+    """Level z, wetted perimeter P and momentum flux M = Q^2 / A of each cell."""
+    for i in range(len(A)):
+        h = 2.0 * A[i] / (b[i] + np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i]))
+        z[i] = bed[i] + h
+        P[i] = b[i] + 2.0 * h * np.sqrt(1.0 + s[i] * s[i])
+        q = in_cell(Q, i)
+        M[i] = q * q / A[i]
+
+
+@njit(cache=True, error_model="numpy")
+def conveyance(A: Floats, P: Floats, friction: Floats, K: Floats) -> None:
+    """K = g n^2 / (A R^(4/3)) on the inner faces, R = A / P; `friction` is g n^2 there."""
+    for i in range(1, len(A)):
+        a = 0.5 * (A[i - 1] + A[i])
+        r = 0.5 * (P[i - 1] + P[i]) / a
+        K[i] = friction[i] / a * r * np.cbrt(r)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(
+    time: Floats,
+    inflow: Floats,
+    outflow: Floats,
+    lateral: Floats,
+    share: Floats,
+    observed: Floats,
+    nudge_time: float,
+    bed: Floats,
+    b: Floats,
+    s: Floats,
+    friction: Floats,
+    dx: float,
+    gate_time: float,
+    courant: float,
+    longest: float,
+    area: Floats,
+    discharge: Floats,
+    gates: Floats,
+    clock: Floats,
+    at_cell: NDArray[np.int64],
+    cell_weight: Floats,
+    at_face: NDArray[np.int64],
+    face_weight: Floats,
+    level: Floats,
+    levels: Floats,
+    discharges: Floats,
+    volume: Floats,
+    nudge: Floats,
+) -> tuple[int, int, int, int, float]:
+    """Go through all days; arrays have a row per day; the state arrays and the last five are written.
+
+    Returns
+    -------
+    how, day, sample, cell, value
+        OK; or DRY and the cell; or UNSTABLE and the step that would do [s].
+    """
+    days, n = inflow.shape
+    c = len(bed)
+    Qx = np.empty(c + 3)  # Q on the faces at the whole step, with one more face at each end
+    z, P, M, K = np.empty(c), np.empty(c), np.empty(c), np.zeros(c)
+    q = np.empty(c)
+    for day in range(days):
+        A, Q, Q_old = area[day], discharge[day, 0], discharge[day, 1]
+        dt_1, dt_2, usual = clock[day, 0], clock[day, 1], clock[day, 2]
+        if usual == 0.0:
+            usual = wave_speed(A, Q, b, s)
+            clock[day, 2] = usual
+        for k in range(n):
+            ahead = dt_1 / (dt_1 + dt_2) if dt_1 > 0.0 else 0.0
+            for i in range(1, c):
+                Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
+            Qx[1], Qx[c + 1] = gates[day, 0], gates[day, 1]
+            extend(Qx)
+            fluxes(A, Qx, z, P, M, bed, b, s)
+
+            level[day, k] = 1.5 * z[c - 1] - 0.5 * z[c - 2]  # the gauge is at x = L
+            for j in range(len(at_cell)):
+                i, w = at_cell[j], cell_weight[j]
+                levels[day, k, j] = (1.0 - w) * z[i] + w * z[i + 1]
+                i, w = at_face[j], face_weight[j]
+                discharges[day, k, j] = (1.0 - w) * Qx[i + 1] + w * Qx[i + 2]
+            total = 0.0
+            for i in range(c):
+                total += A[i]
+            volume[day, k] = total * dx
+            rise = 0.0
+            if nudge_time > 0.0 and np.isfinite(observed[day, k]):
+                rise = (observed[day, k] - level[day, k]) / nudge_time
+            nudge[day, k] = rise
+            if k == n - 1:
+                break
+
+            interval = time[day, k + 1] - time[day, k]
+            speed = wave_speed(A, Qx[1:], b, s)
+            if not speed * interval / (LIMIT * dx) < MAX_STEPS:
+                return UNSTABLE, day, k, 0, 0.0
+            if longest > 0.0:
+                steps = int(np.ceil(interval / longest * (1.0 - 1e-12)))
+                if speed * interval > LIMIT * dx * steps:
+                    return UNSTABLE, day, k, 0, LIMIT * dx / speed
+            else:  # as many as at the start, so that small changes of the reach make small changes
+                steps = int(np.ceil(usual * interval / (courant * dx)))
+                steps = max(steps, int(np.ceil(speed * interval / (LIMIT * dx))))
+            dt = interval / steps
+
+            for i in range(c):
+                q[i] = 0.0
+                for j in range(len(share)):
+                    q[i] += share[j, i] * lateral[j, day, k] / dx
+            up, down = gates[day, 0], gates[day, 1]
+            to_up, to_down = inflow[day, k] - up, outflow[day, k] - down
+            moved = 0.0
+            dry = 0
+            for step in range(steps):
+                if step > 0:
+                    ahead = dt_1 / (dt_1 + dt_2) if dt_1 > 0.0 else 0.0
+                    way = min(1.0, step * dt / gate_time) if gate_time > 0.0 else 1.0
+                    for i in range(1, c):
+                        Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
+                    Qx[1], Qx[c + 1] = up + way * to_up, down + way * to_down
+                    extend(Qx)
+                    fluxes(A, Qx, z, P, M, bed, b, s)
+                conveyance(A, P, friction, K)
+
+                since = 0.5 * (dt_1 + dt)  # from half step to half step
+                for i in range(1, c):  # momentum (1)
+                    push = (M[i] - M[i - 1]) + GRAVITY * 0.5 * (A[i - 1] + A[i]) * (z[i] - z[i - 1])
+                    old = Q[i]
+                    Q[i] = (old - since / dx * push) / (1.0 + since * K[i] * abs(old))
+                    Q_old[i] = old
+                passed = ramp((step + 1) * dt, gate_time)
+                Q[0] = up + to_up * (passed - moved) / dt  # the mean over the step
+                Q[c] = down + to_down * (passed - moved) / dt
+                moved = passed
+                for i in range(c):  # continuity (1)
+                    B = np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i])
+                    A[i] += dt * ((Q[i] - Q[i + 1]) / dx + q[i] + rise * B)
+                    dry += not A[i] > 0.0
+                dt_1, dt_2 = dt, dt_1
+                if dry > 0:
+                    for i in range(c):
+                        if not A[i] > 0.0:
+                            return DRY, day, k, i, A[i]
+            way = min(1.0, interval / gate_time) if gate_time > 0.0 else 1.0
+            gates[day, 0] = inflow[day, k] if way == 1.0 else up + way * to_up
+            gates[day, 1] = outflow[day, k] if way == 1.0 else down + way * to_down
+        clock[day, 0], clock[day, 1] = dt_1, dt_2
+    return OK, 0, 0, 0, 0.0

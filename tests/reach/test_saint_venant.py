@@ -1,0 +1,209 @@
+"""Saint-Venant against things that know nothing of its code: rest, mass, profiles, waves, a dam break."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from rivid.core.hydraulics import GRAVITY, travel_bounds
+from rivid.reach.response import AddedFlow
+from rivid.reach.saint_venant import Channel, State, simulate
+
+UNEVEN = {
+    "side_slope": 1.5,
+    "width_modes": (0.2, -0.1, 0.05),
+    "bed_modes": (0.4, 0.2, -0.2),
+    "manning_modes": (0.1, 0.1),
+}
+"""Shapes of a reach that varies along its way."""
+
+
+def uneven(cells=32):
+    return Channel.smooth(8200.0, 70.0, 1e-4, 0.028, cells, **UNEVEN)
+
+
+def gate_volume(time, commands, gate_time, start):
+    """Volume through a gate at each sample: the ramps as trapezia, by hand."""
+    position, total = start, [0.0]
+    for length, command in zip(np.diff(time), commands, strict=False):
+        if gate_time <= length:
+            total.append(total[-1] + 0.5 * (position + command) * gate_time + command * (length - gate_time))
+            position = command
+        else:
+            reached = position + (command - position) * length / gate_time
+            total.append(total[-1] + 0.5 * (position + reached) * length)
+            position = reached
+    return np.array(total)
+
+
+def test_a_lake_at_rest_stays_at_rest_over_any_bed_and_width():
+    rng = np.random.default_rng(0)
+    rough = Channel(
+        8200.0, rng.uniform(-1, 2, 40), rng.uniform(30, 120, 40), rng.uniform(0, 3, 40), np.full(40, 0.03)
+    )
+    time = 133.0 * np.arange(651)
+    flow = simulate(rough, time, np.zeros(651), np.zeros(651), 5.0, places=(0.0, 0.3, 1.0))
+    np.testing.assert_allclose(flow.levels, 5.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(flow.discharges, 0.0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(rough.level(flow.end.area[0]), 5.0, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("gate_time", [0.0, 30.0, 200.0])
+def test_the_volume_changes_by_what_dams_and_lateral_flows_bring_and_by_nothing_else(gate_time):
+    rng = np.random.default_rng(1)
+    time = np.concatenate([133.0 * np.arange(300), 133.0 * 300 + 47.0 + 133.0 * np.arange(300)])
+    inflow, outflow = (300.0 + rng.integers(-40, 41, 600) for _ in range(2))
+    rain = rng.uniform(0, 5, 600)
+    side = AddedFlow(0.37, lambda _: rain)
+    flow = simulate(uneven(), time, inflow, outflow, 5.0, lateral=[side], gate_time=gate_time)
+    brought = gate_volume(time, inflow, gate_time, inflow[0]) - gate_volume(
+        time, outflow, gate_time, outflow[0]
+    )
+    brought += np.concatenate([[0.0], np.cumsum(rain[:-1] * np.diff(time))])
+    np.testing.assert_allclose(flow.volume - flow.volume[0], brought, rtol=0, atol=1e-12 * flow.volume[0])
+    assert np.ptp(brought) > 1e4
+    channel = uneven()
+    assert flow.volume[-1] == pytest.approx(flow.end.area.sum() * channel.dx, rel=1e-14)
+
+
+@pytest.mark.parametrize("discharge", [60.0, 300.0, 700.0])
+def test_the_start_does_not_drift(discharge):
+    time = 133.0 * np.arange(651)
+    steady = np.full(651, discharge)
+    side = AddedFlow(0.5, lambda t: np.full_like(t, 7.0))
+    flow = simulate(uneven(), time, steady, steady + 7.0, 5.0, lateral=[side], places=(0.0, 0.5))
+    np.testing.assert_allclose(flow.level, 5.0, rtol=0, atol=1e-9)
+    assert np.ptp(flow.levels, axis=0).max() < 1e-9
+    np.testing.assert_allclose(flow.discharges[:, 0], discharge, rtol=0, atol=1e-6)
+
+
+def test_commands_that_differ_start_an_even_rise_without_a_wave():
+    channel = Channel.table_i()
+    time = 133.0 * np.arange(28)
+    flow = simulate(channel, time, np.full(28, 310.0), np.full(28, 300.0), 5.0)
+    rise = np.diff(flow.level)
+    assert rise[0] == pytest.approx(10.0 * 133.0 / channel.surface_area(5.0), rel=0.02)
+    assert np.abs(np.diff(rise)).max() < 1e-4
+    step = simulate(channel, time, np.where(time < 1.0, 300.0, 310.0), np.full(28, 300.0), 5.0)
+    assert np.abs(np.diff(np.diff(step.level))).max() > 1e-2  # what a start of the inflow alone brings
+
+
+def test_the_steady_profile_is_the_backwater_curve_to_second_order():
+    discharge, end, length = 500.0, 5.5, 8200.0
+    fine = uneven(4000)
+    x = np.concatenate([[0.0], fine.x, [length]])
+
+    def along(values):
+        ends = 1.5 * values[[0, -1]] - 0.5 * values[[1, -2]]
+        return np.concatenate([ends[:1], values, ends[1:]])
+
+    bed, width, n = along(fine.bed), along(fine.bottom_width), along(fine.manning)
+    fall, widening = np.gradient(bed, x), np.gradient(width, x)
+    m = UNEVEN["side_slope"]
+
+    def backwater(at, level):
+        """d(Q^2 / A)/dx + g A dz/dx + g A S_f = 0, solved for dz/dx."""
+        b, db, dbed = np.interp(at, x, width), np.interp(at, x, widening), np.interp(at, x, fall)
+        h = level[0] - np.interp(at, x, bed)
+        A, B, P = (b + m * h) * h, b + 2 * m * h, b + 2 * h * np.hypot(1, m)
+        friction = np.interp(at, x, n) ** 2 * (discharge / A) ** 2 / (A / P) ** (4 / 3)
+        F2 = discharge**2 * B / (GRAVITY * A**3)
+        return [(-friction - F2 * dbed + F2 * db * h / B) / (1 - F2)]
+
+    places = np.linspace(0, 1, 21)
+    curve = solve_ivp(backwater, (length, 0.0), [end], rtol=1e-9, atol=1e-10, t_eval=length * places[::-1])
+    truth = curve.y[0][::-1]
+    assert truth[0] - truth[-1] > 0.5
+    errors = []
+    for cells in (25, 50, 100):
+        commands = [discharge, discharge]
+        flow = simulate(uneven(cells), [0.0, 1.0], commands, commands, end, places=places)
+        errors.append(np.abs(flow.levels[0] - truth).max())
+    assert errors[0] < 0.02
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 1.7).all(), (errors, orders)
+
+
+@pytest.mark.parametrize(("side_slope", "discharge"), [(0.0, 0.0), (0.0, 500.0), (2.0, 500.0)])
+def test_a_small_wave_runs_at_its_celerity(side_slope, discharge):
+    channel = Channel.uniform(8200.0, 80.0, 0.0, 0.0, 300, side_slope=side_slope)
+    time = 2.0 * np.arange(500)
+    inflow = np.where(time < 10.0, discharge, discharge + 1.0)
+    flow = simulate(channel, time, inflow, np.full(500, discharge), 5.0, places=(0.2, 0.8), gate_time=60.0)
+    rise = flow.levels - flow.levels[0]
+    plateau = rise[np.argmax(rise[:, 1] > 0.9 * rise[:, 1].max()), 1]
+    arrivals = []
+    for r in rise.T:
+        front = slice(0, np.argmax(r > 0.9 * plateau) + 1)
+        arrivals.append(np.interp(0.5 * plateau, r[front], time[front]))
+    A, B = (80.0 + 5.0 * side_slope) * 5.0, 80.0 + 10.0 * side_slope
+    celerity = discharge / A + np.sqrt(GRAVITY * A / B)
+    assert 0.6 * 8200.0 / (arrivals[1] - arrivals[0]) == pytest.approx(celerity, rel=0.02)
+
+
+def stoker(x, t, high, low):
+    """Depths of a dam break over a wet, flat, frictionless bed (Stoker 1957)."""
+    c = np.sqrt(GRAVITY * high)
+
+    def mismatch(h):
+        u = 2 * (c - np.sqrt(GRAVITY * h))
+        return u - (h - low) * np.sqrt(0.5 * GRAVITY * (h + low) / (h * low))
+
+    middle = brentq(mismatch, low, high)
+    u = 2 * (c - np.sqrt(GRAVITY * middle))
+    shock = middle * u / (middle - low)
+    fan = (2 * c - x / t) ** 2 / (9 * GRAVITY)
+    tail = (u - np.sqrt(GRAVITY * middle)) * t
+    return np.select([x < -c * t, x < tail, x < shock * t], [high, fan, middle], low)
+
+
+def test_a_dam_break_takes_stokers_shape():
+    errors = []
+    for cells in (100, 200, 400):
+        channel = Channel.uniform(4000.0, 50.0, 0.0, 0.0, cells)
+        area = 50.0 * np.where(channel.x < 2000.0, 5.0, 2.0)[None]
+        still = State(area, np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), np.zeros((1, 3)))
+        flow = simulate(channel, [0.0, 180.0], [0.0, 0.0], [0.0, 0.0], still, courant=0.4)
+        depth = flow.end.area[0] / 50.0
+        errors.append(np.abs(depth - stoker(channel.x - 2000.0, 180.0, 5.0, 2.0)).mean())
+        assert depth.max() < 5.05 and depth.min() > 1.95
+        assert flow.volume[1] == pytest.approx(flow.volume[0], rel=1e-14)
+    assert errors[0] < 0.03
+    assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1], errors
+
+
+@pytest.mark.parametrize("place", [None, 0.61])
+def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
+    time = 20.0 * np.arange(1440)  # the gates' ways, 20 s long, are a smooth flow at every size of step
+    inflow = 350.0 + 100.0 * np.sin(2 * np.pi * time / 7200.0) ** 3
+    outflow = 350.0 + 60.0 * np.sin(2 * np.pi * time / 9000.0) ** 3
+    side = [] if place is None else [AddedFlow(place, lambda t: 20.0 * np.sin(2 * np.pi * t / 6000.0) ** 2)]
+    runs = [
+        simulate(
+            uneven(cells), time, inflow, outflow, 5.0,
+            places=np.linspace(0, 1, 9), lateral=side, gate_time=20.0, step=480.0 / cells,
+        )
+        for cells in (24, 48, 96, 192)
+    ]  # fmt: skip
+    kinds = [[r.level for r in runs]]
+    if place is None:  # the flow jumps where a lateral one enters
+        kinds += [[r.levels for r in runs], [r.discharges for r in runs]]
+    for values in kinds:
+        apart = [np.sqrt(np.mean((b - a) ** 2)) for a, b in zip(values, values[1:], strict=False)]
+        orders = np.log2(np.array(apart[:-1]) / apart[1:])
+        assert (orders > 1.9).all(), (apart, orders)
+
+
+@pytest.mark.parametrize("discharge", [100.0, 300.0, 500.0, 800.0])
+def test_a_step_of_inflow_arrives_at_the_gravity_bound(discharge):
+    channel = Channel.table_i(200)
+    time = 5.0 * np.arange(360)
+    inflow = np.where(time < 100.0, discharge, discharge + 20.0)
+    flow = simulate(channel, time, inflow, np.full(360, discharge), 5.2)
+    steepest = np.argmax(np.diff(flow.level))
+    arrival = time[steepest] + 2.5 - 100.0 - 15.0  # half the interval; the middle of the gate's way
+    start = simulate(channel, time[:2], inflow[:2], inflow[:2], 5.2)
+    depth = start.end.area.mean() / 81.6
+    assert 4.7 < depth < 6.0
+    bounds = travel_bounds(discharge, length=8200.0, width=81.6, depth=depth)
+    assert 0.98 * bounds.gravity < arrival < 1.05 * bounds.gravity < bounds.kinematic
