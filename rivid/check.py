@@ -86,7 +86,7 @@ class _Record:
     highest: float = -np.inf
 
 
-def check(root: Path, config: Config, today: dt.date | None = None) -> Report:
+def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None) -> Report:
     """Read every day of a directory of logs and say what is wrong.
 
     Parameters
@@ -94,8 +94,8 @@ def check(root: Path, config: Config, today: dt.date | None = None) -> Report:
     root : Path
         DATA_DIR, or one file.
     config : Config
-    today : date, optional
-        A log of this day may be unfinished.
+    today : date or aware datetime, optional
+        A log of this day may be unfinished; see :func:`rivid.logs.read.read_window`.
 
     Returns
     -------

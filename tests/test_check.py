@@ -85,6 +85,13 @@ def test_an_unfinished_log_of_today_is_pending_and_fine(tmp_path):
     assert (report.days[0].status, report.exit_code) == ("pending", 0)
 
 
+def test_today_is_a_day_of_the_logs_own_zone(tmp_path):
+    put(tmp_path, rows(zone="-07:00")[:300])
+    for now, status in (("2008-03-11T06:00Z", "pending"), ("2008-03-11T08:00Z", "failed")):
+        (day,) = check(tmp_path, config(), today=dt.datetime.fromisoformat(now)).days
+        assert day.status == status
+
+
 def test_no_logs_at_all(tmp_path):
     with pytest.raises(NoDataError, match="looked for"):
         check(tmp_path, config())

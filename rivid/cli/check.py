@@ -32,8 +32,9 @@ def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.dateti
 
     settings = load_config(config)
     zone = settings.input.time_zone
-    now = today or dt.datetime.now(ZoneInfo(zone) if zone else dt.UTC)
-    report = check(data_dir, settings, now.date())
+    # without a configured zone it is the log's own that says which day it is
+    now = dt.datetime.now(ZoneInfo(zone)).date() if zone else dt.datetime.now(dt.UTC)
+    report = check(data_dir, settings, today.date() if today else now)
     if as_json:
         click.echo(json.dumps(report.to_json()))
     else:

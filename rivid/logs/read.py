@@ -18,7 +18,7 @@ from rivid.logs.header import ColumnError
 from rivid.logs.load import load
 from rivid.logs.log import Log
 from rivid.logs.spec import Spec, spec_of
-from rivid.logs.times import clock, day_bounds, local
+from rivid.logs.times import LAST_ZONE, clock, day_bounds, local, zone_named
 
 Floats = NDArray[np.float64]
 Micros = NDArray[np.int64]
@@ -54,7 +54,7 @@ class DataSet:
 
 
 def read_window(
-    root: Path, sources: Sequence[DaySource], config: Config, *, today: dt.date | None = None
+    root: Path, sources: Sequence[DaySource], config: Config, *, today: dt.date | dt.datetime | None = None
 ) -> DataSet:
     """Read consecutive days and put them on one grid.
 
@@ -65,8 +65,8 @@ def read_window(
     sources : sequence of DaySource
         In date order.
     config : Config
-    today : date, optional
-        A log of this day may be unfinished.
+    today : date or aware datetime, optional
+        A log of this day may be unfinished; of a moment, the day is that of the log's own zone.
 
     Returns
     -------
@@ -79,18 +79,33 @@ def read_window(
     PendingError
         Where the last day is `today` or later and its log is not finished.
     """
-    spec = spec_of(config)
-    unfinished = today is not None and sources[-1].date >= today
+    spec, folder = spec_of(config), root if root.is_dir() else root.parent
     try:
-        return _read(root if root.is_dir() else root.parent, sources, spec)
+        return _read(folder, sources, spec)
     except TrailingGap as error:
-        if unfinished:
+        if _may_grow(folder, sources[-1], spec, today):
             raise PendingError(f"the log of {sources[-1].date} is not finished: {error}") from None
         raise DataError(str(error)) from None
     except CutError as error:
-        if unfinished and any(part.name in str(error) for part in sources[-1].parts):
+        torn = any(part.name in str(error) for part in sources[-1].parts)
+        if torn and _may_grow(folder, sources[-1], spec, today):
             raise PendingError(f"the log of {sources[-1].date} is being written: {error}") from None
         raise DataError(str(error)) from None
+
+
+def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.datetime | None) -> bool:
+    """Whether a day's log may be unfinished."""
+    if not isinstance(today, dt.datetime):
+        return today is not None and source.date >= today
+    zone = zone_named(spec.time_zone) if spec.time_zone else LAST_ZONE
+    for part in source.parts if not spec.time_zone else ():
+        try:
+            limits = DAY if is_day_file(part.path) else MANY
+            zone = load(root / part.path, part.name, spec, limits).zone
+        except DataError:
+            continue  # not a row of it can be read yet
+        break
+    return source.date >= today.astimezone(zone).date()
 
 
 def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:

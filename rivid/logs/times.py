@@ -23,6 +23,10 @@ UNIX = {"unix": MICRO, "unix_ms": 1000}
 """Time formats that count seconds or milliseconds of UTC since 1970, as [us]."""
 
 
+LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
+"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
+
+
 def zone_named(name: str) -> dt.tzinfo:
     """The zone of `[input] time_zone`."""
     return ZoneInfo(name)

@@ -219,6 +219,37 @@ class TestToday:
         with pytest.raises(PendingError):
             read(tmp_path, today=DAY)
 
+    @pytest.mark.parametrize(
+        ("zone", "last_hour", "first_hour_after"),
+        [
+            ("+01:00", "2008-03-10T22:59", "2008-03-10T23:00"),
+            ("-07:00", "2008-03-11T06:59", "2008-03-11T07:00"),
+        ],
+    )
+    def test_of_a_moment_the_day_is_that_of_the_logs_own_zone(
+        self, tmp_path, zone, last_hour, first_hour_after
+    ):
+        folder = put(tmp_path, rows(zone=zone)[:400])
+        with pytest.raises(PendingError):
+            read(folder, today=dt.datetime.fromisoformat(last_hour + "Z"))
+        with pytest.raises(PendingError):  # any aware datetime is the same moment
+            read(folder, today=dt.datetime.fromisoformat(last_hour + "Z").astimezone(dt.timezone.max))
+        with pytest.raises(DataError) as caught:
+            read(folder, today=dt.datetime.fromisoformat(first_hour_after + "Z"))
+        assert not isinstance(caught.value, PendingError)
+        settled = {"time_zone": "Asia/Tokyo", "today": dt.datetime.fromisoformat("2008-03-10T15:00Z")}
+        with pytest.raises(DataError) as caught:
+            read(put(tmp_path / "naive", rows(zone="")[:400]), **settled)
+        assert not isinstance(caught.value, PendingError)
+
+    def test_a_log_without_any_row_is_pending_until_its_day_is_over_everywhere(self, tmp_path):
+        (tmp_path / f"{DAY}.csv").write_text("")
+        with pytest.raises(PendingError, match="2008-03-10.csv is empty"):
+            read(tmp_path, today=dt.datetime.fromisoformat("2008-03-11T11:59Z"))
+        with pytest.raises(DataError, match="2008-03-10.csv is empty") as caught:
+            read(tmp_path, today=dt.datetime.fromisoformat("2008-03-11T12:00Z"))
+        assert not isinstance(caught.value, PendingError)
+
     def test_a_complete_log_of_today_is_read(self, tmp_path):
         assert len(read(put(tmp_path, rows()), today=DAY).inflow) == 650
 
