@@ -14,6 +14,9 @@ Micros = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+UNLIKE = 0.02
+"""Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
+
 MISSED = 1.5
 """A step of this many usual intervals means that a value is missing between; less is an unsteady clock."""
 
@@ -121,6 +124,22 @@ def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
         raise DataError(f"{text}: {every}: if that is its interval, {_declare(signal, usual)}")
     kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
     raise kind(f"{text} ({_limit(spec)})")
+
+
+def refuse_supposed(times: Micros, signal: Signal, spec: Spec) -> None:
+    """Refuse a column whose stamps were moved by T_s where its intervals are others: it decides d.
+
+    Raises
+    ------
+    DataError
+    """
+    usual = int(np.median(np.diff(times))) if len(times) > 2 else signal.spacing
+    if abs(usual - signal.spacing) > max(UNLIKE * signal.spacing, spec.tolerance):
+        raise DataError(
+            f'{signal.name} is stamped at the end of its interval ([input.stamp] "end") and comes every '
+            f"{usual / MICRO:g} s, not every {signal.spacing / MICRO:g} s as [reach] sample_time: "
+            + _declare(signal, usual)
+        )
 
 
 def _declare(signal: Signal, usual: int) -> str:

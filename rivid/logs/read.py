@@ -13,7 +13,7 @@ from rivid.config import Config
 from rivid.errors import ConfigError, DataError, PendingError
 from rivid.logs.files import DAY, MANY, CutError
 from rivid.logs.find import DaySource, Part, is_day_file
-from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled
+from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
 from rivid.logs.header import ColumnError
 from rivid.logs.load import load
 from rivid.logs.log import Log
@@ -156,6 +156,8 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     samples: dict[str, Floats] = {}
     all_filled = None
     for signal in spec.signals:
+        if signal.supposed:
+            refuse_supposed(days[0][signal.name][0], signal, spec)
         samples[signal.name], filled = on_grid(*days[0][signal.name], grid, signal, spec)
         if filled is not None:
             all_filled = filled if all_filled is None else all_filled | filled

@@ -31,6 +31,8 @@ class Signal:
         Expected time between two values [us].
     held : bool
         A command holds until the next one; a measured quantity is interpolated.
+    supposed : bool
+        Whether the shift is T_s only because no interval is declared: the log must then come every T_s.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Signal:
     shift: int
     spacing: int
     held: bool
+    supposed: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,15 +108,17 @@ def _build(config: Config) -> Spec:
         sources = (column or name,) if isinstance(column or name, str) else tuple(column)
         interval = given.interval.get(name)
         spacing = round((interval or reach.sample_time) * MICRO)
+        ends = given.stamp.get(name) == "end"
         unit = given.units.get(name, "m" if name == "h_L" else "m3/s")
         signals.append(
             Signal(
                 name=name,
                 sources=sources,
                 factor=UNITS["flow" if name in FLOWS else "level"][unit],
-                shift=spacing if given.stamp.get(name) == "end" else 0,
+                shift=spacing if ends else 0,
                 spacing=spacing,
                 held=name in ("u_Qi", "u_Qo"),
+                supposed=ends and interval is None,
             )
         )
     return Spec(

@@ -80,6 +80,22 @@ def test_a_stamp_at_the_end_moves_the_command_to_the_start_of_its_interval(tmp_p
     assert (late.output[1:] == data.output[:-1]).all()
 
 
+@pytest.mark.parametrize(("column", "step"), [("u_Qi", 60), ("h_L", 60), ("u_Qi", 300)])
+def test_a_stamp_at_the_end_of_an_undeclared_interval_is_asked_for(tmp_path, column, step):
+    lines = rows(n=86_400 // step, step=step, start=step)
+    put(tmp_path, lines)
+    with pytest.raises(DataError) as caught:
+        read(tmp_path, stamp={column: "end"}, max_filled=1)
+    assert f"{column} is stamped at the end of its interval" in str(caught.value)
+    assert f"comes every {step} s, not every 133 s as [reach] sample_time" in str(caught.value)
+    assert str(caught.value).endswith(f": set [input.interval] {column} = {step}")
+    declared = read(tmp_path, stamp={column: "end"}, interval=dict.fromkeys(("u_Qi", "u_Qo", "h_L"), step))
+    if column == "u_Qi":
+        # the value of the interval around; one that begins up to T_s / 100 late is around too
+        held = [float(lines[int(133.0 * k + 1.33) // step][1]) for k in range(650)]
+        assert (declared.inflow == held).all()
+
+
 def test_commands_are_held_and_levels_interpolated(tmp_path):
     lines = rows(step=133, start=66)
     data = read(put(tmp_path, lines[:649]))
