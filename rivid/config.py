@@ -96,6 +96,7 @@ class InputConfig(_Section):
     repeated_header: Literal["error", "drop"] = "error"
     missing: list[str] = ["", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"]
     sentinels: list[float] = []
+    not_sentinels: list[float] = []
     max_gap: Annotated[float, Field(ge=0, le=86_400)] = 600.0
     max_filled: Annotated[float, Field(ge=0, le=1)] = 0.2
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from rivid.logs.numbers import NumberReader
+from rivid.logs.sentinels import sentinels_in
 
 MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (".", "'"), (",", "'"))
 """Decimal and thousands marks that are tried, the plainest first."""
-
-SENTINELS = (-1000.0, -999.0, -999.9, -999.99, -9999.0, -99999.0, -99.0, -8888.0, 9999.0, 99999.0, 999999.0)
 
 _FLOW_UNITS = (
     ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft"),
@@ -96,17 +97,7 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
     steps = Counter(b - a for a, b in pairwise(at))
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
-    return ColumnGuess(name, role, known, _guess_sentinels(values), tuple(texts), every)
-
-
-def _guess_sentinels(values: Sequence[float]) -> tuple[float, ...]:
-    """Well-known markers that lie apart from all other values."""
-    found = [s for s in SENTINELS if s in values]
-    others = [v for v in values if v not in SENTINELS]
-    if not others:
-        return ()
-    span = max(others) - min(others) + 0.1 * abs(max(others, key=abs))
-    return tuple(s for s in found if s < min(others) - span or s > max(others) + span)
+    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every)
 
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:

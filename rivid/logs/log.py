@@ -11,6 +11,7 @@ import numpy as np
 from rivid.errors import DataError
 from rivid.logs.columns import Columns, Floats, Micros
 from rivid.logs.numbers import LARGEST
+from rivid.logs.sentinels import undeclared
 from rivid.logs.spec import Signal, Spec
 from rivid.logs.times import clock, day_bounds, fixed_zone, local, to_utc, zone_named
 
@@ -135,6 +136,7 @@ def make_log(columns: Columns, spec: Spec, name: str, digest: str) -> Log:
         times, refused = to_utc(times, zone, spec.ambiguous)
         faults += [(row, f"{columns.place(row)}: {reason}", False) for row, reason in refused]
     values = {signal.name: _signal(signal, columns, spec, events, faults) for signal in spec.signals}
+    faults += undeclared(columns, times, spec, zone)
     last = len(times) - 1
     faults += [(min(max(row - 1, 0), last), text, cut) for row, text, cut in columns.bad]
     for kind, rows in columns.dropped.items():

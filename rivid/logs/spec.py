@@ -63,6 +63,7 @@ class Spec:
     repeated_header: Literal["error", "drop"]
     missing: tuple[str, ...]
     sentinels: tuple[float, ...]
+    not_sentinels: tuple[float, ...]
     period: float
     max_gap: int
     max_filled: float
@@ -137,6 +138,7 @@ def _build(config: Config) -> Spec:
         repeated_header=given.repeated_header,
         missing=tuple(given.missing),
         sentinels=tuple(given.sentinels),
+        not_sentinels=tuple(given.not_sentinels),
         period=reach.sample_time,
         max_gap=round(given.max_gap * MICRO),
         max_filled=given.max_filled,

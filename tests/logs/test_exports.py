@@ -74,7 +74,7 @@ HINTS = {
     "american": "nearest is",
     "thousands": 'set [input] separator = ";"',
     "preamble": 'set [input] separator = ";"',
-    "sentinels and status": 'add "Eqp" to [input] missing',
+    "sentinels and status": "set [input] sentinels = [-999]",
     "date and clock": "no column 'time'",
     "quoted commas": 'set [input] decimal = ","',
     "unix": "there are: timestamp, u_Qi",
@@ -97,6 +97,8 @@ def test_an_undeclared_export_is_refused_with_what_to_declare(tmp_path, name):
         ("thousands", "thousands", 'set [input] thousands = ","'),
         ("german", "unit_rows", "looks like a row of units: set [input] unit_rows = 1"),
         ("preamble", "skip_rows", "no column 'time' for time"),
+        ("sentinels and status", "missing", 'add "Eqp" to [input] missing'),
+        ("sentinels and status", "sentinels", "column 'h_L' holds -999 2 times, far from the day's 11"),
         ("hour 24", "time_format", "is no time of ISO 8601"),
     ],
 )
