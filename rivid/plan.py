@@ -46,7 +46,7 @@ class Options:
         """Today's date in the reach's zone; without a zone the moment, for the log's own offset to date."""
         moment = dt.datetime.now(dt.UTC)
         zone = config.input.time_zone
-        return self.today or (moment.astimezone(ZoneInfo(zone)).date() if zone else moment.date())
+        return self.today or (moment.astimezone(ZoneInfo(zone)).date() if zone else moment)
 
 
 @dataclass(frozen=True)

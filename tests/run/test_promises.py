@@ -1,5 +1,6 @@
 """Promises that a hunt for faults found broken once."""
 
+import datetime as dt
 import json
 import os
 import random
@@ -259,3 +260,18 @@ def test_a_toml_with_a_byte_order_mark_is_read(tmp_path):
     path = tmp_path / "c.toml"
     path.write_bytes(b"\xef\xbb\xbf[jmap]\nsigma_d = 9\n")
     assert load_config(path).jmap.sigma_d == 9
+
+
+def test_without_a_zone_today_is_the_logs_own(tmp_path):
+    """Half a day behind UTC the day is under way while UTC is mostly a day ahead."""
+    data = tmp_path / "data"
+    data.mkdir()
+    zone = dt.timezone(dt.timedelta(hours=-12))
+    here = dt.datetime.now(zone)
+    midnight = dt.datetime.combine(here.date(), dt.time(), zone)
+    rows = [
+        f"{(midnight + dt.timedelta(seconds=133 * k)).isoformat()},{300 + k % 7},300,118" for k in range(40)
+    ]
+    (data / f"{here.date()}.csv").write_text("\n".join(["time,u_Qi,u_Qo,h_L", *rows]) + "\n")
+    assert rivid("run", data, "--out", tmp_path / "out", "--no-figures")[0] == 0
+    assert load_results(tmp_path / "out").estimators[0].status == ["pending"]
