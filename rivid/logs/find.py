@@ -2,120 +2,24 @@
 
 import datetime as dt
 import os
-import re
 import stat
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from rivid.config import Config
 from rivid.errors import DataError, NoDataError
+from rivid.logs.catalog import Catalog, DaySource, FileFacts, Part, is_day_file
 from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
+from rivid.logs.load import load
+from rivid.logs.spec import Spec, spec_of
 
-_DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
+__all__ = ["Catalog", "DaySource", "FileFacts", "Part", "find_days"]
+
+ONE_DAY = dt.timedelta(days=1)
+FEW_ROWS, FEW_BYTES = 4, 8192
+"""Only a log as small as this may hold a single row, and is opened to see."""
 LOOKED_FOR = f"YYYY-MM-DD{', YYYY-MM-DD'.join(SUFFIXES)}, or files of many days with these suffixes"
-
-
-@dataclass(frozen=True)
-class Part:
-    """What one file says of one day.
-
-    Attributes
-    ----------
-    path : str
-        Relative to the root, with ``/``.
-    digest : str
-        SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many days.
-    """
-
-    path: str
-    digest: str
-
-    @property
-    def name(self) -> str:
-        """How messages call the file."""
-        return shown(self.path)
-
-
-@dataclass(frozen=True)
-class DaySource:
-    """A day and the files that speak of it."""
-
-    date: dt.date
-    parts: tuple[Part, ...]
-
-
-@dataclass(frozen=True)
-class FileFacts:
-    """What is known of a file, to spare hashing and opening it again.
-
-    Attributes
-    ----------
-    size, mtime_ns : int
-        Where these have not changed, neither has the file, as far as one cares to look.
-    digest : str
-        SHA-256 (hex) of the file.
-    days : tuple of (str, str), or None
-        Of a file of many days: ISO date and digest of each.
-    settings : str
-        Digest of the settings that `days` was found with.
-    """
-
-    size: int
-    mtime_ns: int
-    digest: str
-    days: tuple[tuple[str, str], ...] | None = None
-    settings: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        days = None if self.days is None else [list(day) for day in self.days]
-        return {
-            "size": self.size,
-            "mtime_ns": self.mtime_ns,
-            "digest": self.digest,
-            "days": days,
-            "settings": self.settings,
-        }
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
-        """The inverse of :meth:`to_json`."""
-        days = value.get("days")
-        return cls(
-            int(value["size"]),
-            int(value["mtime_ns"]),
-            str(value["digest"]),
-            None if days is None else tuple((str(date), str(digest)) for date, digest in days),
-            str(value.get("settings", "")),
-        )
-
-
-@dataclass(frozen=True)
-class Catalog:
-    """What DATA_DIR holds.
-
-    Attributes
-    ----------
-    days : list of DaySource
-        In date order.
-    bad_files : list of (str, str)
-        Relative path, printable, and reason, of files that speak of no day.
-    files : dict of FileFacts
-        By relative path.
-    """
-
-    days: list[DaySource]
-    bad_files: list[tuple[str, str]] = field(default_factory=list)
-    files: dict[str, FileFacts] = field(default_factory=dict)
-
-
-def is_day_file(path: str) -> bool:
-    """Whether a log's name says that it is of one day."""
-    suffix = suffix_of(path)
-    return suffix is not None and _DAY_NAME.fullmatch(path[: -len(suffix)]) is not None
 
 
 def find_days(
@@ -145,23 +49,45 @@ def find_days(
         Where there is no log.
     """
     paths, folder = _candidates(root, shown(str(root)))
-    inside = os.path.realpath(folder)
+    within = os.path.realpath(folder) if folder == root else None
+    spec = spec_of(config)
+    settings = spec.digest
     parts: dict[dt.date, list[Part]] = {}
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
+    day_files: dict[dt.date, list[Part]] = {}
+    edges: list[tuple[dt.date, Part]] = []
     for path in paths:
         name = path.name
         try:
-            facts = _look(path, inside if folder == root else None, config, (known or {}).get(name), verify)
+            facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
         except DataError as error:
             bad.append((shown(name), _without_name(str(error), shown(name))))
             continue
         files[name] = facts
-        if facts.days is None:
-            parts.setdefault(_date_of(name), []).append(Part(name, facts.digest))
-        for date, digest in facts.days or ():
-            parts.setdefault(dt.date.fromisoformat(date), []).append(Part(name, digest))
+        if is_day_file(name):
+            part = Part(name, facts.digest)
+            day_files.setdefault(_date_of(name), []).append(part)
+            if facts.days is None:
+                parts.setdefault(_date_of(name), []).append(part)
+            continue
+        for iso, digest in facts.days or ():
+            date, part = dt.date.fromisoformat(iso), Part(name, digest)
+            if iso in facts.edges:
+                edges.append((date, part))
+            else:
+                parts.setdefault(date, []).append(part)
+    for date, part in edges:
+        if date in parts:  # a row at midnight alone makes no day; beside others it may complete one
+            parts[date].append(part)
+    if spec.latest:
+        for date in parts:  # the row that closes it may stand in the next day's file
+            parts[date] += day_files.get(date + ONE_DAY, [])
     if not parts:
+        if files:
+            raise NoDataError(
+                f"no log in {shown(str(root))} holds more of a day than the row at its midnight"
+            )
         if bad:
             raise NoDataError(f"no log in {shown(str(root))} can be used: {bad[0][0]}: {bad[0][1]}")
         raise NoDataError(f"no logs in {shown(str(root))}: looked for {LOOKED_FOR}")
@@ -183,7 +109,9 @@ def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
     return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
 
 
-def _look(path: Path, inside: str | None, config: Config, known: FileFacts | None, verify: bool) -> FileFacts:
+def _look(
+    path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
+) -> FileFacts:
     """What a file is and says of which days; `inside` is where a link may lead."""
     try:
         status = os.lstat(path)
@@ -207,29 +135,37 @@ def _look(path: Path, inside: str | None, config: Config, known: FileFacts | Non
         and known is not None
         and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns)
     )
-    if is_day_file(path.name):
-        _date_of(path.name)
-        if same and known is not None and known.days is None:
-            return known
-        return FileFacts(status.st_size, status.st_mtime_ns, _hash(path, status.st_size))
-    from rivid.logs.spec import spec_of
-
-    settings = spec_of(config).digest
-    if same and known is not None and known.days is not None and known.settings == settings:
+    single = is_day_file(path.name)
+    date = _date_of(path.name) if single else None
+    if same and known is not None and known.settings == settings and (single or known.days is not None):
         return known
-    return _split(path, config, status, settings)
+    if date is None:
+        return _split(path, spec, status, settings)
+    digest, rows = _hash(path, status.st_size)
+    few = rows <= spec.skip_rows + spec.unit_rows + FEW_ROWS
+    days = () if spec.latest and few and _is_edge(path, spec, date) else None
+    return FileFacts(status.st_size, status.st_mtime_ns, digest, days, settings)
 
 
-def _split(path: Path, config: Config, status: os.stat_result, settings: str) -> FileFacts:
+def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
+    """Whether a day's file holds no more than the row at its midnight: an end of the day before."""
+    try:
+        log = load(path, shown(path.name), spec, DAY, fresh=True)
+    except DataError:
+        return False
+    start, end = log.bounds(date)
+    return log.is_edge(date) and start <= log.times[0] and log.times[-1] < end
+
+
+def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> FileFacts:
     """The days of a file of many."""
-    from rivid.logs.load import load
-    from rivid.logs.spec import spec_of
-
-    log = load(path, shown(path.name), spec_of(config), MANY, fresh=True)
-    days = tuple((date.isoformat(), log.digest_of(date)) for date in log.dates())
+    log = load(path, shown(path.name), spec, MANY, fresh=True)
+    dates = log.dates()
+    days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
     if not days:
         raise DataError("has no values in the columns that are asked for")
-    return FileFacts(status.st_size, status.st_mtime_ns, log.digest, days, settings)
+    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
+    return FileFacts(status.st_size, status.st_mtime_ns, log.digest, days, settings, edges)
 
 
 def _date_of(name: str) -> dt.date:
@@ -239,15 +175,21 @@ def _date_of(name: str) -> dt.date:
         raise DataError(f"{name[:10]} is no date: expected YYYY-MM-DD") from None
 
 
-def _hash(path: Path, size: int) -> str:
-    """Digest of a day's file; one beyond the limits is not read for it, as it will not be for its data."""
+def _hash(path: Path, size: int) -> tuple[str, int]:
+    """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted.
+
+    One beyond the limits is not read for it, as it will not be for its data.
+    """
     if size > DAY.bytes:
-        return sha256(f"too large: {size}".encode()).hexdigest()
+        return sha256(f"too large: {size}".encode()).hexdigest(), size
     try:
         with open(path, "rb", buffering=0) as file:
-            return sha256(file.read(DAY.bytes + 1)).hexdigest()
+            content = file.read(DAY.bytes + 1)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
+    packed = suffix_of(path.name) != ".csv"
+    rows = max(size - FEW_BYTES, 0) if packed else content.count(b"\n")
+    return sha256(content).hexdigest(), rows
 
 
 def _without_name(reason: str, name: str) -> str:

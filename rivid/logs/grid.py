@@ -123,6 +123,8 @@ def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
         every = f"{signal.name} comes every {_span(usual)}"
         raise DataError(f"{text}: {every}: if that is its interval, {_declare(signal, usual)}")
     kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
+    if kind is TrailingGap and gaps[-1] <= signal.shift + spec.tolerance:
+        text += ": the row that closes the day is the first of the next one's log, and is not there"
     raise kind(f"{text} ({_limit(spec)})")
 
 

@@ -82,9 +82,30 @@ class Log:
             part[name] = (times, values) if high - low == len(times) else (times[low:high], values[low:high])
         return part
 
-    def faults_of(self, date: dt.date) -> list[Fault]:
-        """What is wrong with a local day."""
+    def closing(self, end: int) -> dict[str, tuple[Micros, Floats]]:
+        """The part of each series that is stamped from `end` on, but belongs before it [us]."""
+        part = {}
+        for signal in self.spec.signals:
+            times, values = self.series[signal.name]
+            low, high = times.searchsorted((end - signal.shift, end)).tolist()
+            part[signal.name] = times[low:high], values[low:high]
+        return part
+
+    def is_edge(self, date: dt.date) -> bool:
+        """Whether a local day has no row but such as begin or end another day, at its midnights."""
         start, end = self.bounds(date)
+        if 2 * max(signal.spacing for signal in self.spec.signals) > end - start:
+            return False  # a row is much of a day
+        if any(start <= fault.time < end for fault in self.faults):
+            return False
+        first = start + max(2 * self.spec.tolerance + 1, self.spec.latest)
+        low, high = self.times.searchsorted((first, end))
+        return bool(low == high)
+
+    def faults_of(self, date: dt.date) -> list[Fault]:
+        """What is wrong with a local day, the rows that close it included."""
+        start, end = self.bounds(date)
+        end += self.spec.latest
         return [fault for fault in self.faults if start <= fault.time < end]
 
     def events_of(self, date: dt.date) -> dict[str, int]:

@@ -11,18 +11,23 @@ from numpy.typing import NDArray
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, PendingError
+from rivid.logs.catalog import DaySource, Part, is_day_file
 from rivid.logs.files import DAY, MANY, CutError
-from rivid.logs.find import DaySource, Part, is_day_file
 from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
 from rivid.logs.header import ColumnError
+from rivid.logs.join import join, merge, refuse_shifted, refuse_zones
 from rivid.logs.load import load
 from rivid.logs.log import Log
 from rivid.logs.spec import Spec, spec_of
-from rivid.logs.times import LAST_ZONE, clock, day_bounds, local, zone_named
+from rivid.logs.times import LAST_ZONE, day_bounds, local, zone_named
 
 Floats = NDArray[np.float64]
 Micros = NDArray[np.int64]
 Series = dict[str, tuple[Micros, Floats]]
+
+
+class ChangedError(DataError):
+    """A log that is not what was listed."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +155,8 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     start, _ = day_bounds(first, zones[0])
     end = day_bounds(last, zones[-1])[1]
     if len(sources) > 1:
-        _refuse_shifted(sources, zones)
-        days = [{name: _join([day[name] for day in days]) for name in days[0]}]
+        refuse_shifted(sources, zones)
+        days = [{name: join([day[name] for day in days]) for name in days[0]}]
     grid = make_grid(start, end, spec.period, zones[0], len(sources))
     samples: dict[str, Floats] = {}
     all_filled = None
@@ -178,20 +183,45 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
 def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[Series, dt.tzinfo]:
     """All that the parts of a day say about it."""
     logs = []
+    closing = [part for part in source.parts if part.closes(source.date)]
     for part in source.parts:
+        if part in closing:
+            continue
         log = _as_listed(root, part, source.date, spec)
         _refuse_faults(log, part, source.date)
         notes.update(log.events_of(source.date))
         if is_day_file(part.path):
             _count_outside(log, part, source.date, notes)
         logs.append(log)
-    if len(logs) == 1:
-        return logs[0].of_day(source.date), logs[0].zone
-    _refuse_zones([log.zone for log in logs], source.date)
-    parts = [log.of_day(source.date) for log in logs]
-    paths = " and ".join(part.name for part in source.parts)
-    merged = {name: _merge([p[name] for p in parts], name, paths, logs[0].zone, notes) for name in parts[0]}
-    return merged, logs[0].zone
+    series, zone = logs[0].of_day(source.date), logs[0].zone
+    if len(logs) > 1:
+        refuse_zones([log.zone for log in logs], source.date)
+        parts = [log.of_day(source.date) for log in logs]
+        paths = " and ".join(part.name for part in source.parts if part not in closing)
+        series = {name: merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
+    for part in closing:
+        series = _closed(series, root, part, source.date, logs[0].bounds(source.date)[1], spec)
+    return series, zone
+
+
+def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spec: Spec) -> Series:
+    """A day with the rows of the next day's file that belong to it; its own file's come first."""
+    try:
+        log = _as_listed(root, part, date, spec)
+    except ChangedError:
+        raise
+    except DataError:
+        return series  # the next day's fault: without its row, the gap at the end decides
+    closed = {}
+    for name, (times, values) in log.closing(end).items():
+        own = series[name]
+        new = times > own[0][-1] + spec.tolerance if len(own[0]) else np.ones(len(times), bool)
+        closed[name] = join([own, (times[new], values[new])]) if new.any() else own
+    if any(closed[name] is not series[name] for name in closed):
+        for fault in log.faults:
+            if fault.time < end + spec.latest:
+                raise DataError(f"{part.name}, {fault.text}")
+    return closed
 
 
 def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
@@ -201,7 +231,7 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
         log = load(root / part.path, part.name, spec, DAY if single else MANY, fresh=fresh)
         if (log.digest if single else log.digest_of(date)) == part.digest:
             return log
-    raise DataError(f"{part.name} is not what it was when it was listed: run again, with --verify")
+    raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")
 
 
 def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:
@@ -217,12 +247,10 @@ def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> 
     start, end = log.bounds(date)
     if log.times[0] >= start and log.times[-1] < end:
         return
-    inside = np.zeros(len(log.times), bool)
-    for shift in {signal.shift for signal in log.spec.signals}:
-        low, high = log.times.searchsorted((start + shift, end + shift))
-        inside[low:high] = True
-    outside = len(inside) - int(np.count_nonzero(inside))
-    if outside == len(inside):
+    # a row of the first midnight may close the day before
+    low, high = log.times.searchsorted((start, end + log.spec.latest)).tolist()
+    outside = len(log.times) - (high - low)
+    if outside == len(log.times):
         held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
         span = " to ".join(str(day) for day in held)
         raise DataError(
@@ -230,47 +258,3 @@ def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> 
         )
     if outside:
         notes["rows of other days dropped"] += outside
-
-
-def _refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:
-    if len({day_bounds(date, zone) for zone in zones}) > 1:
-        raise DataError(
-            f"the logs of {date} have different UTC offsets: "
-            "set [input] time_zone to the zone whose days are meant"
-        )
-
-
-def _refuse_shifted(sources: Sequence[DaySource], zones: Sequence[dt.tzinfo]) -> None:
-    """Each day must end where the next begins, or the grid is not regular."""
-    for (a, zone_a), (b, zone_b) in zip(
-        zip(sources, zones, strict=True), list(zip(sources, zones, strict=True))[1:], strict=False
-    ):
-        if day_bounds(a.date, zone_a)[1] != day_bounds(b.date, zone_b)[0]:
-            if b.date - a.date == dt.timedelta(days=1):
-                raise DataError(
-                    f"{a.date} and {b.date} have different UTC offsets: "
-                    "set [input] time_zone to the zone whose days are meant"
-                )
-            raise DataError(f"{a.date} and {b.date} are not consecutive days")
-
-
-def _join(parts: list[tuple[Micros, Floats]]) -> tuple[Micros, Floats]:
-    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
-
-
-def _merge(
-    parts: list[tuple[Micros, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
-) -> tuple[Micros, Floats]:
-    """One column of a day from several files; where they overlap they must agree."""
-    times, values = _join(parts)
-    order = np.argsort(times, kind="stable")
-    times, values = times[order], values[order]
-    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
-    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
-    if len(conflict):
-        i = int(conflict[0])
-        moment = clock(int(times[i]), zone, with_date=True)
-        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
-    if repeated.any():
-        notes[f"values of {name} in two files"] += int(repeated.sum())
-    return times[~repeated], values[~repeated]

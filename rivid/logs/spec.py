@@ -82,6 +82,11 @@ class Spec:
         return int(ON_TIME * self.period * MICRO)
 
     @property
+    def latest(self) -> int:
+        """How long after a day's end its values may be stamped [us]."""
+        return max(signal.shift for signal in self.signals)
+
+    @property
     def digest(self) -> str:
         """Changes whenever a file would be read otherwise."""
         return sha256(repr(self).encode()).hexdigest()
