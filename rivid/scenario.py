@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from rivid.config import NAME, Positive, ReachConfig, load_toml
+from rivid.config import NAME, ReachConfig, load_toml
+from rivid.input_config import Positive
 from rivid.reach.operators import OperatorSettings
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

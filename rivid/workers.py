@@ -18,6 +18,7 @@ from pathlib import Path
 
 from rivid.batch import Batch, estimate_batch, failed_batch
 from rivid.lean import spare_pandas
+from rivid.leash import hold
 from rivid.store import write_segment
 
 Done = Callable[[int], None]
@@ -93,7 +94,8 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are gone when the block ends, however it ends."""
     context = get_context("forkserver" if os.name == "posix" else "spawn")
     if os.name == "posix":
-        context.set_forkserver_preload(["rivid.batch"])
+        os.environ["RIVID_LEASH"] = "1"  # for the forkserver's import of the leash
+        context.set_forkserver_preload(["rivid.leash", "rivid.batch"])
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),))
     try:
         yield pool
@@ -107,6 +109,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 def _begin(parent: int) -> None:
     """Set a worker up: signals are the parent's business, and it does not outlive the parent."""
+    hold()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if hasattr(signal, "SIGALRM"):

@@ -12,8 +12,8 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 ORDER = [
     {"errors"},
-    {"core"},
-    {"config", "atomic", "lean", "reach"},
+    {"core", "input_config"},
+    {"config", "atomic", "lean", "leash", "reach"},
     {"effects", "logs", "results", "tables", "estimators", "scenario"},
     {"simulate", "figures", "store"},
     {"diagnose", "batch", "report", "check", "record"},
