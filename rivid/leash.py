@@ -1,6 +1,5 @@
 """Imported first of all in the process that makes the workers: it does not outlive the run.
 
-
 On Linux the kernel ends a process on this leash when the one that started it is gone; elsewhere a worker
 looks for its parent itself (:mod:`rivid.workers`).
 """
