@@ -1,0 +1,212 @@
+"""What may be changed in a reach from outside: flows, gates, storage, gauge. Nothing here knows why.
+
+Commands are logged, flows are real: every change says how the real thing differs from what the logs tell.
+Arrays lie on the time grid of the simulation they are for; an array of one value holds for all samples.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+
+
+def _check_place(what: str, place: float) -> None:
+    if not 0.0 <= place <= 1.0:
+        raise RividError(f"{what} at place {place}: expected 0 (upstream) to 1 (downstream)")
+
+
+@dataclass(frozen=True, eq=False)
+class AddedFlow:
+    """A flow that enters the reach beside the dams.
+
+    Parameters
+    ----------
+    place : float
+        Where: 0 at the upstream dam, 1 at the downstream one.
+    flow : ndarray, shape of the time grid
+        Flow [m3/s], held over each sample; negative is a loss.
+    """
+
+    place: float
+    flow: Floats
+
+    def __post_init__(self) -> None:
+        _check_place("an added flow", self.place)
+
+
+@dataclass(frozen=True, eq=False)
+class Leak:
+    """A loss that grows with the level: ``loss (level - reference)``.
+
+    Parameters
+    ----------
+    place : float
+        Where, 0 upstream to 1 downstream.
+    loss : ndarray, shape of the time grid
+        [m3/s per m].
+    reference : float
+        Level without loss [m].
+    """
+
+    place: float
+    loss: Floats
+    reference: float
+
+    def __post_init__(self) -> None:
+        _check_place("a leak", self.place)
+
+
+@dataclass(frozen=True, eq=False)
+class Pond:
+    """Water beside the reach that fills and empties with it: ``exchange (level - level of the pond)``.
+
+    Parameters
+    ----------
+    place : float
+        Where, 0 upstream to 1 downstream.
+    area : float
+        Surface of the pond [m2].
+    exchange : ndarray, shape of the time grid
+        [m3/s per m].
+    """
+
+    place: float
+    area: float
+    exchange: Floats
+
+    def __post_init__(self) -> None:
+        _check_place("a pond", self.place)
+        if not self.area > 0:
+            raise RividError(f"a pond of {self.area} m2: expected a positive area")
+
+
+def _none() -> Floats:
+    return np.zeros(1)
+
+
+def _all() -> Floats:
+    return np.ones(1)
+
+
+def _any_rate() -> Floats:
+    return np.full(1, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """How the real outflow follows its command; first the dead-band, then the rate, the lag, the factors.
+
+    Parameters
+    ----------
+    dead_band : ndarray
+        The gate stays while the command is less than this away from it [m3/s].
+    rate : ndarray
+        Fastest move [m3/s per s].
+    lag : ndarray
+        Time constant [s] with which the flow follows the gate.
+    factor : ndarray
+        Real flow over the gate's [-].
+    head : ndarray
+        Relative gain of the flow for each metre of level above `reference` [1/m].
+    reference : float
+        [m].
+    """
+
+    dead_band: Floats = field(default_factory=_none)
+    rate: Floats = field(default_factory=_any_rate)
+    lag: Floats = field(default_factory=_none)
+    factor: Floats = field(default_factory=_all)
+    head: Floats = field(default_factory=_none)
+    reference: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """All that is changed; nothing is by default.
+
+    Parameters
+    ----------
+    inflow : ndarray or None
+        The real inflow [m3/s] where it is not what the log holds.
+    gate : Gate
+        The downstream dam.
+    added : tuple of AddedFlow
+    leaks : tuple of Leak
+    ponds : tuple of Pond
+    area_slope : float
+        Relative change of the water surface for each metre of level above `area_reference` [1/m].
+    area_reference : float
+        [m].
+    gauge : ndarray
+        What the gauge gives above the true level [m].
+    """
+
+    inflow: Floats | None = None
+    gate: Gate = field(default_factory=Gate)
+    added: tuple[AddedFlow, ...] = ()
+    leaks: tuple[Leak, ...] = ()
+    ponds: tuple[Pond, ...] = ()
+    area_slope: float = 0.0
+    area_reference: float = 0.0
+    gauge: Floats = field(default_factory=_none)
+
+    @property
+    def gate_is_plain(self) -> bool:
+        """Whether the real outflow is the command."""
+        g = self.gate
+        still = (g.dead_band == 0.0).all() and (g.lag == 0.0).all() and (g.head == 0.0).all()
+        return bool(still and (g.factor == 1.0).all() and np.isinf(g.rate).all())
+
+
+NO_CHANGES = Changes()
+
+
+def together(changes: Iterable[Changes]) -> Changes:
+    """Several changes at once.
+
+    Flows, leaks and ponds stand side by side; factors multiply; dead-bands, lags and slopes add; the
+    slowest rate holds. References of the level must agree where two changes use one.
+
+    Raises
+    ------
+    RividError
+        Where two changes set the real inflow, or refer to different levels: apply the inflow's maps one
+        after the other instead.
+    """
+    parts = list(changes)
+    inflows = [c.inflow for c in parts if c.inflow is not None]
+    if len(inflows) > 1:
+        raise RividError("two changes set the real inflow: expected one, with all maps applied in turn")
+    gates = [c.gate for c in parts]
+    result = Gate()
+    for gate in gates:
+        result = Gate(
+            result.dead_band + gate.dead_band,
+            np.minimum(result.rate, gate.rate),
+            result.lag + gate.lag,
+            result.factor * gate.factor,
+            result.head + gate.head,
+            _one_level("head", [(g.reference, bool((g.head != 0).any())) for g in gates]),
+        )
+    return Changes(
+        inflow=inflows[0] if inflows else None,
+        gate=result,
+        added=tuple(a for c in parts for a in c.added),
+        leaks=tuple(a for c in parts for a in c.leaks),
+        ponds=tuple(a for c in parts for a in c.ponds),
+        area_slope=sum(c.area_slope for c in parts),
+        area_reference=_one_level("area", [(c.area_reference, c.area_slope != 0) for c in parts]),
+        gauge=np.asarray(sum((c.gauge for c in parts), start=_none())),
+    )
+
+
+def _one_level(what: str, said: list[tuple[float, bool]]) -> float:
+    levels = {level for level, used in said if used}
+    if len(levels) > 1:
+        raise RividError(f"changes of the {what} refer to levels {sorted(levels)}: expected one level")
+    return levels.pop() if levels else 0.0
