@@ -1,22 +1,15 @@
 """The people at the downstream dam: (9) with shifts, dead-band, looks and a slow trim.
 
-They act in steps. At each look they see the inflow command and the gauge, and may change the outflow:
-
-    wanted += K_Q (inflow - inflow at the last look) - K_h (error - error at the last look) + trim,
-
-the increments of (9), so that a new shift with other gains starts without a jump. The error is the reading
-less the set-point, its part inside the dead-band taken away. Between looks the outflow stays as it is, and
-the level there is known in closed form: the loop runs over looks, not over samples.
+They act in steps, at looks; what they do at one is :func:`rivid.reach.loop_kernel.look`.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
-from rivid.reach.response import NO_HOOKS, Floats, Hooks
+from rivid.reach.loop import Floats, People
 
 Ints = NDArray[np.intp]
 
@@ -80,22 +73,44 @@ SHIFT = 8 * 3600.0
 """Length of a shift [s] (section I)."""
 
 
-def loop_gain(settings: OperatorSettings, surface_area: float) -> float:
-    """Share of a level error that the usual person's feedback takes away until the longest look.
-
-    Below 1 the level comes back without swinging; at 2 the loop is unstable.
-    """
-    return -settings.level_gain * settings.look[1] / surface_area
-
-
-def draw_crew(settings: OperatorSettings, surface_area: float, rng: np.random.Generator) -> Crew:
-    """Draw each person's gains.
+def loop_gain(settings: OperatorSettings, surface_area: float, wave_conductance: float = np.inf) -> float:
+    """Largest share of a level error that the usual person's feedback takes away until the next look.
 
     Parameters
     ----------
     settings : OperatorSettings
     surface_area : float
-        Water surface A [m2]; it decides which gains are stable.
+        Water surface A [m2].
+    wave_conductance : float
+        b c [m2/s], width times celerity at the dam: a change of outflow by q moves the level there by
+        q / (b c) at once, ahead of the storage. Infinite where there are no waves.
+
+    Returns
+    -------
+    float
+        Below 1 the level comes back without swinging; at 2 the loop is unstable.
+
+    Notes
+    -----
+    In a reach closed at both ends the level falls in steps of 2 q / (b c) each 2 L / c, which stay below
+    q / (b c) + q t / A at any length L, however often the wave has come back.
+    """
+    return -settings.level_gain * (settings.look[1] / surface_area + 1.0 / wave_conductance)
+
+
+def draw_crew(
+    settings: OperatorSettings,
+    surface_area: float,
+    rng: np.random.Generator,
+    wave_conductance: float = np.inf,
+) -> Crew:
+    """Draw each person's gains.
+
+    Parameters
+    ----------
+    settings : OperatorSettings
+    surface_area, wave_conductance : float
+        A [m2] and b c [m2/s]; they decide which gains are stable, see :func:`loop_gain`.
     rng : numpy.random.Generator
 
     Returns
@@ -108,9 +123,9 @@ def draw_crew(settings: OperatorSettings, surface_area: float, rng: np.random.Ge
     ConfigError
         Where the usual person's loop swings already.
     """
-    gain = loop_gain(settings, surface_area)
+    gain = loop_gain(settings, surface_area, wave_conductance)
+    most = 1.0 / (settings.look[1] / surface_area + 1.0 / wave_conductance)
     if gain > 1.0:
-        most = surface_area / settings.look[1]
         raise ConfigError(
             f"operators.level_gain = {settings.level_gain:g} m2/s with a look every {settings.look[1]:g} s "
             f"corrects {gain:.2g} of a level error at once and makes the level swing: expected above "
@@ -120,7 +135,7 @@ def draw_crew(settings: OperatorSettings, surface_area: float, rng: np.random.Ge
     spread = np.exp(settings.level_gain_spread * rng.standard_normal(n))
     return Crew(
         settings.feedforward + settings.feedforward_spread * rng.standard_normal(n),
-        np.maximum(settings.level_gain * spread, -surface_area / settings.look[1]),
+        np.maximum(settings.level_gain * spread, -most),
         settings.set_point_spread * rng.standard_normal(n),
     )
 
@@ -153,23 +168,19 @@ def quantise(values: Floats, quantum: float) -> Floats:
     return values if quantum == 0 else np.round(np.round(values / quantum) * quantum, 9)
 
 
-def regulate(
+def on_duty(
     time: Floats,
     inflow: Floats,
-    volume: Floats,
-    noise: Floats,
+    disturbance: Floats,
     set_point: Floats,
     settings: OperatorSettings,
     crew: Crew,
     duty: Ints,
     *,
-    surface_area: float,
-    outflow_gain: float,
     gauge_quantum: float,
     rng: np.random.Generator,
-    hooks: Hooks = NO_HOOKS,
-) -> Floats:
-    """Run the closed loop and give the outflow commands.
+) -> People:
+    """The people of a season, for :func:`rivid.reach.pool.pool_level` or the Saint-Venant reach.
 
     Parameters
     ----------
@@ -177,69 +188,34 @@ def regulate(
         Sample times [s].
     inflow : ndarray, shape (n,)
         Announced inflow command u_Qi [m3/s].
-    volume : ndarray, shape (n,)
-        What has come to the dam at each sample [m3]; see :func:`rivid.reach.response.supply`.
-    noise : ndarray, shape (n,)
-        Gauge noise [m]; the reading is level plus noise, in whole quanta.
+    disturbance : ndarray, shape (n,)
+        What the gauge reads above the water [m]; the reading is in whole quanta.
     set_point : ndarray, shape (n,)
-        Level aimed at [m]; the level starts there.
+        Level aimed at [m].
     settings : OperatorSettings
     crew : Crew
     duty : ndarray of int, shape (n,)
         Who is on duty; see :func:`roster`.
-    surface_area, outflow_gain : float
-        A [m2] and K_o of the reach.
     gauge_quantum : float
         Step of the reading [m]; 0 for none.
     rng : numpy.random.Generator
         For the times between looks.
-    hooks : Hooks
-        Its `outflow` and `gauge` are used.
 
     Returns
     -------
-    ndarray, shape (n,)
-        Outflow commands u_Qo [m3/s], at least `settings.lowest`.
+    People
     """
-    n = len(time)
-    command = np.empty(n)
-    waits = rng.uniform(*settings.look, n).tolist()  # one for each possible look
-    # Plain floats: a season has some 100,000 looks, and numpy scalars cost ten times as much.
-    t, q, V, e, aim = (x.tolist() for x in (time, inflow, volume, noise, set_point))
-    K_Q, K_h, bias = (x[duty].tolist() for x in (crew.feedforward, crew.level_gain, crew.set_point))
-    released, start, level_0 = 0.0, V[0], aim[0]
-    wanted = seen = q[0]
-    error_before = 0.0
-    since = t[0]
-    k = 0
-    while k < n:
-        level = level_0 + (V[k] - start - released) / surface_area
-        if hooks.gauge is not None:
-            level = float(hooks.gauge(time[k : k + 1], np.array([level]))[0])
-        reading = level + e[k]
-        if gauge_quantum:
-            reading = round(reading / gauge_quantum) * gauge_quantum
-        error = reading - aim[k] - bias[k]
-        error = math.copysign(max(abs(error) - settings.dead_band, 0.0), error)
-        wanted += K_Q[k] * (q[k] - seen) - K_h[k] * (error - error_before)
-        wanted -= K_h[k] * error * (t[k] - since) / settings.trim_time
-        wanted = max(wanted, settings.lowest)  # no wind-up below the limit
-        given = wanted
-        if settings.quantum:
-            given = max(round(wanted / settings.quantum), math.ceil(settings.lowest / settings.quantum))
-            given *= settings.quantum
-        seen, error_before, since = q[k], error, t[k]
-
-        until, high, low = since + waits[k], seen + settings.notice, seen - settings.notice
-        j = k + 1
-        while j < n and t[j] < until and low <= q[j] <= high:
-            j += 1
-        command[k:j] = given
-        if j < n:
-            if hooks.outflow is None:
-                released += outflow_gain * given * (t[j] - t[k])
-            else:
-                flow = hooks.outflow(time[k:j], command[k:j])
-                released += outflow_gain * float(flow @ np.diff(time[k : j + 1]))
-        k = j
-    return command
+    return People(
+        inflow=inflow,
+        disturbance=disturbance,
+        aim=set_point + crew.set_point[duty],
+        feedforward=crew.feedforward[duty],
+        level_gain=crew.level_gain[duty],
+        wait=rng.uniform(*settings.look, len(time)),
+        dead_band=settings.dead_band,
+        trim_time=settings.trim_time,
+        notice=settings.notice,
+        quantum=settings.quantum,
+        lowest=settings.lowest,
+        gauge_quantum=gauge_quantum,
+    )

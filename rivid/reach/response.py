@@ -4,8 +4,7 @@ Volumes are what is computed: a command held over an interval is a straight line
 the level at a sample is exact, wherever between two samples an inflow arrives.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +14,6 @@ from rivid.core.hydraulics import GRAVITY
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]
-FlowMap = Callable[[Floats, Floats], Floats]
-"""A map of (time [s], values) to values of the same shape, without memory."""
-
 
 @dataclass(frozen=True)
 class LinearReach:
@@ -52,49 +48,6 @@ class LinearReach:
         """
         velocity = np.asarray(flow, float) / (self.width * self.depth)
         return np.asarray(self.length / (velocity + np.sqrt(GRAVITY * self.wave_depth)))
-
-
-@dataclass(frozen=True)
-class AddedFlow:
-    """A flow that enters the reach beside the upstream dam.
-
-    Parameters
-    ----------
-    place : float
-        Where: 0 at the upstream dam, 1 at the downstream one; it has ``(1 - place) tau`` to travel.
-    flow : callable
-        time [s] -> flow [m3/s], both of shape (n,), held over each sample; negative is a loss.
-    """
-
-    place: float
-    flow: Callable[[Floats], Floats]
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.place <= 1.0:
-            raise RividError(f"an added flow at place {self.place}: expected 0 (upstream) to 1 (downstream)")
-
-
-@dataclass(frozen=True)
-class Hooks:
-    """What may be changed from outside; nothing is by default.
-
-    Parameters
-    ----------
-    inflow, outflow : callable or None
-        (time, command) -> real flow [m3/s], before the dams' gains. The logs keep the command.
-    added : tuple of AddedFlow
-        Flows that no log knows.
-    gauge : callable or None
-        (time, true level) -> level that the gauge sees [m], before its noise and quantum.
-    """
-
-    inflow: FlowMap | None = None
-    outflow: FlowMap | None = None
-    added: tuple[AddedFlow, ...] = field(default=())
-    gauge: FlowMap | None = None
-
-
-NO_HOOKS = Hooks()
 
 
 def held_volume(time: Floats, flow: Floats) -> Floats:
@@ -139,71 +92,6 @@ def arrived_volume(time: Floats, flow: Floats, travel_time: ArrayLike, before: f
     early = time < arrival[0]
     volume[early] = before * (time[early] - arrival[0])
     return volume
-
-
-def supply(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    travel_time: ArrayLike,
-    before: float,
-    hooks: Hooks = NO_HOOKS,
-) -> Floats:
-    """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
-
-    Parameters
-    ----------
-    reach : LinearReach
-    time, inflow : ndarray, shape (n,)
-        Sample times [s] and inflow commands u_Qi [m3/s].
-    travel_time : float or ndarray, shape (n,)
-        tau [s]; see :func:`arrived_volume`.
-    before : float
-        Inflow command before the first sample [m3/s].
-    hooks : Hooks
-        Its `inflow` and `added` are used.
-    """
-    flow = inflow if hooks.inflow is None else hooks.inflow(time, inflow)
-    volume = reach.inflow_gain * arrived_volume(time, flow, travel_time, before)
-    tau = np.asarray(travel_time, float)
-    for extra in hooks.added:
-        flow = extra.flow(time)
-        volume += arrived_volume(time, flow, (1.0 - extra.place) * tau, float(flow[0]))
-    return volume
-
-
-def level_response(
-    reach: LinearReach,
-    time: Floats,
-    inflow: Floats,
-    outflow: Floats,
-    travel_time: ArrayLike,
-    *,
-    before: float = 0.0,
-    hooks: Hooks = NO_HOOKS,
-) -> Floats:
-    """True level change since the first sample [m], (7), for known commands.
-
-    Parameters
-    ----------
-    reach : LinearReach
-    time, inflow, outflow : ndarray, shape (n,)
-        Sample times [s]; commands u_Qi and u_Qo [m3/s], held.
-    travel_time : float or ndarray, shape (n,)
-        tau of what departs at each sample [s].
-    before : float
-        Inflow command before the first sample [m3/s].
-    hooks : Hooks
-        Its `gauge` is not used: this is the water, not what is read of it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    volume = supply(reach, time, inflow, travel_time, before, hooks)
-    released = outflow if hooks.outflow is None else hooks.outflow(time, outflow)
-    balance = volume - volume[0] - reach.outflow_gain * held_volume(time, released)
-    return np.asarray(balance / reach.surface_area)
 
 
 def integrator_delay(inflow: Floats, outflow: Floats, delay: int, alpha_i: float, alpha_o: float) -> Floats:

@@ -10,7 +10,8 @@ from scipy.signal import cont2discrete, lsim
 
 from rivid.errors import ConfigError
 from rivid.reach.models import Fir, IntegratorDelay, IntegratorDelayZero, IntegratorResonance
-from rivid.reach.response import LinearReach, integrator_delay, level_response
+from rivid.reach.pool import pool_level
+from rivid.reach.response import LinearReach, integrator_delay
 
 T_S, N, FINE = 133.0, 160, 20
 A = 6.7e5
@@ -41,7 +42,7 @@ def test_integrator_delay_agrees_with_lsim_and_with_the_linear_reach(seed):
     got = model.simulate(T_S, inflow, outflow)
     np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12)
     reach = LinearReach(surface_area=A, inflow_gain=0.93, outflow_gain=1.07)
-    exact = level_response(reach, T_S * np.arange(N), inflow, outflow, model.delay)
+    exact, *_ = pool_level(reach, T_S * np.arange(N), inflow, outflow, model.delay)
     np.testing.assert_allclose(got, exact, rtol=0, atol=1e-12)
 
 

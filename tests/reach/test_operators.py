@@ -11,11 +11,13 @@ from rivid.reach.operators import (
     OperatorSettings,
     draw_crew,
     loop_gain,
+    on_duty,
     quantise,
-    regulate,
     roster,
 )
-from rivid.reach.response import Hooks, LinearReach, level_response, supply
+from rivid.reach.changes import AddedFlow, Changes
+from rivid.reach.pool import pool_level
+from rivid.reach.response import LinearReach
 
 T_S, N = 133.0, 1300
 TIME = T_S * np.arange(N)
@@ -28,19 +30,19 @@ def one_person(settings):
     return Crew(np.array([settings.feedforward]), np.array([settings.level_gain]), np.zeros(1))
 
 
-def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, hooks=None, seed=0, duty=None, crew=None):
+def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, changes=None, seed=0, duty=None, crew=None):
     """Outflow commands and true level."""
     n = len(inflow)
-    hooks = hooks or Hooks()
-    outflow = regulate(
-        TIME[:n], inflow, supply(REACH, TIME[:n], inflow, TAU, inflow[0], hooks),
-        np.zeros(n) if noise is None else noise, np.broadcast_to(aim, n), settings,
+    aims = np.broadcast_to(aim, n)
+    people = on_duty(
+        TIME[:n], inflow, np.zeros(n) if noise is None else noise, aims, settings,
         crew or one_person(settings), np.zeros(n, int) if duty is None else duty,
-        surface_area=REACH.surface_area, outflow_gain=1.0, gauge_quantum=quantum,
-        rng=np.random.default_rng(seed), hooks=hooks,
+        gauge_quantum=quantum, rng=np.random.default_rng(seed),
     )  # fmt: skip
-    level = level_response(REACH, TIME[:n], inflow, outflow, TAU, before=inflow[0], hooks=hooks)
-    return outflow, np.broadcast_to(aim, n)[0] + level
+    level, outflow, _ = pool_level(
+        REACH, TIME[:n], inflow, people, TAU, start=aims[0], before=inflow[0], changes=changes or Changes()
+    )
+    return outflow, level
 
 
 def test_looking_at_every_sample_they_do_equation_9():
@@ -53,8 +55,7 @@ def test_looking_at_every_sample_they_do_equation_9():
 
 def test_more_level_gives_more_outflow():
     inflow = np.full(N, 300.0)
-    high = Hooks(gauge=lambda t, h: h + np.where(t > 100 * T_S, 0.1, 0.0))
-    outflow, _ = run(inflow, PLAIN, hooks=high)
+    outflow, _ = run(inflow, PLAIN, noise=np.where(TIME > 100 * T_S, 0.1, 0.0))
     assert outflow[101] == pytest.approx(300 - 0.1 * PLAIN.level_gain)
 
 
@@ -69,10 +70,10 @@ def test_an_inflow_step_dips_the_level_and_the_trim_brings_it_back():
 
 def test_without_a_trim_a_lasting_loss_leaves_a_lasting_error():
     inflow = np.full(N, 300.0)
-    loss = Hooks(outflow=lambda t, q: q + 15.0)
-    _, lasting = run(inflow, PLAIN, hooks=loss)
+    loss = Changes(added=(AddedFlow(1.0, np.full(N, -15.0)),))
+    _, lasting = run(inflow, PLAIN, changes=loss)
     assert lasting[-1] == pytest.approx(130 + 15.0 / PLAIN.level_gain, abs=1e-4)
-    _, trimmed = run(inflow, replace(PLAIN, trim_time=7200.0), hooks=loss)
+    _, trimmed = run(inflow, replace(PLAIN, trim_time=7200.0), changes=loss)
     assert abs(trimmed[-1] - 130) < 0.005
 
 
@@ -144,8 +145,7 @@ def test_nobody_swings_the_level():
     gains = [loop_gain(replace(settings, level_gain=k), REACH.surface_area) for k in crew.level_gain]
     assert max(gains) == pytest.approx(1.0)
     worst = replace(PLAIN, level_gain=float(crew.level_gain.min()), look=(1800.0, 1800.0), notice=1e9)
-    late = Hooks(gauge=lambda t, h: h + np.where(t > 300 * T_S, 0.2, 0.0))
-    _, level = run(np.full(N, 300.0), worst, hooks=late)
+    _, level = run(np.full(N, 300.0), worst, noise=np.where(TIME > 300 * T_S, 0.2, 0.0))
     assert np.abs(level[-100:] - 129.8).max() < 0.02
 
 

@@ -6,18 +6,16 @@ from scipy.signal import lfilter
 
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import RividError
-from rivid.reach.response import (
-    AddedFlow,
-    Hooks,
-    LinearReach,
-    arrived_volume,
-    integrator_delay,
-    level_response,
-    theoretical_fir,
-)
+from rivid.reach.changes import AddedFlow, Changes, Gate
+from rivid.reach.pool import pool_level
+from rivid.reach.response import LinearReach, arrived_volume, integrator_delay, theoretical_fir
 
 T_S = 133.0
 REACH = LinearReach()
+
+
+def level_response(*known, **rest):
+    return pool_level(*known, **rest)[0]
 
 
 def commands(seed, n=400):
@@ -120,24 +118,25 @@ def test_theoretical_fir_is_the_loop_of_8_and_9():
 @pytest.mark.parametrize(("place", "first"), [(1.0, 11), (0.5, 14), (0.0, 17)])
 def test_an_added_flow_travels_the_rest_of_the_reach(place, first):
     time = T_S * np.arange(60)
-    hooks = Hooks(added=(AddedFlow(place, lambda t: np.where(t >= 10 * T_S, 20.0, 0.0)),))
-    level = level_response(REACH, time, np.zeros(60), np.zeros(60), 6.5 * T_S, hooks=hooks)
+    changes = Changes(added=(AddedFlow(place, np.where(time >= 10 * T_S, 20.0, 0.0)),))
+    level = level_response(REACH, time, np.zeros(60), np.zeros(60), 6.5 * T_S, changes=changes)
     assert np.flatnonzero(level)[0] == first
     assert level[-1] - level[-2] == pytest.approx(20 * T_S / REACH.surface_area)
 
 
-def test_hooks_change_the_flows_and_not_the_commands():
+def test_changes_act_on_the_flows_and_not_on_the_commands():
     time, (inflow, outflow) = T_S * np.arange(400), commands(5)
     kept = inflow.copy(), outflow.copy()
-    hooks = Hooks(inflow=lambda _, q: 0.8 * q, outflow=lambda t, q: q + t / 1e4)
-    changed = level_response(REACH, time, inflow, outflow, 900.0, hooks=hooks)
-    by_hand = level_response(REACH, time, 0.8 * inflow, outflow + time / 1e4, 900.0)
-    np.testing.assert_array_equal(changed, by_hand)
+    changes = Changes(inflow=0.8 * inflow, gate=Gate(factor=1.0 + time / 1e5))
+    changed, logged, _ = pool_level(REACH, time, inflow, outflow, 900.0, changes=changes)
+    by_hand = level_response(REACH, time, 0.8 * inflow, outflow * (1.0 + time / 1e5), 900.0)
+    np.testing.assert_allclose(changed, by_hand, atol=1e-12)
+    np.testing.assert_array_equal(logged, outflow)
     np.testing.assert_array_equal((inflow, outflow), kept)
 
 
 def test_impossible_places_and_delays_are_refused():
     with pytest.raises(RividError, match="place 1.2: expected 0"):
-        AddedFlow(1.2, np.zeros_like)
+        AddedFlow(1.2, np.zeros(5))
     with pytest.raises(RividError, match="delay = -1"):
         integrator_delay(np.zeros(5), np.zeros(5), -1, 1.0, 1.0)

@@ -7,7 +7,7 @@ from scipy.linalg import solve_banded
 from scipy.optimize import brentq, fsolve
 
 from rivid.core.hydraulics import GRAVITY, travel_bounds
-from rivid.reach.response import AddedFlow
+from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.saint_venant import Channel, State, simulate
 
 UNEVEN = {
@@ -55,8 +55,8 @@ def test_the_volume_changes_by_what_dams_and_lateral_flows_bring_and_by_nothing_
     time = np.concatenate([133.0 * np.arange(300), 133.0 * 300 + 47.0 + 133.0 * np.arange(300)])
     inflow, outflow = (300.0 + rng.integers(-40, 41, 600) for _ in range(2))
     rain = rng.uniform(0, 5, 600)
-    side = AddedFlow(0.37, lambda _: rain)
-    flow = simulate(uneven(), time, inflow, outflow, 5.0, lateral=[side], gate_time=gate_time)
+    side = AddedFlow(0.37, rain)
+    flow = simulate(uneven(), time, inflow, outflow, 5.0, changes=Changes(added=(side,)), gate_time=gate_time)
     brought = gate_volume(time, inflow, gate_time, inflow[0]) - gate_volume(
         time, outflow, gate_time, outflow[0]
     )
@@ -71,8 +71,8 @@ def test_the_volume_changes_by_what_dams_and_lateral_flows_bring_and_by_nothing_
 def test_the_start_does_not_drift(discharge):
     time = 133.0 * np.arange(651)
     steady = np.full(651, discharge)
-    side = AddedFlow(0.5, lambda t: np.full_like(t, 7.0))
-    flow = simulate(uneven(), time, steady, steady + 7.0, 5.0, lateral=[side], places=(0.0, 0.5))
+    side = AddedFlow(0.5, np.full(1, 7.0))
+    flow = simulate(uneven(), time, steady, steady + 7.0, 5.0, changes=Changes(added=(side,)), places=(0.0, 0.5))
     np.testing.assert_allclose(flow.level, 5.0, rtol=0, atol=1e-9)
     assert np.ptp(flow.levels, axis=0).max() < 1e-9
     np.testing.assert_allclose(flow.discharges[:, 0], discharge, rtol=0, atol=1e-6)
@@ -163,7 +163,7 @@ def test_a_dam_break_takes_stokers_shape():
     for cells in (100, 200, 400):
         channel = Channel.uniform(4000.0, 50.0, 0.0, 0.0, cells)
         area = 50.0 * np.where(channel.x < 2000.0, 5.0, 2.0)[None]
-        still = State(area, np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), np.zeros((1, 3)))
+        still = State(area, np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), *np.zeros((2, 1, 3)), np.zeros((1, 0)))
         flow = simulate(channel, [0.0, 180.0], [0.0, 0.0], [0.0, 0.0], still, courant=0.4)
         depth = flow.end.area[0] / 50.0
         errors.append(np.abs(depth - stoker(channel.x - 2000.0, 180.0, 5.0, 2.0)).mean())
@@ -264,11 +264,11 @@ def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
     time = 20.0 * np.arange(1440)  # the gates' ways, 20 s long, are a smooth flow at every size of step
     inflow = 350.0 + 100.0 * np.sin(2 * np.pi * time / 7200.0) ** 3
     outflow = 350.0 + 60.0 * np.sin(2 * np.pi * time / 9000.0) ** 3
-    side = [] if place is None else [AddedFlow(place, lambda t: 20.0 * np.sin(2 * np.pi * t / 6000.0) ** 2)]
+    side = () if place is None else (AddedFlow(place, 20.0 * np.sin(2 * np.pi * time / 6000.0) ** 2),)
     runs = [
         simulate(
             uneven(cells), time, inflow, outflow, 5.0,
-            places=np.linspace(0, 1, 9), lateral=side, gate_time=20.0, step=480.0 / cells,
+            places=np.linspace(0, 1, 9), changes=Changes(added=side), gate_time=20.0, step=480.0 / cells,
         )
         for cells in (24, 48, 96, 192)
     ]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import AddedFlow
+from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.saint_venant import Channel, simulate
 
 POOL = Channel.table_i(24)
@@ -23,22 +23,22 @@ def days(seed=0, n=5, samples=200):
 
 def test_a_day_is_the_same_to_the_bit_whatever_days_stand_beside_it():
     inflow, outflow, start = days()
-    rain = AddedFlow(0.4, lambda t: 3.0 + np.sin(t / 5000.0))
-    many = simulate(POOL, TIME, inflow, outflow, start, lateral=[rain], places=(0.5,))
+    rain = Changes(added=(AddedFlow(0.4, 3.0 + np.sin(TIME / 5000.0)),))
+    many = simulate(POOL, TIME, inflow, outflow, start, changes=rain, places=(0.5,))
     for day in range(5):
-        one = simulate(POOL, TIME, inflow[day], outflow[day], start[day], lateral=[rain], places=(0.5,))
+        one = simulate(POOL, TIME, inflow[day], outflow[day], start[day], changes=rain, places=(0.5,))
         np.testing.assert_array_equal(one.level, many.level[day])
         np.testing.assert_array_equal(one.discharges, many.discharges[day])
-    some = simulate(POOL, TIME, inflow[1:3], outflow[1:3], start[1:3], lateral=[rain])
+    some = simulate(POOL, TIME, inflow[1:3], outflow[1:3], start[1:3], changes=rain)
     np.testing.assert_array_equal(some.level, many.level[1:3])
 
 
 def test_times_and_added_flows_may_differ_from_day_to_day():
     inflow, outflow, start = days(n=2)
     time = TIME + np.array([[0.0], [86400.0]])
-    rain = AddedFlow(0.7, lambda t: np.where(t > 86400.0 + 3000.0, 20.0, 0.0))
+    rain = Changes(added=(AddedFlow(0.7, np.where(time > 86400.0 + 3000.0, 20.0, 0.0)),))
     dry = simulate(POOL, time, inflow, outflow, start)
-    wet = simulate(POOL, time, inflow, outflow, start, lateral=[rain])
+    wet = simulate(POOL, time, inflow, outflow, start, changes=rain)
     np.testing.assert_array_equal(wet.level[0], dry.level[0])
     assert (wet.level[1] - dry.level[1])[-1] > 0.3
 
@@ -79,8 +79,8 @@ def test_a_lateral_flow_arrives_from_its_place(place):
     channel = Channel.table_i(200)
     time = 5.0 * np.arange(300)
     steady = np.full(300, 300.0)
-    pulse = AddedFlow(place, lambda t: np.where(t < 100.0, 0.0, 5.0))
-    flow = simulate(channel, time, steady, steady, 5.2, lateral=[pulse])
+    pulse = Changes(added=(AddedFlow(place, np.where(time < 100.0, 0.0, 5.0)),))
+    flow = simulate(channel, time, steady, steady, 5.2, changes=pulse)
     arrival = time[np.argmax(np.diff(flow.level))] + 2.5 - 100.0
     depth = 5.0 + 0.2 * place  # deeper towards the dam
     celerity = 300.0 / (81.6 * depth) + np.sqrt(9.81 * depth)

@@ -1,6 +1,7 @@
 """The full equations of Saint-Venant, one dimension, between two dams that are told their flows."""
 
+from rivid.reach.saint_venant.arrival import arrival_time
 from rivid.reach.saint_venant.channel import Channel
 from rivid.reach.saint_venant.flow import Flow, State, simulate
 
-__all__ = ["Channel", "Flow", "State", "simulate"]
+__all__ = ["Channel", "Flow", "State", "arrival_time", "simulate"]

@@ -2,10 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.core.hydraulics import GRAVITY
 from rivid.errors import ConfigError
 
 Floats = NDArray[np.float64]
@@ -31,6 +34,11 @@ class Channel:
         Horizontal run of the banks for each metre up [-]; 0 is a rectangle.
     manning : array_like, shape (cells,)
         Manning's n [s/m^(1/3)].
+    area_slope : float
+        Relative change of the surface's width for each metre above `area_reference` [1/m], on top of what
+        the banks do; for levels near it, with the wetted perimeter left as it is.
+    area_reference : float
+        [m].
 
     Raises
     ------
@@ -43,6 +51,8 @@ class Channel:
     bottom_width: Floats
     side_slope: Floats
     manning: Floats
+    area_slope: float = 0.0
+    area_reference: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.length) and self.length > 0):
@@ -177,18 +187,60 @@ class Channel:
         """Middles of the cells [m] from the upstream dam, shape (cells,)."""
         return np.asarray((np.arange(self.cells) + 0.5) * self.dx, float)
 
+    @cached_property
+    def sections(self) -> "Sections":
+        """The sections as the loops take them."""
+        b, s = self.bottom_width, self.side_slope
+        depth = self.area_reference - self.bed
+        bend = self.area_slope * (b + 2.0 * s * depth)
+        if bend.any() and not (depth > 0).all():
+            raise ConfigError(
+                f"area_reference = {self.area_reference:g} m: expected a level above the bed everywhere"
+            )
+        squares = self.manning**2
+        return Sections(
+            bed=self.bed,
+            a=0.5 * bend * depth**2,
+            b=b - bend * depth,
+            s=s + 0.5 * bend,
+            p=b,
+            w=2.0 * np.sqrt(1.0 + s * s),
+            friction=np.asarray(GRAVITY * np.pad(0.5 * (squares[:-1] + squares[1:]), 1)),
+        )
+
     def area(self, level: ArrayLike) -> Floats:
         """Wetted area A of each cell's section [m2] at a level [m]; shapes (..., cells)."""
+        c = self.sections
         depth = np.asarray(level, float) - self.bed
-        return np.asarray((self.bottom_width + self.side_slope * depth) * depth)
+        return np.asarray(c.a + (c.b + c.s * depth) * depth)
 
     def level(self, area: ArrayLike) -> Floats:
         """Level [m] of each cell for a wetted area [m2]; shapes (..., cells). Inverse of :meth:`area`."""
-        a = np.asarray(area, float)
-        b = self.bottom_width
-        return np.asarray(self.bed + 2.0 * a / (b + np.sqrt(b * b + 4.0 * self.side_slope * a)))
+        c = self.sections
+        a = np.asarray(area, float) - c.a
+        return np.asarray(self.bed + 2.0 * a / (c.b + np.sqrt(c.b * c.b + 4.0 * c.s * a)))
+
+    def width(self, level: ArrayLike) -> Floats:
+        """Width B of each cell's surface [m] at a level [m]; shapes (..., cells)."""
+        c = self.sections
+        return np.asarray(c.b + 2.0 * c.s * (np.asarray(level, float) - self.bed))
 
     def surface_area(self, level: ArrayLike) -> float:
         """Water surface of the whole reach [m2] at levels [m] that are one, or one for each cell."""
-        depth = np.asarray(level, float) - self.bed
-        return float(np.sum(self.bottom_width + 2.0 * self.side_slope * depth) * self.dx)
+        return float(np.sum(self.width(level)) * self.dx)
+
+
+class Sections(NamedTuple):
+    """Sections as polynomials of the depth h, arrays of shape (cells,).
+
+    ``A = a + b h + s h^2``, surface width ``B = b + 2 s h``, wetted perimeter ``P = p + w h``; and
+    `friction`, g n^2 on the faces, the ends left at zero, shape (cells + 1,).
+    """
+
+    bed: Floats
+    a: Floats
+    b: Floats
+    s: Floats
+    p: Floats
+    w: Floats
+    friction: Floats

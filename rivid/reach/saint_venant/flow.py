@@ -1,13 +1,14 @@
 """From commands to levels: one call for a season, or for many days that know nothing of each other."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import AddedFlow
+from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.loop import NOBODY, People, exchange_arrays, gate_arrays, on_grid
 from rivid.reach.saint_venant.channel import COURANT_LIMIT, Channel, Floats
 
 NUDGE_TIME = 7200.0
@@ -28,16 +29,22 @@ class State:
         Flows that the two dams let through at the last sample [m3/s].
     clock : ndarray, shape (days, 3)
         The last two time steps [s], and the wave speed at the start [m/s] that sets the usual step.
+    gate : ndarray, shape (days, 3)
+        The downstream gate: where it goes, where it is, and the flow that follows it [m3/s].
+    ponds : ndarray, shape (days, ponds)
+        Levels of the ponds [m].
     """
 
     area: Floats
     discharge: Floats
     gates: Floats
     clock: Floats
+    gate: Floats
+    ponds: Floats
 
     def copy(self) -> "State":
         """The same in arrays of its own."""
-        return State(self.area.copy(), self.discharge.copy(), self.gates.copy(), self.clock.copy())
+        return State(*(getattr(self, part.name).copy() for part in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,10 @@ class Flow:
     ----------
     level : ndarray, shape (days, n)
         Level at x = L [m].
+    outflow : ndarray, shape (days, n)
+        The commands of the downstream dam [m3/s], given or decided.
+    released : ndarray, shape (days, n)
+        Real flow of the downstream gate, mean of each sample [m3/s]; the last is that before.
     levels, discharges : ndarray, shape (days, n, places)
         Level [m] and discharge [m3/s] at the places asked for.
     volume : ndarray, shape (days, n)
@@ -59,6 +70,8 @@ class Flow:
     """
 
     level: Floats
+    outflow: Floats
+    released: Floats
     levels: Floats
     discharges: Floats
     volume: Floats
@@ -70,10 +83,10 @@ def simulate(
     channel: Channel,
     time: ArrayLike,
     inflow: ArrayLike,
-    outflow: ArrayLike,
+    outflow: ArrayLike | People,
     start: ArrayLike | State,
     *,
-    lateral: Sequence[AddedFlow] = (),
+    changes: Changes = NO_CHANGES,
     places: Sequence[float] = (),
     gate_time: float = 30.0,
     courant: float = 0.5,
@@ -92,14 +105,15 @@ def simulate(
         Sample times [s], increasing.
     inflow, outflow : array_like, shape (n,) or (days, n)
         Flows of the dams [m3/s], held from each sample to the next. With (days, n) each row is
-        a simulation of its own, with the same result whatever rows stand beside it.
+        a simulation of its own, with the same result whatever rows stand beside it. Instead of an
+        outflow, the people who command it as they see the level; the inflow is then (n,).
     start : float, array_like of shape (days,), or State
         Level at x = L [m] at the first sample; the flow is then steady for the first commands, or, where
         they differ, fills or empties the reach evenly. Or the `end` of an earlier flow: `time` then
         begins with the sample at which that ended.
-    lateral : sequence of AddedFlow
-        Flows that enter beside the dams (negative: a loss), at places from 0 (upstream) to 1, without
-        momentum of their own along the reach; part of the steady start.
+    changes : Changes
+        What differs from the commands. Added flows enter without momentum of their own along the reach
+        and are part of the steady start. Its `gauge` is not used: this is the water.
     places : sequence of float
         Where else to give level and discharge, from 0 (upstream) to 1.
     gate_time : float
@@ -145,20 +159,23 @@ def simulate(
     clock_time = _rows("time", time, shape)
     if not (np.diff(clock_time, axis=1) > 0).all():
         raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
-    q_in, q_out = _rows("inflow", inflow, shape), _rows("outflow", outflow, shape)
-    sides = np.empty((len(lateral), *shape))
-    for j, flow in enumerate(lateral):
-        sides[j] = _rows("lateral", flow.flow(np.asarray(time, float)), shape)
-    share = np.zeros((len(lateral), channel.cells))
-    for row, flow in zip(share, lateral, strict=True):
-        cell, weight = _between_cells(channel.cells, flow.place)
-        weight = min(max(weight, 0.0), 1.0)
-        row[cell], row[cell + 1] = 1.0 - weight, weight
-    friction = _friction(channel)
+    q_in = _rows("inflow", inflow if changes.inflow is None else changes.inflow, shape)
+    people = outflow if isinstance(outflow, People) else NOBODY
+    if people is not NOBODY and len(people.inflow) != shape[1]:
+        raise RividError(f"people for {len(people.inflow)} samples: expected {shape[1]} like the inflow")
+    if people is not NOBODY and shape[0] > 1:
+        raise RividError(f"people at {shape[0]} reaches at once: expected one row")
+    q_out = q_in.copy() if isinstance(outflow, People) else _rows("outflow", outflow, shape)
+    sides = np.empty((len(changes.added), *shape))
+    for j, extra in enumerate(changes.added):
+        sides[j] = _rows("an added flow", extra.flow, shape)
+    share = _shares(channel.cells, [extra.place for extra in changes.added])
     state = (
         start.copy()
         if isinstance(start, State)
-        else _steady(channel, friction, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start)
+        else _steady(
+            channel, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start, len(changes.ponds)
+        )
     )
     if state.area.shape != (shape[0], channel.cells):
         raise RividError(
@@ -167,23 +184,24 @@ def simulate(
         )
     cells = [_between_cells(channel.cells, place) for place in places]
     faces = [_between_faces(channel.cells, place) for place in places]
-    level, volume, nudge = np.empty(shape), np.empty(shape), np.empty(shape)
+    level, released, volume, nudge = (np.empty(shape) for _ in range(4))
     levels, discharges = np.empty((*shape, len(places))), np.empty((*shape, len(places)))
     target = np.empty((1, 1)) if observed is None else _rows("observed", observed, shape, gaps=True)
     answer = kernel.advance(
-        clock_time, q_in, q_out, sides, share, target, 0.0 if observed is None else float(nudge_time),
-        channel.bed, channel.bottom_width, channel.side_slope, friction, channel.dx,
+        clock_time, q_in, q_out, sides, share, gate_arrays(changes, shape), exchange_arrays(changes, shape),
+        _shares(channel.cells, [leak.place for leak in changes.leaks]),
+        _shares(channel.cells, [pond.place for pond in changes.ponds]),
+        people, target, 0.0 if observed is None else float(nudge_time), channel.sections, channel.dx,
         float(gate_time), float(courant), 0.0 if step is None else float(step),
-        state.area, state.discharge, state.gates, state.clock,
+        state.area, state.discharge, state.gates, state.clock, state.gate, state.ponds,
         np.array([i for i, _ in cells], np.int64), np.array([w for _, w in cells]),
         np.array([i for i, _ in faces], np.int64), np.array([w for _, w in faces]),
-        level, levels, discharges, volume, nudge,
+        level, released, levels, discharges, volume, nudge,
     )  # fmt: skip
     if answer[0] != kernel.OK:
         raise _failure(channel, shape[0], clock_time, step, courant, *answer)
-    if single:
-        level, volume, nudge, levels, discharges = level[0], volume[0], nudge[0], levels[0], discharges[0]
-    return Flow(level, levels, discharges, volume, nudge, state)
+    found = (level, q_out, released, levels, discharges, volume, nudge)
+    return Flow(*(values[0] if single else values for values in found), state)
 
 
 def _check_settings(
@@ -207,15 +225,23 @@ def _check_settings(
 def _rows(name: str, values: ArrayLike, shape: tuple[int, ...], gaps: bool = False) -> Floats:
     """A (days, n) array of its own, finite unless gaps are allowed."""
     given = np.asarray(values, float)
-    try:
-        rows = np.array(np.broadcast_to(given, shape), order="C")
-    except ValueError:
-        raise RividError(f"{name} has shape {given.shape}: expected {shape} like the inflow") from None
-    wrong = np.isinf(rows) if gaps else ~np.isfinite(rows)
-    if wrong.any():
-        day, k = np.argwhere(wrong)[0]
+    rows = on_grid(name, np.where(np.isnan(given), 0.0, given) if gaps else given, shape)
+    if not np.isfinite(rows).all():
+        day, k = np.argwhere(~np.isfinite(rows))[0]
         raise RividError(f"{name} is {rows[day, k]} in row {day}, sample {k}: expected a number")
+    if gaps:
+        rows[np.broadcast_to(np.isnan(given), shape)] = np.nan
     return rows
+
+
+def _shares(cells: int, places: Sequence[float]) -> Floats:
+    """What of a flow at each place enters each cell, shape (places, cells)."""
+    share = np.zeros((len(places), cells))
+    for row, place in zip(share, places, strict=True):
+        cell, weight = _between_cells(cells, place)
+        weight = min(max(weight, 0.0), 1.0)
+        row[cell], row[cell + 1] = 1.0 - weight, weight
+    return share
 
 
 def _between_cells(cells: int, place: float) -> tuple[int, float]:
@@ -231,16 +257,8 @@ def _between_faces(cells: int, place: float) -> tuple[int, float]:
     return face, at - face
 
 
-def _friction(channel: Channel) -> Floats:
-    """g n^2 on the faces, the ends left at zero; shape (cells + 1,)."""
-    from rivid.core.hydraulics import GRAVITY
-
-    squares = channel.manning**2
-    return np.asarray(GRAVITY * np.pad(0.5 * (squares[:-1] + squares[1:]), 1))
-
-
 def _steady(
-    channel: Channel, friction: Floats, inflow: Floats, outflow: Floats, sides: Floats, start: ArrayLike
+    channel: Channel, inflow: Floats, outflow: Floats, sides: Floats, start: ArrayLike, ponds: int
 ) -> State:
     from rivid.reach.saint_venant.steady import settle
 
@@ -250,8 +268,7 @@ def _steady(
     for day in range(days):
         if not settle(
             float(inflow[day]), float(outflow[day]), sides[day], float(levels[day]),
-            channel.bed, channel.bottom_width, channel.side_slope, friction, channel.dx,
-            area[day], discharge[day, 0],
+            channel.sections, channel.dx, area[day], discharge[day, 0],
         ):  # fmt: skip
             raise RividError(
                 f"no steady flow of {inflow[day]:g} m3/s has the start level {levels[day]:g} m at x = L "
@@ -259,7 +276,10 @@ def _steady(
                 "raise the start level, or check bed, width and manning"
             )
     discharge[:, 1] = discharge[:, 0]
-    return State(area, discharge, np.stack([inflow, outflow], axis=1), np.zeros((days, 3)))
+    return State(
+        area, discharge, np.stack([inflow, outflow], axis=1), np.zeros((days, 3)), np.zeros((days, 3)),
+        np.zeros((days, ponds)),
+    )  # fmt: skip
 
 
 def _row(day: int, days: int) -> str:

@@ -17,7 +17,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rivid.core.hydraulics import GRAVITY
+from rivid.reach.loop import ExchangeArrays, GateArrays, People
+from rivid.reach.loop_kernel import FLOW, MIND, POSITION, TARGET, gate_flow, look, pond_flow, prepare
 from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
+from rivid.reach.saint_venant.channel import Sections
 
 Floats = NDArray[np.float64]
 OK, DRY, UNSTABLE = 0, 1, 2
@@ -27,11 +30,11 @@ MAX_STEPS = 100_000
 
 
 @njit(cache=True, error_model="numpy")
-def wave_speed(A: Floats, Q: Floats, b: Floats, s: Floats) -> float:
+def wave_speed(A: Floats, Q: Floats, c: Sections) -> float:
     """Largest |v| + sqrt(g A / B) in the reach [m/s]; NaN where a cell is not wet."""
     fastest = 0.0
     for i in range(len(A)):
-        B = np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i])  # width of the surface
+        B = np.sqrt(c.b[i] * c.b[i] + 4.0 * c.s[i] * (A[i] - c.a[i]))  # width of the surface
         speed = abs(0.5 * (Q[i] + Q[i + 1])) / A[i] + np.sqrt(GRAVITY * A[i] / B)
         if not speed <= fastest:
             fastest = speed
@@ -65,12 +68,13 @@ def extend(Q: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def fluxes(A: Floats, Q: Floats, z: Floats, P: Floats, M: Floats, bed: Floats, b: Floats, s: Floats) -> None:
+def fluxes(A: Floats, Q: Floats, z: Floats, P: Floats, M: Floats, c: Sections) -> None:
     """Level z, wetted perimeter P and momentum flux M = Q^2 / A of each cell."""
     for i in range(len(A)):
-        h = 2.0 * A[i] / (b[i] + np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i]))
-        z[i] = bed[i] + h
-        P[i] = b[i] + 2.0 * h * np.sqrt(1.0 + s[i] * s[i])
+        a = A[i] - c.a[i]
+        h = 2.0 * a / (c.b[i] + np.sqrt(c.b[i] * c.b[i] + 4.0 * c.s[i] * a))
+        z[i] = c.bed[i] + h
+        P[i] = c.p[i] + c.w[i] * h
         q = in_cell(Q, i)
         M[i] = q * q / A[i]
 
@@ -99,6 +103,15 @@ def resistance(A: Floats, P: Floats, friction: Floats, root: Floats, K: Floats) 
         K[i] = friction[i] / a * r * y
 
 
+@njit(cache=True, error_model="numpy")
+def level_at(z: Floats, share: Floats) -> float:
+    """Level at a place between cells."""
+    level = 0.0
+    for i in range(len(z)):
+        level += share[i] * z[i]
+    return float(level)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(
     time: Floats,
@@ -106,12 +119,14 @@ def advance(
     outflow: Floats,
     lateral: Floats,
     share: Floats,
+    gate: GateArrays,
+    exchange: ExchangeArrays,
+    leak_share: Floats,
+    pond_share: Floats,
+    people: People,
     observed: Floats,
     nudge_time: float,
-    bed: Floats,
-    b: Floats,
-    s: Floats,
-    friction: Floats,
+    sections: Sections,
     dx: float,
     gate_time: float,
     courant: float,
@@ -120,17 +135,23 @@ def advance(
     discharge: Floats,
     gates: Floats,
     clock: Floats,
+    gate_state: Floats,
+    ponds: Floats,
     at_cell: NDArray[np.int64],
     cell_weight: Floats,
     at_face: NDArray[np.int64],
     face_weight: Floats,
     level: Floats,
+    released: Floats,
     levels: Floats,
     discharges: Floats,
     volume: Floats,
     nudge: Floats,
 ) -> tuple[int, int, int, int, float]:
-    """Go through all days; arrays have a row per day; the state arrays and the last five are written.
+    """Go through all days; arrays have a row per day; the state arrays and the last six are written.
+
+    Where there are people, `outflow` is written too. What leaks and ponds take follows the level at each
+    sample and is held to the next.
 
     Returns
     -------
@@ -138,23 +159,27 @@ def advance(
         OK; or DRY and the cell; or UNSTABLE and the step that would do [s].
     """
     days, n = inflow.shape
-    c = len(bed)
+    c = len(sections.bed)
     Qx = np.empty(c + 3)  # Q on the faces at the whole step, with one more face at each end
     z, P, M, K, root = np.empty(c), np.empty(c), np.empty(c), np.empty(c), np.empty(c)
-    q = np.empty(c)
+    q, mind = np.empty(c), np.empty(MIND)
+    commanded = len(people.inflow) > 0
     for day in range(days):
         A, Q, Q_old = area[day], discharge[day, 0], discharge[day, 1]
         dt_1, dt_2, usual = clock[day, 0], clock[day, 1], clock[day, 2]
-        if usual == 0.0:
-            usual = wave_speed(A, Q, b, s)
+        fresh = usual == 0.0
+        if fresh:
+            usual = wave_speed(A, Q, sections)
             clock[day, 2] = usual
+        if commanded:
+            prepare(people, time[day, 0], mind)
         for k in range(n):
             ahead = dt_1 / (dt_1 + dt_2) if dt_1 > 0.0 else 0.0
             for i in range(1, c):
                 Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
             Qx[1], Qx[c + 1] = gates[day, 0], gates[day, 1]
             extend(Qx)
-            fluxes(A, Qx, z, P, M, bed, b, s)
+            fluxes(A, Qx, z, P, M, sections)
 
             level[day, k] = 1.5 * z[c - 1] - 0.5 * z[c - 2]  # the gauge is at x = L
             for j in range(len(at_cell)):
@@ -170,11 +195,18 @@ def advance(
             if nudge_time > 0.0 and np.isfinite(observed[day, k]):
                 rise = (observed[day, k] - level[day, k]) / nudge_time
             nudge[day, k] = rise
+            if commanded:
+                outflow[day, k] = look(people, k, time[day, k], level[day, k], mind)
+            if k == 0 and fresh:
+                gate_state[day, TARGET] = gate_state[day, POSITION] = gate_state[day, FLOW] = outflow[day, 0]
+                for j in range(len(pond_share)):
+                    ponds[day, j] = level_at(z, pond_share[j])
             if k == n - 1:
+                released[day, k] = released[day, k - 1] if n > 1 else outflow[day, k]
                 break
 
             interval = time[day, k + 1] - time[day, k]
-            speed = wave_speed(A, Qx[1:], b, s)
+            speed = wave_speed(A, Qx[1:], sections)
             if not speed * interval / (LIMIT * dx) < MAX_STEPS:
                 return UNSTABLE, day, k, 0, 0.0
             if longest > 0.0:
@@ -190,8 +222,22 @@ def advance(
                 q[i] = 0.0
                 for j in range(len(share)):
                     q[i] += share[j, i] * lateral[j, day, k] / dx
+            for j in range(len(leak_share)):
+                above = level_at(z, leak_share[j]) - exchange.reference[j]
+                for i in range(c):
+                    q[i] -= leak_share[j, i] * exchange.loss[j, day, k] * above / dx
+            for j in range(len(pond_share)):
+                into = pond_flow(
+                    level_at(z, pond_share[j]), ponds[day, j], exchange.exchange[j, day, k],
+                    exchange.area[j], interval,
+                )  # fmt: skip
+                ponds[day, j] += into * interval / exchange.area[j]
+                for i in range(c):
+                    q[i] -= pond_share[j, i] * into / dx
             up, down = gates[day, 0], gates[day, 1]
-            to_up, to_down = inflow[day, k] - up, outflow[day, k] - down
+            given = gate_flow(gate, day, k, outflow[day, k], level[day, k], interval, gate_state[day])
+            released[day, k] = given
+            to_up, to_down = inflow[day, k] - up, given - down
             cube_roots(A, P, root)
             moved = 0.0
             dry = 0
@@ -203,8 +249,8 @@ def advance(
                         Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
                     Qx[1], Qx[c + 1] = up + way * to_up, down + way * to_down
                     extend(Qx)
-                    fluxes(A, Qx, z, P, M, bed, b, s)
-                resistance(A, P, friction, root, K)
+                    fluxes(A, Qx, z, P, M, sections)
+                resistance(A, P, sections.friction, root, K)
 
                 since = 0.5 * (dt_1 + dt)  # from half step to half step
                 for i in range(1, c):  # momentum (1)
@@ -217,7 +263,7 @@ def advance(
                 Q[c] = down + to_down * (passed - moved) / dt
                 moved = passed
                 for i in range(c):  # continuity (1)
-                    B = np.sqrt(b[i] * b[i] + 4.0 * s[i] * A[i])
+                    B = np.sqrt(sections.b[i] * sections.b[i] + 4.0 * sections.s[i] * (A[i] - sections.a[i]))
                     A[i] += dt * ((Q[i] - Q[i + 1]) / dx + q[i] + rise * B)
                     dry += not A[i] > 0.0
                 dt_1, dt_2 = dt, dt_1
@@ -227,6 +273,6 @@ def advance(
                             return DRY, day, k, i, A[i]
             way = min(1.0, interval / gate_time) if gate_time > 0.0 else 1.0
             gates[day, 0] = inflow[day, k] if way == 1.0 else up + way * to_up
-            gates[day, 1] = outflow[day, k] if way == 1.0 else down + way * to_down
+            gates[day, 1] = given if way == 1.0 else down + way * to_down
         clock[day, 0], clock[day, 1] = dt_1, dt_2
     return OK, 0, 0, 0, 0.0

@@ -1,0 +1,125 @@
+"""The linear reach as a pool that is held by a dam: commands and changes to a level, open or closed loop."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rivid.errors import RividError
+from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.loop import NOBODY, Floats, People, exchange_arrays, gate_arrays, on_grid
+from rivid.reach.response import LinearReach, arrived_volume
+
+
+class PoolFlow(NamedTuple):
+    """What the water did, at the sample times; arrays of shape (n,).
+
+    Attributes
+    ----------
+    level : ndarray
+        True level [m].
+    outflow : ndarray
+        Commands u_Qo [m3/s], given or decided.
+    released : ndarray
+        Real outflow, mean of each sample [m3/s]; the last is that before.
+    """
+
+    level: Floats
+    outflow: Floats
+    released: Floats
+
+
+def supply(
+    reach: LinearReach,
+    time: Floats,
+    inflow: Floats,
+    travel_time: ArrayLike,
+    before: float,
+    changes: Changes = NO_CHANGES,
+) -> Floats:
+    """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
+
+    Parameters
+    ----------
+    reach : LinearReach
+    time, inflow : ndarray, shape (n,)
+        Sample times [s] and inflow commands u_Qi [m3/s].
+    travel_time : float or ndarray, shape (n,)
+        tau [s]; see :func:`rivid.reach.response.arrived_volume`. An added flow at place p has
+        ``(1 - p) tau`` to travel.
+    before : float
+        Inflow before the first sample [m3/s].
+    changes : Changes
+        Its `inflow` and `added` are used.
+    """
+    n = len(time)
+    flow = inflow if changes.inflow is None else on_grid("inflow", changes.inflow, (n,))
+    volume = reach.inflow_gain * arrived_volume(time, flow, travel_time, before)
+    tau = np.asarray(travel_time, float)
+    for extra in changes.added:
+        flow = on_grid("an added flow", extra.flow, (n,))
+        volume += arrived_volume(time, flow, (1.0 - extra.place) * tau, float(flow[0]))
+    return volume
+
+
+def pool_level(
+    reach: LinearReach,
+    time: Floats,
+    inflow: Floats,
+    outflow: Floats | People,
+    travel_time: ArrayLike,
+    *,
+    start: float = 0.0,
+    before: float = 0.0,
+    changes: Changes = NO_CHANGES,
+) -> PoolFlow:
+    """Level of the pool, (7), for known commands or for people who command the outflow.
+
+    Parameters
+    ----------
+    reach : LinearReach
+    time, inflow : ndarray, shape (n,)
+        Sample times [s]; commands u_Qi [m3/s], held.
+    outflow : ndarray of shape (n,), or People
+        Commands u_Qo [m3/s], held, or who gives them as they see the level.
+    travel_time : float or ndarray, shape (n,)
+        tau of what departs at each sample [s].
+    start : float
+        Level at the first sample [m].
+    before : float
+        Inflow command before the first sample [m3/s].
+    changes : Changes
+        Its `gauge` is not used: this is the water, not what is read of it. All places of leaks and ponds
+        are the pool.
+
+    Returns
+    -------
+    PoolFlow
+
+    Raises
+    ------
+    RividError
+        Where shapes do not agree, or the pool runs dry of surface: `area_slope` and level do not fit.
+    """
+    from rivid.reach.pool_kernel import hold
+
+    n = len(time)
+    people = outflow if isinstance(outflow, People) else NOBODY
+    given = np.zeros(n) if isinstance(outflow, People) else np.array(outflow, float)
+    for name, values in (("inflow", inflow), ("outflow", given)):
+        if np.shape(values) != (n,):
+            raise RividError(f"{name} has shape {np.shape(values)}: expected ({n},) like the times")
+    if isinstance(outflow, People) and len(people.inflow) != n:
+        raise RividError(f"people for {len(people.inflow)} samples: expected {n} like the times")
+    level, released = np.empty(n), np.empty(n)
+    hold(
+        np.asarray(time, float), supply(reach, time, inflow, travel_time, before, changes), given,
+        gate_arrays(changes, (1, n)), exchange_arrays(changes, (1, n)), people, reach.outflow_gain,
+        reach.surface_area, changes.area_slope, changes.area_reference, start, level, released,
+    )  # fmt: skip
+    if not np.isfinite(level).all():
+        raise RividError(
+            f"area_slope = {changes.area_slope:g} 1/m leaves no water surface at the level reached: "
+            "expected a smaller slope, or a level nearer to its reference"
+        )
+    return PoolFlow(level, given, released)
