@@ -1,0 +1,164 @@
+"""What the diagnosis works on: days as rows, each with the samples before it as lead time."""
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.effects.base import DAY, World
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+Kind = Literal["pool", "river"]
+START_UP = 30
+"""Samples, beyond the delay, in which a day that nothing precedes forgets its made-up start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Days of logs on one grid.
+
+    Attributes
+    ----------
+    dates : tuple of datetime.date
+        A row for each, in order.
+    time : ndarray, shape (days, n)
+        Seconds since the midnight of `dates[0]`. The first `lead` samples of a row are before its day.
+    inflow : ndarray, shape (days, n)
+        u_Qi [m3/s].
+    outflow : ndarray, shape (days, n)
+        u_Qo [m3/s]; zero for a river reach, which has none.
+    output : ndarray, shape (days, n)
+        Level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing.
+    used : ndarray of bool, shape (days, n)
+        Samples that count: of the day itself, not in the start-up of a day that nothing precedes, and with
+        an output.
+    lead : int
+        Samples before each day.
+    sample_time : float
+        T_s [s].
+    kind : {"pool", "river"}
+    """
+
+    dates: tuple[dt.date, ...]
+    time: Floats
+    inflow: Floats
+    outflow: Floats
+    output: Floats
+    used: NDArray[np.bool_]
+    lead: int
+    sample_time: float
+    kind: Kind = "pool"
+
+    @property
+    def days(self) -> int:
+        """Number of rows."""
+        return len(self.dates)
+
+    @property
+    def day_number(self) -> NDArray[np.intp]:
+        """Days since the first one, shape (days,)."""
+        first = self.dates[0]
+        return np.array([(date - first).days for date in self.dates], np.intp)
+
+    @property
+    def hour(self) -> Floats:
+        """Hour of the day of each sample, shape (days, n)."""
+        return np.asarray(np.mod(self.time, DAY) / 3600.0)
+
+    @property
+    def usual_output(self) -> float:
+        """Median of the output that counts: what level-dependent effects count from."""
+        return float(np.median(self.output[self.used]))
+
+    @property
+    def usual_flow(self) -> float:
+        """Median inflow of the samples that count [m3/s]."""
+        return float(np.median(self.inflow[self.used]))
+
+    def world(self, level: float | None = None, flow: float | None = None) -> World:
+        """Where effects take place: this record's grid and logs; the usual level and flow unless given."""
+        return World(
+            time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0],
+            sample_time=self.sample_time, level=self.usual_output if level is None else level,
+            flow=self.usual_flow if flow is None else flow,
+        )  # fmt: skip
+
+    def take(self, rows: ArrayLike) -> "Record":
+        """Some of the days, `rows` as an index or a mask; times still count from the first day of all."""
+        kept = np.arange(self.days)[np.asarray(rows)]
+        return replace(
+            self, dates=tuple(self.dates[i] for i in kept), time=self.time[kept], inflow=self.inflow[kept],
+            outflow=self.outflow[kept], output=self.output[kept], used=self.used[kept],
+        )  # fmt: skip
+
+
+def as_record(
+    dates: Sequence[dt.date],
+    seconds: ArrayLike,
+    inflow: ArrayLike,
+    outflow: ArrayLike | None,
+    output: ArrayLike,
+    *,
+    sample_time: float,
+    delay: int,
+    kind: Kind = "pool",
+) -> Record:
+    """Put days in rows and give each the end of the day before it.
+
+    Parameters
+    ----------
+    dates : sequence of datetime.date, length days
+        In order, none twice.
+    seconds : array_like, shape (N,)
+        Sample times after local midnight [s].
+    inflow, output : array_like, shape (days, N)
+        u_Qi [m3/s]; level [m] or discharge [m3/s], NaN where missing.
+    outflow : array_like of shape (days, N), or None
+        u_Qo [m3/s]; None for a river reach.
+    sample_time : float
+        T_s [s].
+    delay : int
+        Rough delay [samples]; the lead is this and :data:`START_UP` samples.
+    kind : {"pool", "river"}
+
+    Raises
+    ------
+    RividError
+        Where the arrays do not fit, dates are out of order, or commands are missing.
+    """
+    clock, u, y = (np.asarray(x, float) for x in (seconds, inflow, output))
+    o = np.zeros_like(u) if outflow is None else np.asarray(outflow, float)
+    shape = (len(dates), len(clock))
+    for name, values in (("inflow", u), ("outflow", o), ("output", y)):
+        if values.shape != shape:
+            raise RividError(f"{name} has shape {values.shape}: expected {shape}, days and samples of a day")
+        if name != "output" and not np.isfinite(values).all():
+            day = int(np.argwhere(~np.isfinite(values))[0, 0])
+            raise RividError(
+                f"{name} of {dates[day]} has gaps: expected whole days, with gaps filled or left out"
+            )
+    if not dates or any(a >= b for a, b in zip(dates, dates[1:], strict=False)):
+        raise RividError("dates are empty or out of order: expected days in order, none twice")
+    lead = min(delay + START_UP, len(clock))
+    number = np.array([(date - dates[0]).days for date in dates])
+    follows = np.append(False, np.diff(number) == 1)
+    before = clock[len(clock) - lead :] - DAY
+    time = number[:, None] * DAY + np.concatenate([before, clock])
+    rows = np.arange(len(dates))
+    previous = np.maximum(rows - 1, 0)
+
+    def led(values: Floats, start: Floats) -> Floats:
+        tail = np.where(follows[:, None], values[previous, len(clock) - lead :], start)
+        return np.concatenate([tail, values], axis=1)
+
+    used = np.isfinite(y)
+    used[~follows, :lead] = False
+    return Record(
+        dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
+        output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
+        used=np.concatenate([np.zeros((len(dates), lead), bool), used], axis=1),
+    )  # fmt: skip
