@@ -99,10 +99,15 @@ def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
     gate = changes.gate
     if changes.gate_is_plain:  # one row of nothing: the loops do not look at it
         return GateArrays(True, *(np.zeros((1, 1)),) * 5, 0.0)
-    parts = {"dead_band": gate.dead_band, "rate": gate.rate, "lag": gate.lag}
-    factors = {"factor": gate.factor, "head": gate.head}
-    arrays = [on_grid(f"the gate's {name}", values, shape) for name, values in (parts | factors).items()]
-    return GateArrays(False, *arrays, float(gate.reference))
+    return GateArrays(
+        False,
+        on_grid("the gate's dead-band", gate.dead_band, shape),
+        on_grid("the gate's rate", gate.rate, shape),
+        on_grid("the gate's lag", gate.lag, shape),
+        on_grid("the gate's factor", gate.factor, shape),
+        on_grid("the gate's head gain", gate.head, shape),
+        float(gate.reference),
+    )
 
 
 def exchange_arrays(changes: Changes, shape: tuple[int, ...]) -> ExchangeArrays:

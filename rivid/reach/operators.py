@@ -82,8 +82,9 @@ def loop_gain(settings: OperatorSettings, surface_area: float, wave_conductance:
     surface_area : float
         Water surface A [m2].
     wave_conductance : float
-        b c [m2/s], width times celerity at the dam: a change of outflow by q moves the level there by
-        q / (b c) at once, ahead of the storage. Infinite where there are no waves.
+        b (c - v) [m2/s] at the dam, width times the speed of a wave that runs upstream: a change of outflow
+        by q moves the level there by q / (b (c - v)) at once, ahead of the storage. Infinite where there
+        are no waves.
 
     Returns
     -------
@@ -92,8 +93,8 @@ def loop_gain(settings: OperatorSettings, surface_area: float, wave_conductance:
 
     Notes
     -----
-    In a reach closed at both ends the level falls in steps of 2 q / (b c) each 2 L / c, which stay below
-    q / (b c) + q t / A at any length L, however often the wave has come back.
+    In still water, closed at both ends, the level falls in steps of 2 q / (b c) each 2 L / c, which stay
+    below q / (b c) + q t / A at any length L, however often the wave has come back.
     """
     return -settings.level_gain * (settings.look[1] / surface_area + 1.0 / wave_conductance)
 
@@ -110,7 +111,7 @@ def draw_crew(
     ----------
     settings : OperatorSettings
     surface_area, wave_conductance : float
-        A [m2] and b c [m2/s]; they decide which gains are stable, see :func:`loop_gain`.
+        A [m2] and b (c - v) [m2/s]; they decide which gains are stable, see :func:`loop_gain`.
     rng : numpy.random.Generator
 
     Returns

@@ -15,6 +15,7 @@ from rivid.errors import RividError
 
 Floats = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class LinearReach:
     """A pool held by a dam: ``A dh/dt = K_i Q_i(t - tau) - K_o Q_o`` (7), tau a function of the flow.

@@ -1,7 +1,7 @@
 """The channel: sections along the reach, cell by cell."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -171,6 +171,10 @@ class Channel:
         water at the dam, mean depths of 4.8 m at 100 m3/s, 5.0 at 300 and 5.8 at 800.
         """
         return cls.uniform(8200.0, 81.6, 1e-4, 0.025, cells)
+
+    def with_area_slope(self, slope: float, level: float) -> "Channel":
+        """The same channel whose surface changes by a share of `slope` for each metre about `level`."""
+        return replace(self, area_slope=slope, area_reference=level) if slope else self
 
     @property
     def cells(self) -> int:

@@ -173,9 +173,7 @@ def simulate(
     state = (
         start.copy()
         if isinstance(start, State)
-        else _steady(
-            channel, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start, len(changes.ponds)
-        )
+        else _steady(channel, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start, len(changes.ponds))
     )
     if state.area.shape != (shape[0], channel.cells):
         raise RividError(
@@ -200,8 +198,10 @@ def simulate(
     )  # fmt: skip
     if answer[0] != kernel.OK:
         raise _failure(channel, shape[0], clock_time, step, courant, *answer)
-    found = (level, q_out, released, levels, discharges, volume, nudge)
-    return Flow(*(values[0] if single else values for values in found), state)
+    day = 0 if single else slice(None)
+    return Flow(
+        level[day], q_out[day], released[day], levels[day], discharges[day], volume[day], nudge[day], state
+    )
 
 
 def _check_settings(
