@@ -1,0 +1,1 @@
+"""Find the effect that a simulation of the reach lacks."""

@@ -1,0 +1,400 @@
+"""The noise of a simulated reach: unknown inflow, random walk, gauge noise and wind, day by day.
+
+The residual is z = measured level - simulated level. Each day is a fresh start, and at sample k
+
+    z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
+
+w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
+level error, e white gauge noise; nothing is known of x_0. For a river reach, whose output is a discharge,
+there is no A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so
+that a constant inflow stays a thing to find.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.errors import RividError
+
+if TYPE_CHECKING:
+    from rivid.diagnose.kalman import Days, System
+
+Floats = NDArray[np.float64]
+
+WALK_LIMIT = 1e-3
+"""Largest level random walk beside a level-type noise [m per sample]: a freer one swallows the wind."""
+
+DAY_LIMIT = 1.3
+"""A day's mean square may be this many times the median's before the day loses weight."""
+
+
+class Smoothed(NamedTuple):
+    """What a whole day says of the hidden parts; arrays of shape (days, n).
+
+    Attributes
+    ----------
+    inflow, inflow_sd : ndarray
+        The unknown inflow w and its standard deviation [m3/s]; of a river reach, s.
+    level : ndarray
+        The level error x [m], without gauge noise and wind; NaN on a day without samples. Of a river
+        reach, s [m3/s].
+    wind : ndarray
+        The noise of the level s [m]; of a river reach, s [m3/s].
+    """
+
+    inflow: Floats
+    inflow_sd: Floats
+    level: Floats
+    wind: Floats
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """The noise of one reach: a filter that is linear and the same for every day with the same gaps.
+
+    Attributes
+    ----------
+    gauge_sd : float
+        White gauge noise e [m]; of a river reach [m3/s].
+    walk_sd : float
+        Step of the random walk v [m per sample].
+    inflow_sd, inflow_memory : float
+        Unknown inflow w: standard deviation [m3/s] and memory [s]; correlation exp(-t / memory).
+    level_sd, level_memory : float
+        Noise of the level s: standard deviation [m] and memory [s]; of a river reach [m3/s].
+    sample_time : float
+        T_s [s].
+    surface_area : float or None
+        A [m2]; None for a river reach.
+
+    Raises
+    ------
+    RividError
+        Where a number makes no sense.
+    """
+
+    gauge_sd: float
+    walk_sd: float
+    inflow_sd: float
+    inflow_memory: float
+    level_sd: float
+    level_memory: float
+    sample_time: float
+    surface_area: float | None
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if value is None:
+                continue
+            positive = f.name in ("gauge_sd", "inflow_memory", "level_memory", "sample_time", "surface_area")
+            if not np.isfinite(value) or value < 0 or (positive and value == 0):
+                least = "a positive number" if positive else "zero or more"
+                raise RividError(
+                    f"noise model: {f.name} is {value}: expected {least}; check what it was fitted to"
+                )
+        if self.surface_area is None and (self.walk_sd or self.inflow_sd):
+            raise RividError(
+                f"noise model: walk_sd is {self.walk_sd} and inflow_sd {self.inflow_sd}: expected 0 for "
+                "a river reach, which has neither; use level_sd or give surface_area"
+            )
+
+    def whiten(self, columns: ArrayLike, like: ArrayLike | None = None) -> Floats:
+        """Innovations over their standard deviations: white and of variance 1 if the columns are this noise.
+
+        Parameters
+        ----------
+        columns : array_like, shape (..., days, n)
+            Residuals or effect columns [m]; the filter is the same linear one for all.
+        like : array_like, shape (days, n), optional
+            NaN here is a missing sample. Default: a sample that any of the columns lacks.
+
+        Returns
+        -------
+        ndarray, shape (..., days, n)
+            0 at missing samples and at each day's first one, which only sets the start.
+
+        Raises
+        ------
+        RividError
+            Where shapes do not fit, or a column lacks a sample that `like` has.
+        """
+        from rivid.diagnose import kalman
+
+        given = np.asarray(columns, float)
+        if given.ndim < 2:
+            raise RividError(f"columns have shape {given.shape}: expected (..., days, n)")
+        stack = given.reshape(-1, *given.shape[-2:])
+        days = kalman.gather(stack.sum(0) if like is None else like)
+        there = days.patterns[days.pattern]
+        if stack.shape[1:] != there.shape:
+            raise RividError(
+                f"columns have shape {given.shape}: expected (..., days, n) = (..., {there.shape})"
+            )
+        values = np.where(there, stack, 0.0)
+        if not np.isfinite(values).all():
+            raise RividError(
+                "a column is not finite where the residual is: simulate it on every sample that is read"
+            )
+        m = self._system()
+        K, S, _ = kalman.all_gains(days.patterns, m, False)
+        return np.asarray(kalman.innovations(values, days.pattern, K, S, m)).reshape(given.shape)
+
+    def log_likelihood(self, residual: ArrayLike) -> Floats:
+        """Log-likelihood of each day, shape (days,), of a residual (days, n) [m]; NaN is missing.
+
+        For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
+        """
+        from rivid.diagnose import kalman
+
+        days = kalman.gather(residual)
+        return np.asarray(kalman.log_likelihoods(days.values, days.pattern, days.patterns, self._system()))
+
+    def forecast_errors(self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30) -> Floats:
+        """Residual at origin + horizon less its forecast from what is known at the origin [m].
+
+        Parameters
+        ----------
+        residual : array_like, shape (days, n)
+            [m]; NaN is missing. Rows may be longer than a day where days continue.
+        horizon : int
+            [samples]; w and s decay over it as their memories say.
+        every, first : int
+            Origins are the samples first, first + every, ... with a target in the row.
+
+        Returns
+        -------
+        ndarray, shape (days, origins)
+            NaN where the target is missing, or nothing was read up to the origin.
+        """
+        from rivid.diagnose import kalman
+
+        days = kalman.gather(residual)
+        n = days.values.shape[1]
+        if horizon < 1 or every < 1 or first < 0 or first + horizon >= n:
+            raise RividError(
+                f"forecast of {horizon} samples from sample {first} on: a row has {n}; "
+                "use a shorter horizon or longer rows"
+            )
+        m = self._system()
+        K, _, _ = kalman.all_gains(days.patterns, m, False)
+        states, _ = kalman.filtered(days.values, days.pattern, K, m)
+        origin = np.arange(first, n - horizon, every)
+        x, w, s = np.moveaxis(states[:, origin], -1, 0)
+        forecast = x + m.c * w * (m.phi ** np.arange(horizon)).sum() + m.psi**horizon * s
+        there = days.patterns[days.pattern]
+        seen = np.logical_or.accumulate(there, axis=1)[:, origin]
+        known = there[:, origin + horizon] & (seen | (not m.diffuse))
+        return np.where(known, days.values[:, origin + horizon] - forecast, np.nan)
+
+    def smooth(self, residual: ArrayLike) -> Smoothed:
+        """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
+        from rivid.diagnose import kalman
+
+        days = kalman.gather(residual)
+        m = self._system()
+        K, S, kept = kalman.all_gains(days.patterns, m, True)
+        states, v = kalman.filtered(days.values, days.pattern, K, m)
+        mean, variance = kalman.smoothed(states, v, days.pattern, days.patterns, K, S, kept, m)
+        x, w, s = np.moveaxis(mean, -1, 0)
+        if self.surface_area is None:
+            return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
+        return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
+
+    def simulate(self, days: int, n: int, rng: np.random.Generator) -> Floats:
+        """Days of this noise, shape (days, n) [m], with x_0 = 0."""
+        from scipy.signal import lfilter
+
+        m = self._system()
+
+        def memory(sd: float, phi: float) -> Floats:
+            steps = rng.normal(0.0, sd, (days, n)) * np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
+            return np.asarray(lfilter([1.0], [1.0, -phi], steps, axis=1), float)
+
+        rise = m.c * memory(self.inflow_sd, m.phi) + rng.normal(0.0, 1.0, (days, n)) * self.walk_sd
+        x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
+        return x + memory(self.level_sd, m.psi) + rng.normal(0.0, self.gauge_sd, (days, n))
+
+    def _system(self) -> "System":
+        from rivid.diagnose.kalman import System
+
+        T, A = self.sample_time, self.surface_area
+        return System(
+            c=0.0 if A is None else T / A,
+            phi=float(np.exp(-T / self.inflow_memory)),
+            psi=float(np.exp(-T / self.level_memory)),
+            walk=float(self.walk_sd) ** 2,
+            inflow=float(self.inflow_sd) ** 2,
+            level=float(self.level_sd) ** 2,
+            gauge=float(self.gauge_sd) ** 2,
+            diffuse=A is not None,
+        )
+
+
+def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
+    """Weights of days, 1 for most, less for a day far noisier than the median.
+
+    Parameters
+    ----------
+    whitened : array_like, shape (days, n)
+        Whitened residual; exact zeros are samples that do not count.
+    limit : float
+        A day's mean square may be this many times the median's.
+
+    Returns
+    -------
+    ndarray, shape (days,)
+        min(1, limit x median / mean square); 0 for a day without samples.
+    """
+    r = np.asarray(whitened, float)
+    count = (r != 0.0).sum(1)
+    square = (r * r).sum(1) / np.maximum(count, 1)
+    if not (count > 0).any():
+        return np.zeros(len(r))
+    allowed = limit * np.median(square[count > 0])
+    return np.where(count > 0, np.minimum(1.0, allowed / np.maximum(square, allowed * 1e-12)), 0.0)
+
+
+def fit_noise(
+    residual: ArrayLike,
+    sample_time: float,
+    surface_area: float | None,
+    *,
+    weights: ArrayLike | None = None,
+    level: bool = False,
+    gauge_floor: float = 0.0,
+    walk_limit: float | None = None,
+    memory_floor: float | None = None,
+    starts: tuple[NoiseModel, ...] = (),
+) -> NoiseModel:
+    """The noise model of greatest likelihood, from several starts.
+
+    With the unknown inflow alone, or from one start, the fit can end at "w is white", an optimum that hides
+    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete.
+
+    Parameters
+    ----------
+    residual : array_like, shape (days, n)
+        [m]; NaN is missing. For a river reach [m3/s].
+    sample_time, surface_area : float
+        T_s [s] and A [m2]; A is None for a river reach.
+    weights : array_like, shape (days,), optional
+        Of each day's log-likelihood. Default: fit, weigh days by :func:`day_weights`, fit again.
+    level : bool
+        Whether a pool has the level-type noise s (a river reach always has).
+    gauge_floor : float
+        Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
+    walk_limit : float, optional
+        Upper limit of walk_sd [m per sample]; default none, or :data:`WALK_LIMIT` with `level`.
+    memory_floor : float, optional
+        Lower limit of w's memory [s]; default ten samples.
+    starts : tuple of NoiseModel
+        Further starts, say the model of the last round.
+
+    Raises
+    ------
+    RividError
+        Where there is too little to fit.
+    """
+    from rivid.diagnose import kalman
+
+    days = kalman.gather(residual)
+    if not np.diff(days.values[days.patterns[days.pattern].all(1)], axis=1).any():
+        raise RividError("residual has no complete day that moves: nothing to fit a noise to; check the logs")
+    limits = _limits(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
+    begin = _starts(limits, surface_area is not None, level) + starts
+    if weights is not None:
+        return _climb(days, np.asarray(weights, float), begin, limits)
+    model = _climb(days, np.ones(len(days.values)), begin, limits)
+    w = day_weights(model.whiten(residual))
+    return model if (w == 1.0).all() else _climb(days, w, (model,), limits)
+
+
+class _Limits(NamedTuple):
+    """A model whose `free` fields move between `low` and `high`; `scale` is a sample's usual change."""
+
+    model: NoiseModel
+    free: tuple[str, ...]
+    low: Floats
+    high: Floats
+    scale: float
+
+
+def _limits(
+    days: "Days",
+    T: float,
+    A: float | None,
+    level: bool,
+    gauge_floor: float,
+    walk_limit: float | None,
+    memory_floor: float | None,
+) -> _Limits:
+    there, n = days.patterns[days.pattern], days.values.shape[1]
+    both = there[:, 1:] & there[:, :-1]
+    scale = float(np.sqrt(np.mean(np.diff(days.values, axis=1)[both] ** 2) / 2.0))
+    longest = 10.0 * n * T  # a day cannot tell a longer memory from an endless one
+    most_walk = min(10.0 * scale, walk_limit or (WALK_LIMIT if level else np.inf))
+    bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
+    if A is not None:
+        bounds["walk_sd"] = (1e-4 * most_walk, most_walk)
+        bounds["inflow_sd"] = (1e-5 * scale * A / T, 10.0 * scale * A / T)
+        bounds["inflow_memory"] = (memory_floor or 10.0 * T, longest)
+    if A is None or level:
+        bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
+        bounds["level_memory"] = (3.0 * T, longest)
+    low, high = np.array(list(bounds.values())).T
+    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, 0.0, 100.0 * T, T, A)
+    return _Limits(rest, tuple(bounds), low, high, scale)
+
+
+def _starts(limits: _Limits, pool: bool, level: bool) -> tuple[NoiseModel, ...]:
+    """Weak and lasting, strong and short, or hardly any unknown inflow; with and without much wind."""
+    z, rest = limits.scale, limits.model
+    T, A = rest.sample_time, rest.surface_area
+    if not pool or A is None:
+        slow = replace(rest, gauge_sd=0.5 * z, level_sd=10.0 * z, level_memory=300.0 * T)
+        return slow, replace(rest, level_sd=z, level_memory=10.0 * T)
+    w = z * A / T
+    weak = replace(rest, walk_sd=0.03 * z, inflow_sd=0.05 * w, inflow_memory=100.0 * T)
+    short = replace(rest, gauge_sd=0.5 * z, walk_sd=0.1 * z, inflow_sd=0.3 * w, inflow_memory=30.0 * T)
+    walk = replace(rest, gauge_sd=0.5 * z, walk_sd=0.3 * z, inflow_sd=0.01 * w, inflow_memory=600.0 * T)
+    if not level:
+        return weak, short, walk
+    windy = replace(weak, walk_sd=0.01 * z, level_sd=3.0 * z, level_memory=80.0 * T)
+    return windy, replace(short, level_sd=0.3 * z), replace(windy, level_sd=z, level_memory=15.0 * T)
+
+
+def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits: _Limits) -> NoiseModel:
+    """The likeliest model that the starts lead to."""
+    from scipy.optimize import minimize
+
+    from rivid.diagnose import kalman
+
+    used = weights > 0.0
+    z, pattern = days.values[used], days.pattern[used]
+    w = weights[used] / (
+        weights @ days.patterns[days.pattern].sum(1)
+    )  # a mean a sample: one tolerance fits all
+
+    def model(p: Floats) -> NoiseModel:
+        return replace(limits.model, **dict(zip(limits.free, np.exp(p).tolist(), strict=True)))
+
+    def cost(p: Floats) -> float:
+        return -float(w @ kalman.log_likelihoods(z, pattern, days.patterns, model(p)._system()))
+
+    h = 1e-4 * np.eye(len(limits.free))
+
+    def slope(p: Floats) -> Floats:
+        return np.array([(cost(p + d) - cost(p - d)) / 2e-4 for d in h])
+
+    low, high = np.log(limits.low), np.log(limits.high)
+    bounds = list(zip(low, high, strict=True))
+    ends = []
+    for start in starts:
+        given = np.array([max(getattr(start, name), 1e-300) for name in limits.free])
+        p = np.clip(np.log(given), low, high)
+        options = {"maxiter": 200, "ftol": 1e-10, "gtol": 1e-6}
+        ends.append(minimize(cost, p, jac=slope, method="L-BFGS-B", bounds=bounds, options=options))
+    return model(min(ends, key=lambda end: float(end.fun)).x)
