@@ -20,6 +20,7 @@ COMMANDS = {
     "sniff": "Propose an [input] block for a foreign CSV.",
     "bounds": "Travel-time bounds of the reach, and what they propose.",
     "simulate": "Make daily logs of a simulated reach, and their truth.",
+    "effects": "What a simulation may lack: the catalogue of effects.",
     "figures": "Redraw figures and report from stored results.",
 }
 

@@ -22,18 +22,19 @@ FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
 class Quantity:
     """Unit, limits (both allowed) and meaning of a parameter.
 
-    For a sequence they hold for each element.
+    `many` parameters may be sequences; unit and limits then hold for each element.
     """
 
     unit: str
     low: float
     high: float
     meaning: str
+    many: bool = False
 
 
-def quantity(default: Any, unit: str, low: float, high: float, meaning: str) -> Any:
+def quantity(default: Any, unit: str, low: float, high: float, meaning: str, *, many: bool = False) -> Any:
     """A parameter of an effect, as a field of its dataclass."""
-    return field(default=default, metadata={"quantity": Quantity(unit, low, high, meaning)})
+    return field(default=default, metadata={"quantity": Quantity(unit, low, high, meaning, many)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +122,8 @@ class Effect(ABC):
     def __post_init__(self) -> None:
         for one, said in self.parameters().items():
             value = getattr(self, one)
+            if isinstance(value, tuple) and not said.many:
+                raise ConfigError(f"{self.name}: {one} = {list(value)}: expected one number [{said.unit}]")
             for i, part in enumerate(value if isinstance(value, tuple) else (value,)):
                 number = isinstance(part, int | float | np.number) and not isinstance(part, bool)
                 if not number or not said.low <= part <= said.high:
@@ -138,6 +141,8 @@ class Effect(ABC):
             )
         if self.hours is not None and not all(0.0 <= h <= 24.0 for h in self.hours):
             raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two hours from 0 to 24")
+        if self.hours is not None and self.hours[0] % 24.0 == self.hours[1] % 24.0 and self.hours != (0, 24):
+            raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two different hours")
 
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:
@@ -211,6 +216,8 @@ class Effect(ABC):
 
 def _two_dates(name: str, value: Sequence[Any]) -> tuple[dt.date, dt.date]:
     try:
+        if any(isinstance(v, dt.datetime) for v in value):  # which is a date as well, to Python
+            raise TypeError
         first, last = (v if isinstance(v, dt.date) else dt.date.fromisoformat(v) for v in value)
     except (TypeError, ValueError):
         raise ConfigError(f"{name}: dates = {value!r}: expected [first, last] as YYYY-MM-DD") from None

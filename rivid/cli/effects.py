@@ -1,0 +1,140 @@
+"""``rivid effects``."""
+
+import inspect
+import json
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rivid.effects import Effect
+
+WIDTH = 80
+TITLES = {
+    "flow": "Flows that the logs do not hold, and storage",
+    "timing": "Timing: what comes earlier, later or smoother than logged",
+    "level": "Level: what the gauge gives beside the water",
+}
+WINDOW = (
+    "dates = [2008-03-01, 2008-04-15]  # first and last day; leave out: always\n"
+    "hours = [22, 6]  # from and to, here past midnight; leave out: all day"
+)
+
+
+@click.command("effects", short_help="What a simulation may lack: the catalogue of effects.")
+@click.argument("name", required=False)
+@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+@click.option(
+    "--effects-file",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="A Python file with effects of yours.",
+)
+def command(name: str | None, as_json: bool, effects_file: Path | None) -> int:
+    """The catalogue of effects: parameters, units, limits, and what each looks like.
+
+    With NAME, that effect in full, with an example for a scenario.
+
+    \b
+    Examples:
+      rivid effects
+      rivid effects side_storage
+      rivid effects --effects-file my_effects.py --json
+    """
+    from rivid.effects import FAMILIES, effect_classes
+    from rivid.errors import ConfigError
+
+    classes = effect_classes(effects_file)
+    if name is not None and name not in classes:
+        raise ConfigError(f"no effect is called {name!r}: expected one of {', '.join(classes)}")
+    if as_json:
+        shown = [_record(one) for one in classes.values()]
+        click.echo(json.dumps(shown if name is None else _record(classes[name]), indent=1))
+    elif name is not None:
+        click.echo(_in_full(classes[name]))
+    else:
+        for family in FAMILIES:
+            click.echo(f"{TITLES[family]}\n")
+            for one in classes.values():
+                if one.family == family:
+                    click.echo(_entry(one))
+        click.echo(_wrapped("`rivid effects NAME` says more of one, with an example for a scenario."))
+    return 0
+
+
+def _wrapped(text: str, indent: int = 0, hanging: int = 0) -> str:
+    return textwrap.fill(
+        text, WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _entry(one: "type[Effect]") -> str:
+    lines = [one.name, _wrapped(one.sentence, 4), *_parameters(one, 4)]
+    if not one.windowed:
+        lines.append(_wrapped("Always there: takes no dates and hours.", 4))
+    lines.append(_wrapped(f"Looks like: {one.looks}", 4, 2))
+    return "\n".join(lines) + "\n"
+
+
+def _parameters(one: "type[Effect]", indent: int) -> list[str]:
+    usual = one.defaults()
+    lines = []
+    for key, said in one.parameters().items():
+        of_each = ", or a list" if said.many and usual[key] != () else ""
+        shown = f"{key} = {_value(usual[key])} [{said.unit}], {said.low:g} to {said.high:g}{of_each}"
+        lines.append(_wrapped(f"{shown}: {said.meaning}", indent, 4))
+    return lines
+
+
+def _value(value: Any) -> str:
+    return json.dumps(list(value)) if isinstance(value, tuple) else f"{value:g}"
+
+
+def _in_full(one: "type[Effect]") -> str:
+    when = "May be limited to dates and hours." if one.windowed else "Always there: takes no dates and hours."
+    lines = [
+        f"{one.name} ({one.family})", _wrapped(one.sentence, 2), "",
+        *(line for part in _paragraphs(one) for line in (_wrapped(part, 2), "")),
+        *_parameters(one, 2), "",
+        _wrapped(when, 2), "",
+        _wrapped(f"Looks like: {one.looks}", 2, 2), "",
+        "In a scenario:", "",
+        textwrap.indent(example(one), "    "),
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _paragraphs(one: "type[Effect]") -> list[str]:
+    """What the class says of itself, its equation first."""
+    said = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0].replace("``", "")
+    made = said.startswith(f"{one.__name__}(")  # by dataclass, for want of any
+    return [] if made or not said else said.split("\n\n")
+
+
+def example(one: "type[Effect]") -> str:
+    """A table for a scenario, with the usual values of all parameters."""
+    lines = ["[[effects]]", f'name = "{one.name}"']
+    for key, value in one.defaults().items():
+        lines.append(f"{key} = {_value(value)}  # {one.parameters()[key].unit}")
+    return "\n".join(lines + ([WINDOW] if one.windowed else []))
+
+
+def _record(one: "type[Effect]") -> dict[str, Any]:
+    usual = one.defaults()
+    return {
+        "name": one.name,
+        "family": one.family,
+        "sentence": one.sentence,
+        "looks": one.looks,
+        "windowed": one.windowed,
+        "parameters": [
+            {
+                "name": key, "unit": said.unit, "low": said.low, "high": said.high,
+                "default": usual.get(key), "many": said.many, "meaning": said.meaning,
+            }
+            for key, said in one.parameters().items()
+        ],
+    }  # fmt: skip

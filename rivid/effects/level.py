@@ -1,0 +1,138 @@
+"""What the gauge gives beside the water's level: drift, steps, wind, oscillation."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rivid.effects.base import DAY, Effect, World, quantity
+from rivid.effects.series import Autoregression, draw
+from rivid.reach.changes import Changes
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorDrift(Effect):
+    """``gauge = level + drift (t - first date)`` from the first date to the last.
+
+    Parameters
+    ----------
+    drift : float
+        [m/day].
+    """
+
+    name = "sensor_drift"
+    family = "level"
+    sentence = "The gauge drifts away from the water, until somebody sets it right."
+    looks = (
+        "The level creeps the same way every day whatever flows, and the operators follow it. Within a few "
+        "days a small lateral_inflow looks the same: over weeks the reading leaves its range."
+    )
+
+    drift: float = quantity(0.005, "m/day", -1.0, 1.0, "growth of the reading beside the level")
+
+    def changes(self, world: World) -> Changes:
+        start = 0.0 if self.dates is None else world.day_of(self.dates[0])
+        since = np.maximum(world.time - start, 0.0) / DAY
+        return Changes(gauge=self.drift * since * self.active(world))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorStep(Effect):
+    """``gauge = level + step`` from the start on, within dates and hours.
+
+    Parameters
+    ----------
+    step : float
+        [m].
+    start : float
+        [h] since the midnight of the first day.
+    """
+
+    name = "sensor_step"
+    family = "level"
+    sentence = "The gauge reads too high or too low from a moment on: it was moved, knocked or set anew."
+    looks = (
+        "The reading jumps between two samples, which no flow can do, and stays off; the water itself "
+        "moves only as the operators answer."
+    )
+
+    step: float = quantity(0.05, "m", -10.0, 10.0, "what the reading is too high")
+    start: float = quantity(
+        0.0, "h", -87_600.0, 876_000.0, "when it happens, hours since the first day's midnight"
+    )
+
+    def changes(self, world: World) -> Changes:
+        there = self.active(world) * (world.time >= 3600.0 * self.start)
+        return Changes(gauge=self.step * there)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindSetup(Effect):
+    """``gauge = level + x``, x an autoregression of first order with standard deviation `deviation`.
+
+    Parameters
+    ----------
+    deviation : float
+        [m].
+    correlation_time : float
+        Time over which the correlation falls to 1/e [h].
+    """
+
+    name = "wind_setup"
+    family = "level"
+    sentence = "Wind pushes the water towards the gauge or away from it."
+    looks = (
+        "The level wanders by some centimetres over hours and comes back, whatever flows; the volume of the "
+        "reach does not change."
+    )
+
+    deviation: float = quantity(0.01, "m", 0.0, 5.0, "standard deviation of the set-up")
+    correlation_time: float = quantity(3.0, "h", 0.01, 240.0, "time over which the correlation falls to 1/e")
+
+    def autoregression(self, sample_time: float) -> Autoregression:
+        """The set-up at times `sample_time` [s] apart."""
+        rho = math.exp(-sample_time / (3600.0 * self.correlation_time))
+        return Autoregression((rho,), self.deviation * math.sqrt(1.0 - rho * rho))
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seiche(Effect):
+    """``gauge = level + x``, x a damped oscillation that noise keeps alive.
+
+    Parameters
+    ----------
+    period : float
+        [s].
+    damping : float
+        Rate at which the oscillation fades by itself [1/s].
+    amplitude : float
+        [m]; the standard deviation is this over the square root of 2, as of a lasting oscillation.
+    """
+
+    name = "seiche"
+    family = "level"
+    sentence = "The reach swings to and fro in its own period, set going by gates, wind and ships."
+    looks = (
+        "The level swings with one period, a peak in the spectrum: the narrower, the smaller the damping. "
+        "Its size comes and goes; the flows need not move at all."
+    )
+
+    period: float = quantity(2700.0, "s", 10.0, 86_400.0, "time of one swing to and fro")
+    damping: float = quantity(1e-4, "1/s", 1e-7, 0.1, "rate at which the swing fades by itself")
+    amplitude: float = quantity(0.01, "m", 0.0, 5.0, "usual height of the swing above its middle")
+
+    def autoregression(self, sample_time: float) -> Autoregression:
+        """The swing at times `sample_time` [s] apart.
+
+        The poles are ``exp((-damping +- 2 pi i / period) T_s)``.
+        """
+        r = math.exp(-self.damping * sample_time)
+        a1, a2 = 2.0 * r * math.cos(2.0 * math.pi * sample_time / self.period), -r * r
+        share = (1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1) / (1.0 - a2)
+        return Autoregression((a1, a2), self.amplitude * math.sqrt(0.5 * share))
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))

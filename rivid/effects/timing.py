@@ -1,0 +1,174 @@
+"""What comes earlier, later or smoother than the logs tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rivid.effects.base import Effect, World, quantity
+from rivid.effects.held import moved, spread
+from rivid.reach.changes import Changes, Gate
+
+LAYERS = 64
+"""Slices of the flow's range that :class:`FlowDependentDelay` moves one by one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowDependentDelay(Effect):
+    """``a flow Q comes delay (Q - usual flow) later``.
+
+    The inflow is cut into thin layers, and each layer moves by its own delay: high and low water keep
+    their height and all water its volume, while a rise gets steeper (`delay` negative) or flatter.
+
+    Parameters
+    ----------
+    delay : float
+        [s per m3/s].
+    """
+
+    name = "flow_dependent_delay"
+    family = "timing"
+    windowed = False
+    sentence = "High water travels faster, or slower, than low water; the fitted delay is the usual flow's."
+    looks = (
+        "At high flow the level moves before its time, at low flow after it (delay below zero; above zero "
+        "the other way round): errors at each step of the inflow that change sign with the discharge."
+    )
+
+    delay: float = quantity(
+        -0.5,
+        "s per m3/s",
+        -100.0,
+        100.0,
+        "change of the travel time with the flow; below 0: faster at high flow",
+    )
+
+    def changes(self, world: World) -> Changes:
+        low, high = float(world.inflow.min()), float(world.inflow.max())
+        levels = np.linspace(low, high, LAYERS + 1)
+        real = np.full(world.inflow.shape, low)
+        for bottom, top in zip(levels[:-1], levels[1:], strict=True):
+            layer = np.clip(world.inflow, bottom, top) - bottom
+            real += moved(layer, world, self.delay * (0.5 * (bottom + top) - world.flow))
+        return Changes(inflow=real)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveAttenuation(Effect):
+    """``real inflow(t) = mean of logged inflow(t - s X)``, X standard normal.
+
+    Parameters
+    ----------
+    spread : float
+        s [s].
+    """
+
+    name = "wave_attenuation"
+    family = "timing"
+    windowed = False
+    sentence = "Waves flatten on their way: a step of the inflow arrives spread out, its middle on time."
+    looks = (
+        "Around each arrival the level moves a little before its time and is a little late after it; the "
+        "errors cancel over some times the spread."
+    )
+
+    spread: float = quantity(600.0, "s", 0.0, 21_600.0, "standard deviation of the times of arrival")
+
+    def changes(self, world: World) -> Changes:
+        return Changes(inflow=spread(world.inflow, world, self.spread))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutflowLag(Effect):
+    """``lag d(real outflow)/dt = logged outflow - real outflow``.
+
+    Parameters
+    ----------
+    lag : float
+        [s].
+    """
+
+    name = "outflow_lag"
+    family = "timing"
+    sentence = "The real outflow follows its command with a lag: slow gates, turbines that run up."
+    looks = (
+        "After each change of the outflow the level moves late, by the lag times the change of volume; a "
+        "delay that is a little off looks the same while the operators pass on what comes in."
+    )
+
+    lag: float = quantity(300.0, "s", 0.0, 21_600.0, "time constant of the outflow")
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gate=Gate(lag=self.lag * self.active(world)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockOffset(Effect):
+    """``real inflow(t) = logged inflow(t + offset)``.
+
+    Parameters
+    ----------
+    offset : float
+        [s].
+    """
+
+    name = "clock_offset"
+    family = "timing"
+    sentence = "The clock of the upstream log is wrong, often from a date on: daylight saving, a restart."
+    looks = (
+        "From one day to the next every inflow arrives earlier (offset above zero: that clock is fast) or "
+        "later by the same time; without a beginning or end it is part of the delay itself."
+    )
+
+    offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
+
+    def changes(self, world: World) -> Changes:
+        late = moved(world.inflow, world, -self.offset)
+        return Changes(inflow=np.where(self.active(world) > 0, late, world.inflow))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateDeadband(Effect):
+    """``the gate stays where it is while |command - gate| < band``.
+
+    Parameters
+    ----------
+    band : float
+        [m3/s].
+    """
+
+    name = "gate_deadband"
+    family = "timing"
+    sentence = "Small changes of the outflow are logged, but the gate does not move for them."
+    looks = (
+        "After small changes of the outflow, and only after these, the level drifts as if nothing had been "
+        "changed, until a larger change comes."
+    )
+
+    band: float = quantity(4.0, "m3/s", 0.0, 1e4, "changes smaller than this are not carried out")
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gate=Gate(dead_band=self.band * self.active(world)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateRateLimit(Effect):
+    """``|d gate / dt| <= rate``.
+
+    Parameters
+    ----------
+    rate : float
+        [m3/s per s].
+    """
+
+    name = "gate_rate_limit"
+    family = "timing"
+    sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
+    looks = (
+        "After large changes of the outflow the level moves late, the later the larger the change; small "
+        "changes are on time. That tells it from outflow_lag."
+    )
+
+    rate: float = quantity(0.05, "m3/s per s", 1e-5, 1e4, "fastest change of the outflow")
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gate=Gate(rate=np.where(self.active(world) > 0, self.rate, np.inf)))
