@@ -395,6 +395,14 @@ def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits
     for start in starts:
         given = np.array([max(getattr(start, name), 1e-300) for name in limits.free])
         p = np.clip(np.log(given), low, high)
-        options = {"maxiter": 200, "ftol": 1e-10, "gtol": 1e-6}
-        ends.append(minimize(cost, p, jac=slope, method="L-BFGS-B", bounds=bounds, options=options))
+        ends.append(
+            minimize(
+                cost,
+                p,
+                jac=slope,
+                method="L-BFGS-B",
+                bounds=bounds,
+                options={"maxiter": 200, "ftol": 1e-10, "gtol": 1e-6},
+            )
+        )
     return model(min(ends, key=lambda end: float(end.fun)).x)
