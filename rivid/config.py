@@ -167,13 +167,23 @@ def load_toml(path: Path, model: type[T]) -> T:
     ConfigError
         In one line: the file, the key, what came and what is valid.
     """
+    return parse(read_toml(path), model, str(path))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        In one line, where it cannot be read or is not TOML.
+    """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
-    return parse(raw, model, str(path))
 
 
 def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:
@@ -195,9 +205,11 @@ def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
     if fault["type"] == "extra_forbidden":
         fields = _fields_at(model, fault["loc"][:-1])
         return f"unknown key {where}; valid keys here: {', '.join(fields)}"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    if not where:  # a fault of the whole file
+        return message
     came = repr(fault.get("input"))
     came = came if len(came) <= 60 else came[:57] + "..."
-    message = fault["msg"].removeprefix("Value error, ")
     return f"{where} = {came}: {message[:1].lower()}{message[1:]}"
 
 
@@ -208,7 +220,7 @@ def _place(loc: tuple[int | str, ...], raw: Any) -> list[str]:
         if isinstance(raw, dict) and part in raw or isinstance(raw, list) and isinstance(part, int):
             raw = raw[part]  # type: ignore[index]
             place.append(str(part))
-    return place or [str(loc[0])]
+    return place or [str(part) for part in loc[:1]]
 
 
 def _fields_at(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:

@@ -6,11 +6,21 @@ SI units; an unknown key or an impossible value is an error in one line that nam
 import datetime as dt
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
-from rivid.config import NAME, ReachConfig, load_toml
+from rivid.config import NAME, ReachConfig, parse, read_toml
+from rivid.effects import Effect, build, effect_classes
+from rivid.errors import ConfigError
 from rivid.input_config import Positive
 from rivid.reach.operators import OperatorSettings
 
@@ -37,10 +47,30 @@ class ReachScenario(ReachConfig):
     @model_validator(mode="after")
     def _a_pool(self) -> "ReachScenario":
         if self.kind != "pool":
-            raise ValueError(
-                f"kind = {self.kind!r}: only a pool can be simulated, an integrator with a delay"
-            )
+            raise ValueError(f"kind = {self.kind!r}: only a pool can be simulated")
         return self
+
+
+Modes = tuple[Annotated[float, Field(ge=-5, le=5)], ...]
+
+
+class ChannelScenario(_Section):
+    """`[channel]`: the sections along the reach; with it the water follows Saint-Venant's equations (1).
+
+    The length and the mean width are those of `[reach]`; modes are amplitudes of cos(j pi x / L).
+    """
+
+    bed_level: Annotated[float, Field(allow_inf_nan=False)] = 124.8
+    slope: Annotated[float, Field(ge=-0.01, le=0.05)] = 1e-4
+    manning: Annotated[float, Field(ge=0.005, le=0.2)] = 0.025
+    side_slope: Annotated[float, Field(ge=0, le=20)] = 0.0
+    width_modes: Modes = ()
+    bed_modes: Modes = ()
+    manning_modes: Modes = ()
+    cells: Annotated[int, Field(ge=4, le=2000)] = 32
+    courant: Annotated[float, Field(gt=0, le=0.6)] = 0.5
+    step: Positive | None = None
+    gate_time: NotNegative = 30.0
 
 
 class FlowScenario(_Section):
@@ -112,6 +142,8 @@ class LevelScenario(_Section):
     drawdown_from: Positive = 400.0
     noise: NotNegative = 0.003
     quantum: NotNegative = 0.01
+    set_points_per_week: NotNegative = 0.0
+    set_point_step: NotNegative = 0.05
     gaps_per_day: NotNegative = 0.0
     gap_length: Positive = 300.0
 
@@ -131,8 +163,21 @@ class OutputScenario(_Section):
     layout: Layout = "day"
 
 
+def _an_effect(table: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+    path = info.data.get("effects_file")
+    try:
+        build(table, effect_classes(path))
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
+    return table
+
+
 class Scenario(_Section):
-    """All of a scenario; the defaults are the reach of Table I."""
+    """All of a scenario; the defaults are the reach of Table I.
+
+    `effects` are tables of `rivid effects`; `cascade` are tables of what differs from reach to reach, each
+    fed by the outflow of the one before.
+    """
 
     name: str = Field("simulated", pattern=NAME, max_length=80)
     first_day: dt.date = dt.date(2008, 1, 1)
@@ -147,6 +192,10 @@ class Scenario(_Section):
     level: LevelScenario = LevelScenario()
     weather: WeatherScenario = WeatherScenario()
     output: OutputScenario = OutputScenario()
+    channel: ChannelScenario | None = None
+    effects_file: Path | None = None
+    effects: tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...] = ()
+    cascade: tuple[dict[str, Any], ...] = ()
 
     @field_validator("utc_offset")
     @classmethod
@@ -172,6 +221,31 @@ class Scenario(_Section):
             raise ValueError(f"leaves no day of {days}")
         return value
 
+    @model_validator(mode="after")
+    def _a_cascade_of_reaches(self) -> "Scenario":
+        names = [reach.reach.name for reach in self.reaches()]
+        if len(set(names)) < len(names):
+            raise ValueError(f"cascade has reaches {names}: expected a reach.name of its own for each")
+        return self
+
+    def reaches(self) -> tuple["Scenario", ...]:
+        """A scenario for each reach of the cascade, from the top; only this one where there is none."""
+        if not self.cascade:
+            return (self,)
+        base = self.model_dump(exclude={"cascade"}, exclude_unset=True)
+        found = []
+        for i, differs in enumerate(self.cascade):
+            try:
+                found.append(parse(_merged(base, differs), Scenario, f"cascade[{i}]"))
+            except ConfigError as error:
+                raise ValueError(str(error)) from None
+        return tuple(found)
+
+    def planted(self) -> tuple[Effect, ...]:
+        """The effects, built."""
+        classes = effect_classes(self.effects_file)
+        return tuple(build(table, classes) for table in self.effects)
+
     @property
     def offset(self) -> dt.timedelta:
         """The offset of local time from UTC."""
@@ -182,9 +256,35 @@ class Scenario(_Section):
 def load_scenario(path: Path | str) -> Scenario:
     """Read a scenario from a TOML file.
 
+    A file may say ``extends = "other.toml"``, beside itself: what it says itself goes over that.
+
     Raises
     ------
     ConfigError
         In one line: the file, the key, what came and what is valid.
     """
-    return load_toml(Path(path), Scenario)
+    return parse(_extended(Path(path)), Scenario, str(path))
+
+
+def _extended(path: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The tables of a scenario file and of those that it extends."""
+    here = path.resolve()
+    if here in before:
+        raise ConfigError(f"{path}: extends itself, by way of {before[-1].name}")
+    raw = read_toml(path)
+    if isinstance(raw.get("effects_file"), str):  # beside the scenario, wherever the command is given
+        raw["effects_file"] = str(path.parent / raw["effects_file"])
+    other = raw.pop("extends", None)
+    if other is None:
+        return raw
+    if not isinstance(other, str):
+        raise ConfigError(f"{path}: extends = {other!r}: expected the name of a scenario file")
+    return _merged(_extended(path.parent / other, (*before, here)), raw)
+
+
+def _merged(base: dict[str, Any], differs: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in differs.items():
+        both = isinstance(value, dict) and isinstance(base.get(key), dict)
+        merged[key] = _merged(base[key], value) if both else value
+    return merged

@@ -14,7 +14,8 @@ ORDER = [
     {"errors"},
     {"core", "input_config"},
     {"config", "atomic", "lean", "leash", "reach"},
-    {"effects", "logs", "results", "tables", "estimators", "scenario"},
+    {"effects", "logs", "results", "tables", "estimators"},
+    {"scenario"},
     {"simulate", "figures", "store"},
     {"diagnose", "batch", "report", "check", "record"},
     {"workers", "plan"},
@@ -23,7 +24,7 @@ ORDER = [
     {"__main__"},
 ]
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
-STANDARD = {"abc", "bisect", "collections", "dataclasses", "enum", "math", "typing"}
+STANDARD = {"abc", "bisect", "collections", "dataclasses", "enum", "functools", "math", "typing"}
 ALLOWED_OUTSIDE = {
     "core": {"numpy", "scipy", *STANDARD},
     "reach": {"numpy", "scipy", "numba", *STANDARD},

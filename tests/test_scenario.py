@@ -19,10 +19,13 @@ def written(tmp_path, text):
     return path
 
 
-@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.toml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.toml")), ids=lambda p: p.stem)
 def test_the_scenarios_that_come_along_can_be_read_and_say_every_key(path):
     scenario = load_scenario(path)
     assert scenario.reach.sample_time == 133
+    if "extends" in path.read_text():
+        assert path.parent == SCENARIOS or scenario.effects
+        return
     for name in ("flow", "programme", "operators", "level", "weather", "output"):
         section = getattr(scenario, name)
         assert section.model_fields_set == set(type(section).model_fields), name
@@ -44,7 +47,7 @@ def test_defaults_stand_in_one_place():
     ("text", "reason"),
     [
         ("[reach]\nlenght = 8", "unknown key reach.lenght; valid keys here: bed_level, depth, "),
-        ("sed = 3", "unknown key sed; valid keys here: days, first_day, flow, "),
+        ("sed = 3", "unknown key sed; valid keys here: cascade, channel, days, "),
         ("[operators]\nlevel_gain = 1000", "operators.level_gain = 1000: input should be less than 0"),
         (
             "[operators]\nlook = [1800, 600]",
@@ -63,6 +66,21 @@ def test_defaults_stand_in_one_place():
         ("utc_offset = 'Paris'", "utc_offset = 'Paris': expected an offset from UTC like +01:00"),
         ("name = '../x'", "name = '../x'"),
         ("days = ", "is not valid TOML"),
+        ("[reach]\nwidth = -80", "reach.width = -80: input should be greater than 0"),
+        ("[channel]\ncourant = 0.9", "channel.courant = 0.9: input should be less than or equal to 0.6"),
+        ("[channel]\nmanning = 0", "channel.manning = 0"),
+        ("[channel]\ncells = 2", "channel.cells = 2"),
+        ("[[effects]]\nname = 'leek'", "no effect is called 'leek': expected name = one of lateral_inflow, "),
+        ("[[effects]]\nname = 'leakage'\nloss = -1", "leakage: loss = -1: expected a number from 0 to"),
+        ("[[effects]]\nname = 'leakage'\nlos = 1", "leakage: unknown key 'los': expected loss, place"),
+        ("effects_file = 'none.py'\n[[effects]]\nname = 'leakage'", "none.py"),
+        ("extends = 3", "extends = 3: expected the name of a scenario file"),
+        ("extends = 's.toml'", "extends itself"),
+        (
+            "[[cascade]]\n[[cascade]]",
+            "cascade has reaches ['reach', 'reach']: expected a reach.name of its own",
+        ),
+        ("[[cascade]]\nreach = {length = -1}", "reach.length = -1"),
     ],
 )
 def test_faults_are_one_line_that_names_the_key(tmp_path, text, reason):
@@ -75,3 +93,29 @@ def test_faults_are_one_line_that_names_the_key(tmp_path, text, reason):
 @pytest.mark.parametrize(("text", "hours"), [("+01:00", 1), ("-03:30", -3.5), ("+00:00", 0)])
 def test_offsets(text, hours):
     assert Scenario(utc_offset=text).offset == dt.timedelta(hours=hours)
+
+
+def test_a_scenario_goes_over_the_one_that_it_extends(tmp_path):
+    (tmp_path / "base.toml").write_text("days = 9\n[reach]\nlength = 5000\nwidth = 50\n")
+    scenario = load_scenario(written(tmp_path, 'extends = "base.toml"\n[reach]\nwidth = 60\n'))
+    assert (scenario.days, scenario.reach.length, scenario.reach.width) == (9, 5000.0, 60.0)
+    with pytest.raises(ConfigError, match="cannot read .*none.toml"):
+        load_scenario(written(tmp_path, 'extends = "none.toml"'))
+
+
+def test_reaches_of_a_cascade_differ_where_they_say_so(tmp_path):
+    text = (
+        "[reach]\nwidth = 50\n[channel]\nslope = 3e-4\n"
+        "[[cascade]]\nreach = {name = 'a'}\n"
+        "[[cascade]]\nreach = {name = 'b', width = 70}\nchannel = {cells = 20}\n"
+    )
+    one, two = load_scenario(written(tmp_path, text)).reaches()
+    assert (one.reach.width, one.channel.cells, one.channel.slope) == (50.0, 32, 3e-4)
+    assert (two.reach.width, two.channel.cells, two.channel.slope) == (70.0, 20, 3e-4)
+    assert not one.cascade and one.reach.name == "a"
+
+
+def test_effects_of_users_stand_in_a_file_beside_the_scenario():
+    scenario = load_scenario(SCENARIOS / "outside" / "hunting.toml")
+    (effect,) = scenario.planted()
+    assert effect.name == "hunting_governor" and effect.period == 2400.0

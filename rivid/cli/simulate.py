@@ -1,8 +1,12 @@
 """``rivid simulate``."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from rivid.simulate import Season
 
 PATH = click.Path(path_type=Path)
 
@@ -17,48 +21,83 @@ PATH = click.Path(path_type=Path)
 def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> int:
     """Make daily logs of a simulated reach, and apart from them the truth.
 
-    SCENARIO is a TOML file. The same scenario and seed give the same files.
+    SCENARIO is a TOML file. The same scenario and seed give the same files. The truth is two files: the
+    delays, the effects and the scenario as JSON, and beside it, as Parquet, what the water did at each
+    sample. A cascade gets a directory of logs and a pair of truths for each reach.
 
     \b
     Examples:
       rivid simulate configs/scenarios/basse_isere.toml --out simulated
-      rivid simulate configs/scenarios/long.toml --out long_7 --seed 7
+      rivid simulate configs/scenarios/effects/leakage.toml --out leak --seed 7
+      rivid simulate configs/scenarios/cascade.toml --out cascade
     """
     from rivid.errors import ConfigError
-    from rivid.logs.write import stem_of, write_days
     from rivid.scenario import load_scenario
-    from rivid.simulate import observables, simulate
-    from rivid.simulate.truth import write_truth
+    from rivid.simulate import simulate_cascade
 
     said = load_scenario(scenario)
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
     if truth.resolve().is_relative_to(place):
         raise ConfigError(f"the truth {truth} would lie among the logs in {out}: choose a place outside")
-    season = simulate(said, seed)
-    form, layout = said.output.format, said.output.layout
-    ours = {f"{stem_of(date, layout)}.{form}" for date in season.dates}
-    logs = {p.name for p in out.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
-    if logs - ours:
+    if truth.suffix == ".parquet":
+        raise ConfigError(f"--truth {truth}: expected a .json; what the water did goes beside it as .parquet")
+    several = bool(said.cascade)
+    seasons = simulate_cascade(said, seed)
+    names = [season.scenario.reach.name for season in seasons]
+    places = [
+        (out / name, truth.with_stem(f"{truth.stem}_{name}")) if several else (out, truth) for name in names
+    ]
+    for season, (logs, _) in zip(seasons, places, strict=True):
+        _refuse_other_logs(season, logs)
+    for season, (logs, beside) in zip(seasons, places, strict=True):
+        click.echo(_write(season, logs, beside))
+    return 0
+
+
+def _files(season: "Season") -> set[str]:
+    from rivid.logs.write import stem_of
+
+    form, layout = season.scenario.output.format, season.scenario.output.layout
+    return {f"{stem_of(date, layout)}.{form}" for date in season.dates}
+
+
+def _refuse_other_logs(season: "Season", logs: Path) -> None:
+    from rivid.errors import ConfigError
+
+    there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
+    if others := sorted(there - _files(season)):
         raise ConfigError(
-            f"{out} holds other logs ({sorted(logs - ours)[0]}, for one), which would mix with these: "
+            f"{logs} holds other logs ({others[0]}, for one), which would mix with these: "
             "choose an empty directory"
         )
 
+
+def _write(season: "Season", logs: Path, truth: Path) -> str:
+    """Write logs and truth; a few lines about them."""
+    from rivid.logs.write import write_days
+    from rivid.simulate import observables
+    from rivid.simulate.truth import write_truth, write_water
+
+    said = season.scenario
     columns = zip(season.inflow, season.outflow, season.level, strict=True)
     days = ({"u_Qi": u, "u_Qo": o, "h_L": h} for u, o, h in columns)
     files = write_days(
-        out, zip(season.dates, days, strict=True), sample_time=season.sample_time, offset=said.offset,
-        format=form, layout=layout,
+        logs, zip(season.dates, days, strict=True), sample_time=season.sample_time, offset=said.offset,
+        format=said.output.format, layout=said.output.layout,
     )  # fmt: skip
     write_truth(season, truth)
+    write_water(season, truth.with_suffix(".parquet"))
     seen = observables(season)
     delays = ", ".join(f"{d} on {n} days" for d, n in seen.delays.items())
-    click.echo(
-        f"{said.name}, seed {season.seed}: {seen.days} days from {season.dates[0]} to {season.dates[-1]}\n"
+    hidden = ", ".join(effect.name for effect in season.effects)
+    lines = [
+        f"{said.name}, {said.reach.name}, seed {season.seed}: {seen.days} days from {season.dates[0]} "
+        f"to {season.dates[-1]}",
         f"discharge {seen.discharge_lowest:.0f} to {seen.discharge_highest:.0f} m3/s; over a day the inflow "
-        f"moves by {seen.inflow_range:.0f} m3/s and the level by {seen.level_range:.2f} m\n"
-        f"true delay [samples of {season.sample_time:g} s]: {delays}\n"
-        f"{len(files)} files in {out}; truth in {truth}"
-    )
-    return 0
+        f"moves by {seen.inflow_range:.0f} m3/s and the level by {seen.level_range:.2f} m",
+        f"true delay [samples of {season.sample_time:g} s]: {delays}",
+        *([f"planted: {hidden}"] if hidden else []),
+        f"{len(files)} files in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
+    ]
+    return "\n".join(lines)

@@ -73,70 +73,42 @@ SHIFT = 8 * 3600.0
 """Length of a shift [s] (section I)."""
 
 
-def loop_gain(settings: OperatorSettings, surface_area: float, wave_conductance: float = np.inf) -> float:
-    """Largest share of a level error that the usual person's feedback takes away until the next look.
-
-    Parameters
-    ----------
-    settings : OperatorSettings
-    surface_area : float
-        Water surface A [m2].
-    wave_conductance : float
-        b (c - v) [m2/s] at the dam, width times the speed of a wave that runs upstream: a change of outflow
-        by q moves the level there by q / (b (c - v)) at once, ahead of the storage. Infinite where there
-        are no waves.
-
-    Returns
-    -------
-    float
-        Below 1 the level comes back without swinging; at 2 the loop is unstable.
-
-    Notes
-    -----
-    In still water, closed at both ends, the level falls in steps of 2 q / (b c) each 2 L / c, which stay
-    below q / (b c) + q t / A at any length L, however often the wave has come back.
-    """
-    return -settings.level_gain * (settings.look[1] / surface_area + 1.0 / wave_conductance)
-
-
-def draw_crew(
-    settings: OperatorSettings,
-    surface_area: float,
-    rng: np.random.Generator,
-    wave_conductance: float = np.inf,
-) -> Crew:
+def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator) -> Crew:
     """Draw each person's gains.
 
     Parameters
     ----------
     settings : OperatorSettings
-    surface_area, wave_conductance : float
-        A [m2] and b (c - v) [m2/s]; they decide which gains are stable, see :func:`loop_gain`.
+    drop : float
+        How far the level at the dam falls until the longest look where 1 m3/s more is let out [m per m3/s]:
+        ``look / A`` in a still pool, more where a wave must first call the water from upstream. The feedback
+        takes away ``-K_h drop`` of an error from look to look: below 1 the level comes back without
+        swinging, at 2 the loop of a pool is unstable.
     rng : numpy.random.Generator
 
     Returns
     -------
     Crew
-        Nobody feeds back so strongly that an error swings: the gain is held where the loop gain is 1.
+        Nobody feeds back so strongly that an error swings: the gain is held where it takes the whole error
+        away.
 
     Raises
     ------
     ConfigError
         Where the usual person's loop swings already.
     """
-    gain = loop_gain(settings, surface_area, wave_conductance)
-    most = 1.0 / (settings.look[1] / surface_area + 1.0 / wave_conductance)
+    gain = -settings.level_gain * drop
     if gain > 1.0:
         raise ConfigError(
             f"operators.level_gain = {settings.level_gain:g} m2/s with a look every {settings.look[1]:g} s "
             f"corrects {gain:.2g} of a level error at once and makes the level swing: expected above "
-            f"-{most:.0f} m2/s, or looks more often"
+            f"-{1.0 / drop:.0f} m2/s, or looks more often"
         )
     n = settings.people
     spread = np.exp(settings.level_gain_spread * rng.standard_normal(n))
     return Crew(
         settings.feedforward + settings.feedforward_spread * rng.standard_normal(n),
-        np.maximum(settings.level_gain * spread, -most),
+        np.maximum(settings.level_gain * spread, -1.0 / drop),
         settings.set_point_spread * rng.standard_normal(n),
     )
 

@@ -1,10 +1,15 @@
-"""The truth of a season as a file, apart from its logs."""
+"""The truth of a season as files, apart from its logs."""
 
 import json
 from pathlib import Path
+from typing import Any
 
-from rivid.atomic import write_text
+import numpy as np
+
+from rivid.atomic import replacing, write_text
+from rivid.effects import worlds_of
 from rivid.simulate.season import Season
+from rivid.simulate.water import Water
 
 
 def write_truth(season: Season, path: Path) -> None:
@@ -17,11 +22,14 @@ def write_truth(season: Season, path: Path) -> None:
         The file; it is replaced as a whole. A line for each day, so that two versions can be compared.
     """
     reach = season.scenario.reach
-    record = {
-        "scenario": season.scenario.model_dump(mode="json"),
+    area = Water(season.scenario).surface_area
+    record: dict[str, Any] = {
+        "scenario": season.scenario.model_dump(mode="json", exclude_none=True),
         "seed": season.seed,
-        "alpha_i": reach.inflow_gain * reach.sample_time / reach.surface_area,
-        "alpha_o": reach.outflow_gain * reach.sample_time / reach.surface_area,
+        "surface_area_m2": area,
+        "alpha_i": reach.inflow_gain * reach.sample_time / area,
+        "alpha_o": reach.outflow_gain * reach.sample_time / area,
+        "effects": _effects(season),
     }
     rows = [
         json.dumps(
@@ -35,5 +43,43 @@ def write_truth(season: Season, path: Path) -> None:
         )
         for i, date in enumerate(season.dates)
     ]
-    head = json.dumps(record, indent=1).removesuffix("\n}")
+    head = json.dumps(record, indent=1, default=str).removesuffix("\n}")
     write_text(path, head + ',\n "days": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n")
+
+
+def _effects(season: Season) -> list[dict[str, Any]]:
+    """What was planted, with its drawn events."""
+    tables = []
+    for effect, world in zip(season.effects, worlds_of(season.effects, season.world), strict=True):
+        table = effect.to_table()
+        events = getattr(effect, "events", None)
+        tables.append(table if events is None else table | {"events": events(world)})
+    return tables
+
+
+def write_water(season: Season, path: Path) -> None:
+    """Write what the water did, sample by sample, as Parquet.
+
+    Parameters
+    ----------
+    season : Season
+    path : Path
+        Columns: date, seconds after local midnight, true level [m], real inflow and outflow of the dams,
+        the weather, and all flows beside the dams known beforehand, the weather included [m3/s].
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    n = len(season.seconds)
+    days = np.repeat(np.array(season.dates, "datetime64[D]"), n)
+    columns = {
+        "date": pa.array(days),
+        "seconds": pa.array(np.tile(season.seconds, len(season.dates))),
+        "level_m": pa.array(season.true_level.ravel()),
+        "inflow_m3s": pa.array(season.real_inflow.ravel()),
+        "outflow_m3s": pa.array(season.real_outflow.ravel()),
+        "weather_m3s": pa.array(season.weather.ravel()),
+        "unlogged_m3s": pa.array(season.unlogged.ravel()),
+    }
+    with replacing(path) as scratch:
+        pq.write_table(pa.table(columns), scratch, compression="zstd", write_page_checksum=True)

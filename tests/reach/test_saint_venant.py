@@ -72,7 +72,9 @@ def test_the_start_does_not_drift(discharge):
     time = 133.0 * np.arange(651)
     steady = np.full(651, discharge)
     side = AddedFlow(0.5, np.full(1, 7.0))
-    flow = simulate(uneven(), time, steady, steady + 7.0, 5.0, changes=Changes(added=(side,)), places=(0.0, 0.5))
+    flow = simulate(
+        uneven(), time, steady, steady + 7.0, 5.0, changes=Changes(added=(side,)), places=(0.0, 0.5)
+    )
     np.testing.assert_allclose(flow.level, 5.0, rtol=0, atol=1e-9)
     assert np.ptp(flow.levels, axis=0).max() < 1e-9
     np.testing.assert_allclose(flow.discharges[:, 0], discharge, rtol=0, atol=1e-6)
@@ -163,7 +165,9 @@ def test_a_dam_break_takes_stokers_shape():
     for cells in (100, 200, 400):
         channel = Channel.uniform(4000.0, 50.0, 0.0, 0.0, cells)
         area = 50.0 * np.where(channel.x < 2000.0, 5.0, 2.0)[None]
-        still = State(area, np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), *np.zeros((2, 1, 3)), np.zeros((1, 0)))
+        still = State(
+            area, np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), *np.zeros((2, 1, 3)), np.zeros((1, 0))
+        )
         flow = simulate(channel, [0.0, 180.0], [0.0, 0.0], [0.0, 0.0], still, courant=0.4)
         depth = flow.end.area[0] / 50.0
         errors.append(np.abs(depth - stoker(channel.x - 2000.0, 180.0, 5.0, 2.0)).mean())

@@ -109,3 +109,39 @@ def test_the_week_is_a_week_of_the_year():
 
 def test_the_sample_data_are_small():
     assert sum(p.stat().st_size for p in (SAMPLE / "basse_isere").iterdir()) < 1_000_000
+
+
+def test_what_the_water_did_lies_beside_the_truth(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text(
+        "days = 3\n[channel]\n[operators]\nlevel_gain = -80\n"
+        "[[effects]]\nname = 'rain_inflow'\nper_month = 90\n[[effects]]\nname = 'sensor_step'\nstart = 12\n"
+    )
+    done = call(path, "--out", tmp_path / "logs")
+    season = simulate(load_scenario(path))
+    water = pq.read_table(tmp_path / "logs_truth.parquet", page_checksum_verification=True)
+    assert water.num_rows == 3 * 650
+    np.testing.assert_array_equal(water["level_m"].to_numpy(), season.true_level.ravel())
+    np.testing.assert_array_equal(water["inflow_m3s"].to_numpy(), season.inflow.ravel())
+    assert (water["unlogged_m3s"].to_numpy() - water["weather_m3s"].to_numpy()).max() > 1.0
+    truth = json.loads((tmp_path / "logs_truth.json").read_text())
+    rain, step = truth["effects"]
+    assert rain["name"] == "rain_inflow" and len(rain["events"]) > 2
+    assert step["name"] == "sensor_step" and "events" not in step
+    assert "planted: rain_inflow, sensor_step" in done.stdout
+
+
+def test_a_cascade_has_a_directory_and_truths_for_each_reach(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text(
+        "days = 2\n[output]\nformat = 'csv'\n"
+        "[[cascade]]\nreach = {name = 'upper'}\n[[cascade]]\nreach = {name = 'lower', length = 9000}\n"
+    )
+    call(path, "--out", tmp_path / "logs")
+    assert sorted(p.name for p in (tmp_path / "logs").iterdir()) == ["lower", "upper"]
+    for name in ("lower", "upper"):
+        assert len(contents(tmp_path / "logs" / name)) == 2
+        assert (tmp_path / f"logs_truth_{name}.json").exists()
+        assert (tmp_path / f"logs_truth_{name}.parquet").exists()
+    with pytest.raises(ConfigError, match="expected a .json"):
+        call(path, "--out", tmp_path / "more", "--truth", tmp_path / "t.parquet")

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from rivid.core.hydraulics import GRAVITY
+from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError
-from rivid.reach.response import AddedFlow, Hooks, LinearReach, level_response
+from rivid.reach.pool import pool_level
+from rivid.reach.response import LinearReach
 from rivid.scenario import Scenario, load_scenario
 from rivid.simulate import Season, observables, simulate, true_delay
 from rivid.simulate.observables import condition_numbers
@@ -26,7 +28,8 @@ def changed(scenario, **sections):
 
 
 def arrays(season):
-    return {f.name: getattr(season, f.name) for f in fields(Season) if f.name not in ("scenario", "seed")}
+    kept = {f.name: getattr(season, f.name) for f in fields(Season)}
+    return {name: values for name, values in kept.items() if isinstance(values, np.ndarray | tuple)}
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +128,7 @@ def test_the_true_delay_is_where_a_step_is_first_seen(year):
     reach = LinearReach()
     time = 133.0 * np.arange(40)
     for i in np.flatnonzero(~year.near_edge)[::25]:
-        level = level_response(reach, time, np.ones(40), np.zeros(40), year.travel_time[i])
+        level, *_ = pool_level(reach, time, np.ones(40), np.zeros(40), year.travel_time[i])
         assert np.flatnonzero(level)[0] == year.delay[i] + 1
 
 
@@ -179,14 +182,14 @@ def test_weather_has_its_size_and_memory(year):
     assert (w[:, lag:] * w[:, :-lag]).mean() / 4.0 == pytest.approx(np.exp(-1), abs=0.12)
 
 
-def test_hooks_act_on_water_and_gauge_and_never_on_the_inflow_log():
+def test_effects_act_on_water_and_gauge_and_never_on_the_inflow_log():
     base = simulate(FEW)
-    spring = simulate(FEW, hooks=Hooks(added=(AddedFlow(0.3, lambda t: np.full(len(t), 25.0)),)))
+    spring = simulate(FEW, effects=[CATALOGUE["lateral_inflow"](inflow=25.0, place=0.3)])
     np.testing.assert_array_equal(spring.inflow, base.inflow)
     assert (spring.outflow - base.outflow)[2:].mean() == pytest.approx(25.0, abs=2.0)
-    leak = simulate(FEW, hooks=Hooks(outflow=lambda t, q: 1.1 * q))
+    leak = simulate(FEW, effects=[CATALOGUE["outflow_gain_error"](error=0.1)])
     assert leak.outflow[2:].mean() / base.outflow[2:].mean() == pytest.approx(1 / 1.1, abs=0.01)
-    settled = simulate(FEW, hooks=Hooks(gauge=lambda t, h: h + 0.3))
+    settled = simulate(FEW, effects=[CATALOGUE["sensor_step"](step=0.3, start=-24.0)])
     assert (settled.level - settled.true_level).mean() == pytest.approx(0.3, abs=1e-3)
     assert settled.true_level[2:].mean() == pytest.approx(base.true_level[2:].mean() - 0.3, abs=0.02)
 
