@@ -7,10 +7,10 @@ import numpy as np
 
 from rivid.effects.base import DAY, Effect, World
 from rivid.effects.held import Floats
+from rivid.effects.slow import Sizes
 from rivid.errors import ConfigError
 
 HOUR = 3600.0
-Sizes = float | tuple[float, ...]
 
 
 def each(sizes: Sizes, n: int) -> Floats:

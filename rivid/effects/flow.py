@@ -6,7 +6,7 @@ import numpy as np
 
 from rivid.effects.base import DAY, Effect, World, quantity
 from rivid.effects.held import Floats, mean_of
-from rivid.effects.slow import over_dates, spread_over_dates
+from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
@@ -32,7 +32,7 @@ class LateralInflow(Effect):
         "than comes in. A slow drift of the gauge looks the same."
     )
 
-    inflow: float | tuple[float, ...] = quantity(
+    inflow: Sizes = quantity(
         2.0, "m3/s", -1e4, 1e4, "water that enters; several values spread over the dates", many=True
     )
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)

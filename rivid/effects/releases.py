@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.effects.base import Effect, World, quantity
-from rivid.effects.events import HOUR, Sizes, allowed, check_given, drawn_days, drawn_starts, each
+from rivid.effects.events import HOUR, allowed, check_given, drawn_days, drawn_starts, each
 from rivid.effects.flow import PLACE
 from rivid.effects.held import Floats, mean_of
-from rivid.effects.slow import over_dates, spread_over_dates
+from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes
 
 LOW, HIGH = -87_600.0, 876_000.0

@@ -1,0 +1,103 @@
+import datetime as dt
+
+import numpy as np
+import pytest
+
+from rivid.effects.flow import DiurnalInflow, InflowGainError, LateralInflow, Leakage, OutflowGainError
+from rivid.effects.storage import GateHeadEffect, SideStorage, StorageAreaSlope
+from rivid.errors import ConfigError
+from tests.effects.worlds import FIRST, samples_of, total, world
+
+DATES = (FIRST, FIRST + dt.timedelta(days=9))  # over the end of the month
+
+
+def added(effect, here):
+    (one,) = effect.changes(here).added
+    return one
+
+
+def test_a_lateral_inflow_is_the_same_at_all_times():
+    one = added(LateralInflow(inflow=-3.0, place=0.3), world())
+    assert one.place == 0.3
+    assert (one.flow == -3.0).all()
+
+
+def test_a_lateral_inflow_with_dates_and_hours_is_nowhere_else():
+    here = world(days=12)
+    flow = added(LateralInflow(inflow=2.5, dates=DATES, hours=(21.5, 6.0)), here).flow
+    for t, q in zip(here.time.tolist(), flow.tolist(), strict=True):
+        moment = dt.datetime.combine(FIRST, dt.time()) + dt.timedelta(seconds=t)
+        night = moment.time() >= dt.time(21, 30) or moment.time() < dt.time(6)
+        assert q == (2.5 if night and DATES[0] <= moment.date() <= DATES[1] else 0.0)
+
+
+@pytest.mark.parametrize("rows", [False, True])
+def test_a_slow_inflow_runs_straight_between_its_values_over_the_dates(rows):
+    here = world(days=12, rows=rows)
+    flow = added(LateralInflow(inflow=(1.0, 5.0, -2.0), dates=DATES), here).flow
+    for t, q in zip(here.time.ravel().tolist(), flow.ravel().tolist(), strict=True):
+        half = t / 86_400 / 5.0  # ten days: the middle value is five days from the first midnight
+        if not 0 <= half < 2:
+            assert q == 0.0
+        else:
+            a, b = (1.0, 5.0) if half < 1 else (5.0, -2.0)
+            assert q == pytest.approx(a + (b - a) * (half % 1.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("given", [(), (1.0, 2.0)])
+def test_several_values_without_dates_are_refused(given):
+    with pytest.raises(ConfigError, match=r"lateral_inflow: inflow has .* dates = \[first, last\]"):
+        LateralInflow(inflow=given)
+
+
+@pytest.mark.parametrize("hour", [0.0, 4.0, 17.25])
+@pytest.mark.parametrize("sample_time", [133.0, 3600.0])
+def test_a_diurnal_inflow_is_a_cosine_second_by_second(hour, sample_time):
+    here = world(days=2, sample_time=sample_time)
+    one = added(DiurnalInflow(amplitude=7.0, hour=hour, place=0.9), here)
+    second = np.arange(3 * 86_400) - 86_400 + 0.5
+    slow = 7.0 * np.cos(2 * np.pi * (second / 3600.0 - hour) / 24.0)
+    assert one.flow == pytest.approx(samples_of(here.time, slow, sample_time), abs=1e-8)
+    assert one.place == 0.9
+
+
+def test_a_diurnal_inflow_brings_no_water_over_a_day():
+    here = world(days=1, lead=0)
+    flow = added(DiurnalInflow(amplitude=7.0, hour=3.0), here).flow
+    assert total(here.time, flow, 133.0) == pytest.approx(0.0, abs=1e-6)
+    assert here.time[np.argmax(flow)] / 3600.0 == pytest.approx(3.0, abs=133 / 3600)
+
+
+def test_a_leak_counts_from_the_usual_level():
+    here = world(days=2)
+    (leak,) = Leakage(loss=12.0, place=0.7, hours=(0, 12)).changes(here).leaks
+    assert (leak.place, leak.reference) == (0.7, 128.5)
+    assert leak.loss.tolist() == [12.0 if t % 86_400 < 43_200 else 0.0 for t in here.time]
+
+
+def test_gain_errors_begin_and_end_on_their_dates():
+    here = world(days=5)
+    dates = (FIRST + dt.timedelta(days=1), FIRST + dt.timedelta(days=2))
+    there = [86_400 <= t < 3 * 86_400 for t in here.time]
+    real = InflowGainError(error=-0.1, dates=dates).changes(here)
+    assert real.inflow == pytest.approx(np.where(there, 0.9, 1.0) * here.inflow, rel=1e-15)
+    assert real.gate_is_plain
+    other = OutflowGainError(error=0.2, dates=dates).changes(here)
+    assert other.gate.factor.tolist() == [1.2 if k else 1.0 for k in there]
+    assert other.inflow is None
+
+
+def test_what_depends_on_the_level_counts_from_the_usual_one():
+    here = world()
+    head = GateHeadEffect(gain=0.07).changes(here).gate
+    assert (head.head == 0.07).all() and head.reference == 128.5
+    area = StorageAreaSlope(slope=0.3).changes(here)
+    assert (area.area_slope, area.area_reference) == (0.3, 128.5)
+    (pond,) = SideStorage(area=3e5, exchange=25.0).changes(here).ponds
+    assert (pond.area, pond.place) == (3e5, 0.5)
+    assert (pond.exchange == 25.0).all()
+
+
+def test_an_area_slope_takes_no_dates():
+    with pytest.raises(ConfigError, match="storage_area_slope: dates and hours are given"):
+        StorageAreaSlope(dates=DATES)

@@ -1,0 +1,142 @@
+import datetime as dt
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from rivid.effects.level import Seiche, SensorDrift, SensorStep, WindSetup
+from rivid.effects.series import Autoregression
+from tests.effects.worlds import FIRST, world
+
+DATES = (FIRST + dt.timedelta(days=2), FIRST + dt.timedelta(days=3))
+MODELS = [
+    WindSetup(deviation=0.02, correlation_time=0.5),
+    WindSetup(deviation=0.02, correlation_time=3.0),
+    Seiche(period=2700.0, damping=3e-4, amplitude=0.03),
+    Seiche(period=1000.0, damping=1e-3, amplitude=0.03),
+    Seiche(period=5000.0, damping=2e-3, amplitude=0.03),
+]
+
+
+def gauge(effect, here):
+    return np.broadcast_to(effect.changes(here).gauge, here.time.shape)
+
+
+def autocovariance(model, lag):
+    """From the spectral density of an autoregression."""
+    a = model.coefficients
+
+    def density(x):
+        gain = 1.0 - sum(c * np.exp(-1j * x * (i + 1)) for i, c in enumerate(a))
+        return model.innovation**2 / abs(gain) ** 2 * math.cos(lag * x) / math.pi
+
+    middle = math.acos(np.clip(a[0] / 2 / math.sqrt(-a[1]), -1, 1)) if len(a) == 2 else 0.0
+    return quad(density, 0.0, math.pi, points=[middle, 2 * middle], limit=500)[0]
+
+
+def test_a_gauge_drifts_from_the_first_date_to_the_last():
+    here = world(days=6)
+    drift = gauge(SensorDrift(drift=0.01, dates=DATES), here)
+    for t, z in zip((here.time / 86_400).tolist(), drift.tolist(), strict=True):
+        assert z == pytest.approx(0.01 * (t - 2) if 2 <= t < 4 else 0.0, abs=1e-14)
+
+
+def test_without_dates_a_gauge_drifts_from_the_first_day_on():
+    here = world(days=3)
+    assert gauge(SensorDrift(drift=-0.02), here) == pytest.approx(
+        [-0.02 * max(t, 0.0) / 86_400 for t in here.time]
+    )
+
+
+def test_a_gauge_steps_at_its_start_and_within_its_dates():
+    here = world(days=6)
+    t = here.time / 3600.0
+    assert gauge(SensorStep(step=0.05, start=30.0), here).tolist() == np.where(t >= 30, 0.05, 0.0).tolist()
+    both = gauge(SensorStep(step=-0.05, start=60.0, dates=DATES, hours=(4, 20)), here)
+    there = (t >= 60) & (t < 96) & (t % 24 >= 4) & (t % 24 < 20)
+    assert both.tolist() == np.where(there, -0.05, 0.0).tolist()
+
+
+@pytest.mark.parametrize("effect", MODELS, ids=str)
+@pytest.mark.parametrize("sample_time", [60.0, 133.0, 900.0])
+def test_autoregressions_have_the_spread_and_memory_asked_for(effect, sample_time):
+    model = effect.autoregression(sample_time)
+    if isinstance(effect, WindSetup):
+        expected = [
+            effect.deviation**2 * math.exp(-lag * sample_time / 3600 / effect.correlation_time)
+            for lag in (0, 1, 5)
+        ]
+    else:
+        assert abs(np.roots([1.0, *(-c for c in model.coefficients)])) == pytest.approx(
+            math.exp(-effect.damping * sample_time), rel=1e-9
+        )
+        poles = np.roots([1.0, *(-c for c in model.coefficients)])
+        turn = (2 * math.pi * sample_time / effect.period) % (2 * math.pi)
+        assert np.abs(np.angle(poles)).max() == pytest.approx(min(turn, 2 * math.pi - turn), rel=1e-6)
+        expected = [effect.amplitude**2 / 2]
+    for lag, value in zip((0, 1, 5), expected, strict=False):
+        assert autocovariance(model, lag) == pytest.approx(value, rel=1e-6)
+    assert model.covariance()[0] == pytest.approx(autocovariance(model, 0), rel=1e-6)
+    if len(model.coefficients) == 2:
+        assert model.covariance()[1] == pytest.approx(
+            autocovariance(model, 1), rel=1e-6, abs=1e-9 * model.covariance()[0]
+        )
+
+
+@pytest.mark.parametrize("effect", MODELS[1:4], ids=str)
+def test_drawn_series_have_the_law_of_their_autoregression_from_the_first_sample_on(effect):
+    model = effect.autoregression(133.0)
+    drawn = np.array([gauge(effect, world(seed, days=1, lead=0)) for seed in range(1500)])
+    for k in (0, 1, 100):  # stationary: the same at the start as later
+        for lag in (0, 1, 3, 10):
+            products = drawn[:, k] * drawn[:, k + lag]
+            error = products.std() / math.sqrt(len(products))
+            assert products.mean() == pytest.approx(autocovariance(model, lag), abs=4.5 * error)
+    past = [drawn[:, 10 - i : -i or None] for i in range(len(model.coefficients) + 1)]
+    n = min(p.shape[1] for p in past)
+    shock = past[0][:, -n:] - sum(c * p[:, -n:] for c, p in zip(model.coefficients, past[1:], strict=True))
+    error = model.innovation / math.sqrt(2 * shock.size)
+    assert shock.std() == pytest.approx(model.innovation, abs=4.5 * error)
+    assert abs((shock[:, 1:] * shock[:, :-1]).mean()) < 4.5 * model.innovation**2 / math.sqrt(shock.size)
+
+
+def test_a_seiche_swings_with_its_period():
+    here = world(1, days=20, sample_time=60.0)
+    swing = gauge(Seiche(period=2400.0, damping=2e-5, amplitude=0.02), here)
+    power = np.abs(np.fft.rfft(swing)) ** 2
+    frequency = np.fft.rfftfreq(len(swing), 60.0)
+    assert frequency[np.argmax(power)] == pytest.approx(1 / 2400.0, rel=0.03)
+
+
+@pytest.mark.parametrize("effect", MODELS[1:3], ids=str)
+def test_rows_of_days_hold_the_same_series_as_one_row(effect):
+    one, rows = world(7, days=4), world(7, days=4, rows=True)
+    assert gauge(effect, rows).ravel().tolist() == gauge(effect, one).tolist()
+
+
+def test_the_series_goes_on_across_midnight():
+    here = world(3, days=60)
+    x = gauge(WindSetup(deviation=0.02, correlation_time=20.0), here)
+    midnight = np.flatnonzero(np.diff(here.time) < 100.0)
+    innovation = WindSetup(deviation=0.02, correlation_time=20.0).autoregression(133.0).innovation
+    assert len(midnight) == 60
+    assert np.abs(np.diff(x)[midnight]).max() < 5 * innovation
+
+
+@pytest.mark.parametrize("effect", [WindSetup(hours=(22, 6)), Seiche(hours=(22, 6))], ids=lambda e: e.name)
+def test_wind_and_seiche_blow_only_in_their_hours(effect):
+    here = world(days=3)
+    x, hour = gauge(effect, here), here.time / 3600 % 24
+    night = (hour >= 22) | (hour < 6)
+    assert (x[~night] == 0.0).all() and (x[night] != 0.0).all()
+
+
+def test_nothing_swings_without_a_size():
+    here = world()
+    assert (gauge(WindSetup(deviation=0.0), here) == 0.0).all()
+    assert (gauge(Seiche(amplitude=0.0), here) == 0.0).all()
+
+
+def test_an_autoregression_knows_its_variance():
+    assert Autoregression((0.6,), 0.8).covariance() == pytest.approx([1.0])

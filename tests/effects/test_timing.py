@@ -1,0 +1,188 @@
+import datetime as dt
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rivid.effects import World
+from rivid.effects.timing import (
+    ClockOffset,
+    FlowDependentDelay,
+    GateDeadband,
+    GateRateLimit,
+    OutflowLag,
+    WaveAttenuation,
+)
+from tests.effects.worlds import FIRST, samples_of, seconds_of, times, total, world
+
+MAPS = [ClockOffset(offset=-1234.5), WaveAttenuation(spread=777.0), FlowDependentDelay(delay=-3.0)]
+
+
+def pulse_world(sample_time=133.0, rows=False):
+    """The inflow differs from its base only in the middle, so that nothing leaves the record."""
+    here = world(4, days=3, sample_time=sample_time, rows=rows)
+    hour = here.hour if rows else here.time / 3600.0 + 24.0
+    middle = (hour > 8) & (hour < 16) if rows else (hour > 30) & (hour < 66)
+    return replace(here, inflow=np.where(middle, here.inflow, 250.0))
+
+
+@pytest.mark.parametrize("effect", MAPS, ids=lambda e: e.name)
+@pytest.mark.parametrize("rows", [False, True])
+def test_maps_in_time_keep_the_volume(effect, rows):
+    here = pulse_world(rows=rows)
+    real = effect.changes(here).inflow
+    assert real.shape == here.inflow.shape
+    assert np.abs(real - here.inflow).max() > 1.0
+    for t, before, after in zip(*map(np.atleast_2d, (here.time, here.inflow, real)), strict=True):
+        assert total(t, after, 133.0) == pytest.approx(total(t, before, 133.0), rel=1e-11)
+
+
+@pytest.mark.parametrize("effect", MAPS, ids=lambda e: e.name)
+def test_maps_in_time_leave_a_constant_inflow_alone(effect):
+    here = replace(world(), inflow=np.full(world().time.shape, 321.0))
+    assert effect.changes(here).inflow == pytest.approx(here.inflow, rel=1e-12)
+
+
+@pytest.mark.parametrize("effect", MAPS, ids=lambda e: e.name)
+def test_a_row_of_many_days_is_mapped_as_if_it_were_alone(effect):
+    here = world(5, days=3, rows=True)
+    real = effect.changes(here).inflow
+    low, high = here.inflow.min(), here.inflow.max()
+    for i in range(len(here.time)):
+        alone = replace(here, time=here.time[i], inflow=here.inflow[i])
+        if isinstance(effect, FlowDependentDelay):  # its layers are those of all rows
+            thin = (high - low) / 64 * abs(effect.delay) / 2
+            assert effect.changes(alone).inflow == pytest.approx(real[i], abs=thin * 2 * 80 / 133)
+        else:
+            assert effect.changes(alone).inflow == pytest.approx(real[i], rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("offset", [1, -1, 100, 133, -399, 5000, -86_400, 86_400])
+def test_a_clock_that_is_off_shifts_the_held_inflow_second_by_second(seed, offset):
+    here = world(seed, days=2)
+    slow = seconds_of(here.time, here.inflow, 133.0, aside=90_000)
+    n = len(slow) - 180_000
+    expected = samples_of(here.time, slow[90_000 + offset : 90_000 + offset + n], 133.0)
+    assert ClockOffset(offset=offset).changes(here).inflow == pytest.approx(expected, abs=1e-7)
+
+
+def test_half_a_second_is_half_way_between_whole_seconds():
+    here = world(3)
+    at = [ClockOffset(offset=offset).changes(here).inflow for offset in (40.0, 40.5, 41.0)]
+    assert at[1] == pytest.approx((at[0] + at[2]) / 2, abs=1e-7)
+
+
+def test_a_fast_clock_makes_the_inflow_come_earlier():
+    here = replace(world(), inflow=np.where(world().time >= 0.0, 400.0, 200.0))
+    real = ClockOffset(offset=2 * 133.0).changes(here).inflow
+    k = int(np.argmax(here.time >= 0.0))
+    # the day before ends with a sample of 83 s: two samples earlier is 216 s, of the 266 s
+    assert real[k - 2 :] == pytest.approx(400.0)
+    assert real[k - 3] == pytest.approx(200.0 + 200.0 * 50 / 133)
+    assert real[: k - 3] == pytest.approx(200.0)
+
+
+def test_a_clock_is_off_only_on_its_dates_and_hours():
+    here = world(2, days=6)
+    effect = ClockOffset(offset=400.0, dates=(FIRST, FIRST + dt.timedelta(days=2)), hours=(22, 6))
+    always = ClockOffset(offset=400.0).changes(here).inflow
+    hour = here.time / 3600.0 % 24.0
+    there = (here.time >= 0) & (here.time < 3 * 86_400) & ((hour >= 22) | (hour < 6))
+    assert effect.changes(here).inflow.tolist() == np.where(there, always, here.inflow).tolist()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("sample_time,spread", [(133.0, 300), (600.0, 900), (900.0, 120)])
+def test_attenuation_is_a_normal_kernel_at_one_second(seed, sample_time, spread):
+    here = world(seed, days=2, sample_time=sample_time)
+    lag = np.arange(-8 * spread, 8 * spread + 1)
+    kernel = np.exp(-0.5 * (lag / spread) ** 2)
+    slow = seconds_of(here.time, here.inflow, sample_time, aside=8 * spread)
+    smooth = np.convolve(slow, kernel / kernel.sum(), mode="valid")
+    expected = samples_of(here.time, smooth, sample_time)
+    real = WaveAttenuation(spread=float(spread)).changes(here).inflow
+    assert real == pytest.approx(expected, abs=1e-3)
+    assert np.abs(real - here.inflow).max() > 5.0
+
+
+def test_attenuation_spreads_a_pulse_about_its_time_with_the_spread():
+    here = world(days=3, sample_time=60.0)
+    k = len(here.time) // 2
+    flow = np.full(here.time.shape, 100.0)
+    flow[k] = 1100.0
+    real = WaveAttenuation(spread=1500.0).changes(replace(here, inflow=flow)).inflow - 100.0
+    weight = real / real.sum()
+    middle = here.time + 30.0
+    assert weight @ middle == pytest.approx(middle[k], abs=1e-6)
+    # the pulse is 60 s wide and read in means of 60 s
+    assert weight @ (middle - middle[k]) ** 2 == pytest.approx(1500.0**2 + 2 * 60.0**2 / 12, rel=1e-9)
+
+
+def test_no_spread_is_no_change():
+    here = world()
+    assert WaveAttenuation(spread=0.0).changes(here).inflow.tolist() == here.inflow.tolist()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("delay", [-1.0, 0.5, -5.0])
+def test_each_flow_comes_by_its_own_delay(seed, delay):
+    here = world(seed, days=1, sample_time=120.0)
+    slow = seconds_of(here.time, here.inflow, 120.0, aside=2000)
+    n, low, high = len(slow) - 4000, here.inflow.min(), here.inflow.max()
+    levels = low + (high - low) * (np.arange(4000) + 0.5) / 4000
+    moved = np.full(n, low)
+    for q in levels:  # water above q, as long as the inflow is above q, D(q) later
+        D = round(delay * (q - here.flow))
+        moved += (slow[2000 - D : 2000 - D + n] > q) * (high - low) / 4000
+    expected = samples_of(here.time, moved, 120.0)
+    real = FlowDependentDelay(delay=delay).changes(here).inflow
+    # a layer of 1/64 of the range is off by half its width at most, the slow look by half a second
+    off = abs(delay) * (high - low) / 64 / 2 + 0.5
+    steps = np.abs(np.diff(here.inflow)).max()
+    assert np.abs(real - expected).max() < 2 * off * steps / 120.0
+    assert np.sqrt(np.mean((real - expected) ** 2)) < 0.05 * np.sqrt(np.mean((real - here.inflow) ** 2))
+
+
+@pytest.mark.parametrize("delay", [-1.5, 2.0])
+@pytest.mark.parametrize("low,high", [(250.0, 310.0), (320.0, 500.0)])
+def test_a_rise_gains_the_volume_that_its_delays_say(delay, low, high):
+    here = world(days=2)
+    flow = np.where(here.time >= 40_000.0, high, low)
+    real = FlowDependentDelay(delay=delay).changes(replace(here, inflow=flow)).inflow
+    gained = total(here.time, real - flow, 133.0)
+    usual = here.flow
+    # minus the integral of delay (q - usual) from low to high
+    expected = -delay * ((high - usual) ** 2 - (low - usual) ** 2) / 2
+    assert gained == pytest.approx(expected, rel=1e-9)
+    assert low <= real.min() + 1e-9 and real.max() <= high + 1e-9
+
+
+def test_negative_delay_brings_high_water_early_and_low_water_late():
+    here = world(days=2)
+    effect = FlowDependentDelay(delay=-2.0)
+    k = int(np.argmax(here.time >= 40_000.0))
+    high = effect.changes(replace(here, inflow=np.where(here.time >= 40_000.0, 500.0, 400.0))).inflow
+    low = effect.changes(replace(here, inflow=np.where(here.time >= 40_000.0, 200.0, 100.0))).inflow
+    assert high[k - 1] > 400.0 and low[k] < 200.0
+
+
+def test_gates_get_their_limits_where_they_are_there_and_none_elsewhere():
+    here = world(days=4)
+    dates = (FIRST + dt.timedelta(days=1), FIRST + dt.timedelta(days=2))
+    there = (here.time >= 86_400) & (here.time < 3 * 86_400)
+    assert OutflowLag(lag=250.0, dates=dates).changes(here).gate.lag.tolist() == (250.0 * there).tolist()
+    band = GateDeadband(band=3.0, dates=dates).changes(here).gate.dead_band
+    assert band.tolist() == (3.0 * there).tolist()
+    rate = GateRateLimit(rate=0.02, dates=dates).changes(here).gate.rate
+    assert rate.tolist() == np.where(there, 0.02, np.inf).tolist()
+
+
+def test_the_grid_of_a_day_ends_at_midnight():
+    here = World(
+        time=times(1, 133.0, 0), inflow=np.r_[np.full(649, 100.0), 500.0][None], outflow=None,
+        first_day=FIRST, sample_time=133.0, level=0.0, flow=300.0,
+    )  # fmt: skip
+    late = ClockOffset(offset=83.0).changes(here).inflow  # the last sample is 83 s long
+    assert late[0, -2] == pytest.approx(100.0 + 400.0 * 83 / 133)
+    assert late[0, -1] == pytest.approx(500.0)
