@@ -1,0 +1,299 @@
+"""Dates with and without an effect: exact penalised segmentation of one score a day.
+
+Day d has a score g_d, of variance q_d (its information) where nothing is there; a segment [a, b) in which the
+effect has a size of its own is worth
+
+    G(a, b) = (g_a + ... + g_{b-1})^2 / (2 (q_a + ... + q_{b-1}))    [nats],
+
+the Gaussian log-likelihood it gains with known variances. Optimal partitioning (Jackson et al. 2005) takes
+the segments with the largest sum of G less a penalty each. The days of a block are correlated, and the
+scores' own variance may be off: both are one factor, the inflation, taken from differences of neighbouring
+blocks, in which an effect that lasts cancels. The penalty is that factor times a limit from simulated days.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Rest = Literal["zero", "free"]
+
+FEWEST_BLOCKS = 8
+"""Blocks below which the inflation is a guess."""
+
+MOST_SEGMENTS = 4
+"""Segments up to which simulated days without a change are searched for one, where the rest is free."""
+
+KEPT = 0.75
+"""Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
+
+_KEPT_MEAN = 0.36852
+"""Mean of a chi-square variable of one degree below its 75 % quantile."""
+
+EDGE = 3.68
+"""Drop of the log-likelihood that holds a change date with 95 % [nats] (Hansen 2000, Econometrica 68)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Days cut into segments.
+
+    Attributes
+    ----------
+    bounds : ndarray of int, shape (k + 1,)
+        First day of each segment, and the number of days.
+    earliest, latest : ndarray of int, shape (k - 1,)
+        Where the first day of each segment but the first may lie, each with about 95 %.
+    size, size_se : ndarray, shape (k,)
+        Score by information [unit of the effect] and its standard error, inflation included; 0 and 0 where
+        the effect is off.
+    on : ndarray of bool, shape (k,)
+        Whether the effect is there; where the rest is free, all are.
+    gain : float
+        Over no window or no change, penalties paid [nats, by nominal variances].
+    penalty : float
+        Price of a window or a change [nats].
+    inflation : float
+        Variance of a block's score over its nominal one.
+    """
+
+    bounds: Ints
+    earliest: Ints
+    latest: Ints
+    size: Floats
+    size_se: Floats
+    on: Bools
+    gain: float
+    penalty: float
+    inflation: float
+
+    @property
+    def mask(self) -> Bools:
+        """Days with the effect, shape (days,)."""
+        return np.repeat(self.on, np.diff(self.bounds))
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a window or a change at all."""
+        return len(self.bounds) > 2 or bool(self.on[0] and self.gain > 0.0)
+
+    @property
+    def windows(self) -> tuple[tuple[int, int], ...]:
+        """First and last day of each segment with the effect."""
+        ends = zip(self.bounds[:-1], self.bounds[1:], self.on, strict=True)
+        return tuple((int(a), int(b) - 1) for a, b, on in ends if on)
+
+
+def partition(
+    score: ArrayLike, information: ArrayLike, penalty: float, *, rest: Rest, sign: int = 0, shortest: int = 1
+) -> tuple[Ints, Bools, float]:
+    """The best segments, by exact dynamic programming over the day on which the last one begins.
+
+    Parameters
+    ----------
+    score, information : array_like, shape (days,)
+        g and q; a day without data has 0 and 0.
+    penalty : float
+        Price of a window (`rest` "zero") or of a change (`rest` "free") [nats].
+    rest : {"zero", "free"}
+        "zero": days outside windows have no effect, and windows have any size. "free": all days have one, and
+        it changes.
+    sign : {-1, 0, 1}
+        Sign that sizes must have; 0 for any.
+    shortest : int
+        Days of the shortest segment with an effect.
+
+    Returns
+    -------
+    bounds : ndarray of int, shape (k + 1,)
+    on : ndarray of bool, shape (k,)
+    gain : float
+        Over no window or no change [nats].
+    """
+    g, q = np.asarray(score, float), np.asarray(information, float)
+    n = len(g)
+    best, begin = np.full(n + 1, -np.inf), np.zeros(n + 1, np.int64)
+    best[0] = 0.0
+    for t, gain in _gains(g[None], q, sign):
+        if rest == "zero":
+            best[t], begin[t] = best[t - 1], -t  # a day without the effect, which costs nothing
+        if t >= shortest:
+            total = best[: t - shortest + 1] + gain[0, : t - shortest + 1] - penalty
+            a = int(np.argmax(total))
+            if total[a] > best[t]:
+                best[t], begin[t] = total[a], a
+    pieces: list[tuple[int, bool]] = []
+    t = n
+    while t > 0:
+        on = begin[t] >= 0
+        a = int(begin[t]) if on else t - 1
+        if on or not pieces or pieces[-1][1]:
+            pieces.append((a, bool(on)))
+        else:
+            pieces[-1] = (a, False)
+        t = a
+    pieces.reverse()
+    none = 0.0 if rest == "zero" else float(gain[0, 0]) - penalty
+    bounds = np.array([a for a, _ in pieces] + [n], np.int64)
+    return bounds, np.array([on for _, on in pieces]), float(best[n]) - none
+
+
+def segment(
+    score: ArrayLike,
+    information: ArrayLike,
+    blocks: ArrayLike,
+    *,
+    rest: Rest = "zero",
+    sign: int = 0,
+    shortest: int = 2,
+    level: float = 0.01,
+    draws: int = 499,
+    seed: int = 0,
+) -> Segments:
+    """Cut days where an effect begins, ends or changes; seasons without one are left whole but for `level`.
+
+    Parameters
+    ----------
+    score, information : array_like, shape (days,)
+        g and q, as above: of a candidate's whitened column x and residual r, x'r and x'x of each day.
+    blocks : array_like of int, shape (days,)
+        Block of each day; the days of one are correlated, blocks hardly.
+    rest, sign, shortest
+        As for :func:`partition`.
+    level : float
+        Share of seasons with nothing in them that are cut all the same.
+    draws, seed : int
+        Simulated seasons without an effect, and their seed.
+
+    Raises
+    ------
+    RividError
+        Where there are too few blocks, or arrays do not fit.
+    """
+    g, q, block = np.asarray(score, float), np.asarray(information, float), np.asarray(blocks)
+    if not (g.shape == q.shape == block.shape and g.ndim == 1):
+        raise RividError(f"score, information and blocks have shapes {g.shape}, {q.shape}, {block.shape}: "
+                         "expected one number a day in each")  # fmt: skip
+    if not (np.isfinite(g).all() and np.isfinite(q).all() and (q >= 0.0).all()):
+        raise RividError("scores are not finite or information is negative: give days without data 0 and 0")
+    there = np.unique(block[q > 0.0])
+    if len(there) < FEWEST_BLOCKS:
+        raise RividError(f"{len(there)} blocks have data: expected {FEWEST_BLOCKS} or more; "
+                         "give more days or shorter blocks")  # fmt: skip
+    inflation, correlation = block_inflation(g[None], q, block)
+    c, rho = float(inflation[0]), float(correlation[0])
+    rng = np.random.default_rng(seed)
+    shared = rng.standard_normal((draws, int(block.max()) + 1))[:, block]
+    quiet = np.sqrt(q) * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * rng.standard_normal((draws, len(g))))
+    # By its own inflation, as the data are: what the estimate of the factor adds is in the limit.
+    worst = np.sort(_dearest(quiet, q, rest, sign, shortest) / block_inflation(quiet, q, block)[0])
+    rank = max(1, int(level * (draws + 1)))  # this one from the top is exceeded at `level`, exactly
+    penalty = c * float(worst[-rank])
+    bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest)
+    total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
+    size = np.where(on & (total_q > 0), total_g / np.where(total_q > 0, total_q, 1.0), 0.0)
+    se = np.where(on & (total_q > 0), np.sqrt(c / np.where(total_q > 0, total_q, 1.0)), 0.0)
+    edges = [_edge(g, q, bounds, on, i, sign, EDGE * c) for i in range(1, len(bounds) - 1)]
+    earliest, latest = np.array(edges, np.int64).reshape(-1, 2).T
+    return Segments(bounds, earliest, latest, size, se, on, gain, penalty, c)
+
+
+def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integer]) -> tuple[Floats, Floats]:
+    """Variance of blocks' scores over the nominal one, and the correlation of days within blocks.
+
+    From differences of means, of neighbouring blocks and of days within a block, without the largest quarter
+    of their squares: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
+
+    Parameters
+    ----------
+    score : ndarray, shape (draws, days)
+    information : ndarray, shape (days,)
+    blocks : ndarray of int, shape (days,)
+
+    Returns
+    -------
+    inflation, correlation : ndarray, shape (draws,)
+    """
+    used = information > 0.0
+    g, q = score[:, used], information[used]
+    label = np.unique(blocks[used], return_inverse=True)[1]
+    first = np.flatnonzero(np.diff(label, prepend=-1))
+    inflation = _squares(np.add.reduceat(g, first, axis=1), np.add.reduceat(q, first))
+    same = np.diff(label) == 0
+    if same.sum() < FEWEST_BLOCKS:
+        return inflation, np.zeros(len(g))
+    within = _squares(g, q, same)
+    days = len(q) / len(first)
+    rho = (inflation - within) / np.maximum(inflation + (days - 1.0) * within, 1e-300)
+    # Days of a block are not against each other: a smaller factor than that of days alone is chance.
+    return np.maximum(inflation, within), np.clip(rho, 0.0, 0.95)
+
+
+def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
+    """Variance of neighbours' means over the nominal one, from differences; g is (draws, k)."""
+    squares = np.diff(g / q, axis=1) ** 2 / (1.0 / q[1:] + 1.0 / q[:-1])
+    if kept is not None:
+        squares = squares[:, kept]
+    many = max(1, round(KEPT * squares.shape[1]))
+    smallest = np.partition(squares, many - 1, axis=1)[:, :many]
+    return np.asarray(np.maximum(smallest.mean(1) / _KEPT_MEAN, 1e-300))
+
+
+def _gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
+    """For t = 1, ..., n the gains G(s, t) of all s < t, shape (draws, t)."""
+    G = np.concatenate([np.zeros((len(g), 1)), np.cumsum(g, axis=1)], axis=1)
+    Q = np.concatenate([[0.0], np.cumsum(q)])
+    for t in range(1, len(Q)):
+        total, information = G[:, t : t + 1] - G[:, :t], Q[t] - Q[:t]
+        if sign:
+            total = np.maximum(sign * total, 0.0)
+        yield (
+            t,
+            np.where(information > 0.0, total**2 / np.where(information > 0.0, 2.0 * information, 1.0), 0.0),
+        )
+
+
+def _dearest(g: Floats, q: Floats, rest: Rest, sign: int, shortest: int) -> Floats:
+    """The lowest penalty at which each draw (draws, days) is left whole [nats].
+
+    Several windows gain at most their number times the best one's, so that one decides. Changes do not
+    add up that way: a bump takes two, and neither may pay alone; so the best gain for each number of changes
+    is divided by it.
+    """
+    draws, n = g.shape
+    if rest == "zero":
+        worst = np.zeros(draws)
+        for t, gain in _gains(g, q, sign):
+            if t >= shortest:
+                np.maximum(worst, gain[:, : t - shortest + 1].max(1), out=worst)
+        return worst
+    best = np.full((MOST_SEGMENTS, draws, n + 1), -np.inf)
+    for t, gain in _gains(g, q, sign):
+        if t >= shortest:
+            best[0, :, t] = gain[:, 0]
+            for k in range(1, MOST_SEGMENTS):
+                best[k, :, t] = (best[k - 1, :, : t - shortest + 1] + gain[:, : t - shortest + 1]).max(1)
+    changes = np.arange(1, MOST_SEGMENTS)[:, None]
+    return np.asarray(np.maximum(((best[1:, :, n] - best[0, :, n]) / changes).max(0), 0.0))
+
+
+def _edge(g: Floats, q: Floats, bounds: Ints, on: Bools, i: int, sign: int, drop: float) -> tuple[int, int]:
+    """First and last position of one bound that costs less than `drop`, its neighbours where they are."""
+    a, b = int(bounds[i - 1]), int(bounds[i + 1])
+
+    def worth(score: Floats, information: Floats) -> Floats:
+        total = np.maximum(sign * np.cumsum(score), 0.0) if sign else np.cumsum(score)
+        known = np.cumsum(information)
+        return np.where(known > 0.0, total**2 / np.where(known > 0.0, 2.0 * known, 1.0), 0.0)
+
+    left = worth(g[a:b], q[a:b])[:-1] * on[i - 1]
+    right = worth(g[a:b][::-1], q[a:b][::-1])[::-1][1:] * on[i]
+    near = np.flatnonzero(left + right >= (left + right)[bounds[i] - a - 1] - drop)
+    return a + 1 + int(near[0]), a + 1 + int(near[-1])
