@@ -1,0 +1,82 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rivid.effects import changes_of, worlds_of
+from rivid.effects.flow import DiurnalInflow, InflowGainError, LateralInflow, Leakage, OutflowGainError
+from rivid.effects.level import Seiche, SensorStep, WindSetup
+from rivid.effects.releases import RainInflow
+from rivid.effects.storage import GateHeadEffect, StorageAreaSlope
+from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
+from rivid.reach.changes import NO_CHANGES
+from tests.effects.worlds import world
+
+
+def test_no_effects_change_nothing():
+    nothing = changes_of([], world())
+    assert nothing.inflow is None and nothing.gate_is_plain
+    assert (nothing.added, nothing.leaks, nothing.ponds) == ((), (), ())
+    assert nothing.gauge.tolist() == NO_CHANGES.gauge.tolist()
+
+
+def test_maps_of_the_inflow_are_applied_in_turn():
+    here = world(2)
+    clock, gain, wave = ClockOffset(offset=500.0), InflowGainError(error=0.1), WaveAttenuation(spread=400.0)
+    inner = clock.changes(here).inflow
+    outer = wave.changes(replace(here, inflow=inner * 1.1)).inflow
+    real = changes_of([clock, LateralInflow(), gain, wave], here).inflow
+    assert real == pytest.approx(outer, rel=1e-13)
+    seen = worlds_of([clock, LateralInflow(), gain, wave], here)
+    assert [
+        np.allclose(w.inflow, q) for w, q in zip(seen, (here.inflow, inner, inner, inner * 1.1), strict=True)
+    ]
+    assert seen[0].inflow is here.inflow and seen[2].inflow.tolist() == inner.tolist()
+
+
+def test_everything_else_stands_side_by_side():
+    here = world()
+    both = changes_of(
+        [LateralInflow(), Leakage(), OutflowGainError(error=0.1), OutflowGainError(error=0.1),
+         OutflowLag(lag=60.0), DiurnalInflow(), StorageAreaSlope(slope=0.2),
+         GateHeadEffect(gain=0.1), SensorStep(step=0.1)],
+        here,
+    )  # fmt: skip
+    assert both.inflow is None
+    assert len(both.added) == 2 and len(both.leaks) == 1
+    assert both.gate.factor == pytest.approx(np.full(here.time.shape, 1.21))
+    assert (both.gate.lag == 60.0).all() and (both.gate.head == 0.1).all()
+    assert (both.area_slope, both.area_reference, both.gate.reference) == (0.2, 128.5, 128.5)
+    assert both.gauge.max() == 0.1
+
+
+def test_another_effect_beside_it_changes_no_draw():
+    here = world(days=20)
+    wind = changes_of([WindSetup()], here).gauge
+    after = changes_of([LateralInflow(), RainInflow(), WindSetup()], here)
+    assert after.gauge.tolist() == wind.tolist()
+
+
+def test_two_of_a_kind_and_two_kinds_are_drawn_apart():
+    here = world(days=20)
+    twice = [one.events(seen) for one, seen in zip(
+        [RainInflow()] * 2, worlds_of([RainInflow()] * 2, here), strict=True
+    )]  # fmt: skip
+    assert twice[0] and twice[1] and twice[0] != twice[1]
+    swing = [Seiche(amplitude=0.1), WindSetup(deviation=0.1 / 2**0.5)]
+    x, y = (one.changes(seen).gauge for one, seen in zip(swing, worlds_of(swing, here), strict=True))
+    # shared innovations would show at once: their correlation is that of 1 / sqrt(n)
+    a, b = (one.autoregression(133.0).coefficients for one in swing)
+    e = x[2:] - a[0] * x[1:-1] - a[1] * x[:-2]
+    f = y[2:] - b[0] * y[1:-1]
+    assert abs(np.corrcoef(e, f)[0, 1]) < 4.5 / np.sqrt(len(e))
+
+
+def test_the_events_told_are_those_of_the_changes():
+    here = world(5, days=30)
+    planted = [LateralInflow(), RainInflow(per_month=20.0)]
+    told = planted[1].events(worlds_of(planted, here)[1])
+    given = RainInflow(starts=tuple(e["start_h"] for e in told), peak=tuple(e["peak_m3s"] for e in told))
+    assert changes_of(planted, here).added[1].flow == pytest.approx(
+        given.changes(here).added[0].flow, abs=1e-9
+    )
