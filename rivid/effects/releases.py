@@ -186,12 +186,13 @@ class UnloggedDownstreamRelease(Effect):
         flow = np.zeros(world.time.shape)
         if not self.starts and self.per_day == 0.0:
             flow += np.ravel(self.size)[0] * self.active(world)
-        for start, size, length in zip(*self._events(world), strict=True):
-
-            def volume(t: Floats, a: float = start, d: float = length) -> Floats:
-                return np.clip(t - a, 0.0, d)
-
-            flow += size * mean_of(volume, world)
+        start, size, length = self._events(world)
+        if len(start):  # all pulses at once: their volume is straight between their beginnings and ends
+            knots = np.concatenate([start, start + length])
+            order = np.argsort(knots)
+            knots, slope = knots[order], np.cumsum(np.concatenate([size, -size])[order])
+            passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
+            flow += mean_of(lambda t: np.interp(t, knots, passed), world)
         return Changes(added=(AddedFlow(1.0, -flow),))
 
     def _events(self, world: World) -> Events:
