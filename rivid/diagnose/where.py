@@ -1,0 +1,380 @@
+"""Where the gap is: a score by hour, weekday, date, flows, level, their rates, shift, and time since a step.
+
+A sample has a score s and an information q, so that the sum of s over the sum of q is a size: with x the
+whitened column of a unit inflow and r the whitened residual, s = x r and q = x^2 give it in m3/s; a
+reconstructed inflow or an innovation has q = 1. A bin's departure is its size less that of all samples,
+
+    D_b = S_b / Q_b - S / Q = sum over blocks j of psi_jb,
+    psi_jb = (s_jb - (S/Q) q_jb) / Q_b - (s_j - (S/Q) q_j) / Q,
+
+and flipping the signs of whole blocks of psi says how large the largest one gets by chance. A bin seen in
+one block only cannot be judged that way, so dates come in long parts; their ends are found by segmentation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.diagnose.drivers import Driver, in_words
+from rivid.diagnose.segments import FEWEST_BLOCKS, segment
+from rivid.errors import RividError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+FEWEST = 5
+"""Blocks that a bin must be seen in: flips of fewer give no small p."""
+
+KEPT = 0.6
+"""Share of blocks, those that say least, that set the scale of a bin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores ready to be binned; made by :func:`as_scores`.
+
+    Attributes
+    ----------
+    score, information : ndarray, shape (days, n)
+        s and q; 0 where a sample does not count.
+    used : ndarray of bool, shape (days, n)
+    block : ndarray of int, shape (days,)
+        0, 1, ... without holes.
+    """
+
+    score: Floats
+    information: Floats
+    used: Bools
+    block: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A size in each bin of one driver; arrays of shape (k,) but for the edges.
+
+    Attributes
+    ----------
+    driver, unit : str
+    edges : ndarray, shape (k + 1,)
+    labels : tuple of str, length k
+    mean, departure : ndarray
+        Size, and its difference from that of all samples; NaN where a bin is empty.
+    se : ndarray
+        Standard error of the departure, from blocks drawn again; NaN where fewer than :data:`FEWEST` have it.
+    z : ndarray
+        Departure over its standard error.
+    samples, blocks : ndarray of int
+        How many the bin has.
+    p_value : float
+        Of the largest bin of this driver, by block sign flips.
+    """
+
+    driver: str
+    unit: str
+    edges: Floats
+    labels: tuple[str, ...]
+    mean: Floats
+    departure: Floats
+    se: Floats
+    z: Floats
+    samples: Ints
+    blocks: Ints
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Tables of all drivers.
+
+    Attributes
+    ----------
+    bins : tuple of Bins
+    p_value : float
+        Of the largest bin of them all, by the same flips.
+    """
+
+    bins: tuple[Bins, ...]
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Sizes over hour and date, for the picture.
+
+    Attributes
+    ----------
+    hours : ndarray, shape (h + 1,)
+        Edges [h].
+    days : ndarray of int, shape (c + 1,)
+        First row of each column of days, and the number of rows.
+    mean : ndarray, shape (h, c)
+        Size; NaN where nothing is seen.
+    information : ndarray, shape (h, c)
+    """
+
+    hours: Floats
+    days: Ints
+    mean: Floats
+    information: Floats
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a gap is largest.
+
+    Attributes
+    ----------
+    driver : str
+    low, high : float
+        Range of the driver [its unit]; low >= high goes past midnight or Sunday.
+    size, size_se : float
+        There, less elsewhere [unit of the effect], and its standard error by blocks.
+    p_value : float
+        All drivers and bins counted.
+    windows : tuple of (date, date)
+        First and last day of each time in which it is there; the whole season if no end is seen.
+    text : str
+        The same in words.
+    """
+
+    driver: str
+    low: float
+    high: float
+    size: float
+    size_se: float
+    p_value: float
+    windows: tuple[tuple[date, date], ...]
+    text: str
+
+
+def as_scores(
+    score: ArrayLike, used: ArrayLike, blocks: ArrayLike, information: ArrayLike | None = None
+) -> Scores:
+    """Scores, their samples and their blocks, checked.
+
+    Parameters
+    ----------
+    score : array_like, shape (days, n)
+        s, as above.
+    used : array_like of bool, shape (days, n)
+        Samples that count.
+    blocks : array_like of int, shape (days,)
+        Block of each day.
+    information : array_like, shape (days, n), optional
+        q; 1 by default.
+
+    Raises
+    ------
+    RividError
+        Where arrays do not fit, or there are too few blocks.
+    """
+    there, s = np.asarray(used, bool), np.asarray(score, float)
+    q = np.ones_like(s) if information is None else np.asarray(information, float)
+    block = np.asarray(blocks)
+    if s.ndim != 2 or not (s.shape == there.shape == q.shape) or block.shape != s.shape[:1]:
+        raise RividError(f"score, used, information, blocks have shapes {s.shape}, {there.shape}, "
+                         f"{q.shape}, {block.shape}: expected (days, n) and (days,)")  # fmt: skip
+    if not (np.isfinite(s[there]).all() and np.isfinite(q[there]).all()):
+        raise RividError("a used sample has no score: mark it as not used")
+    seen = len(np.unique(block[there.any(1)]))
+    if seen < FEWEST_BLOCKS:
+        raise RividError(f"{seen} blocks have samples that count: expected {FEWEST_BLOCKS} or more; "
+                         "give more days or shorter blocks")  # fmt: skip
+    number = np.unique(block, return_inverse=True)[1].astype(np.int64)
+    return Scores(np.where(there, s, 0.0), np.where(there, q, 0.0), there, number)
+
+
+def tables(
+    scores: Scores, by: Sequence[Driver], *, draws: int = 1999, resamples: int = 400, seed: int = 0
+) -> Tables:
+    """A table for each driver, and the p of the largest bin of them all.
+
+    Parameters
+    ----------
+    scores : Scores
+    by : sequence of Driver
+    draws, resamples, seed : int
+        Sign flips, the same for all drivers; times that blocks are drawn again; their seed.
+    """
+    rng = np.random.default_rng(seed)
+    J = int(scores.block.max()) + 1
+    signs = rng.choice(np.array([-1.0, 1.0]), (draws, J))
+    weights = rng.multinomial(J, np.full(J, 1.0 / J), resamples).astype(float)
+    found, largest, by_chance = [], 0.0, np.zeros(draws)
+    for driver in by:
+        S, Q, count = (
+            _sums(driver, a, scores.block) for a in (scores.score, scores.information, scores.used)
+        )
+        psi = _influence(S, Q)
+        root = _spread(psi)
+        seen = (count > 0.0).sum(0)
+        tested = (seen >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
+        flipped = np.abs(signs @ (psi[:, tested] / root[tested])).max(1, initial=0.0)
+        top = float((np.abs(psi[:, tested].sum(0)) / root[tested]).max(initial=0.0))
+        largest, by_chance = max(largest, top), np.maximum(by_chance, flipped)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            again = (weights @ S) / (weights @ Q) - (weights @ S.sum(1) / (weights @ Q.sum(1)))[:, None]
+            mean = S.sum(0) / Q.sum(0)
+        se = np.full(len(seen), np.nan)
+        se[tested] = np.nanstd(again[:, tested], axis=0)
+        departure = np.where(seen > 0, psi.sum(0), np.nan)
+        found.append(Bins(
+            driver.name, driver.unit, driver.edges, driver.labels, mean=mean, departure=departure, se=se,
+            z=departure / se, samples=count.sum(0).astype(np.int64), blocks=seen.astype(np.int64),
+            p_value=_share(flipped, top),
+        ))  # fmt: skip
+    return Tables(tuple(found), _share(by_chance, largest))
+
+
+def hour_map(scores: Scores, hour: ArrayLike, *, days: int = 1, hours: float = 1.0) -> Map:
+    """Sizes over the hour of the day, `hour` (days, n) of each sample, and the date, by columns of days."""
+    edges = np.arange(0.0, 24.0 + hours / 2.0, hours)
+    h = np.clip(np.digitize(np.asarray(hour, float) + 1e-9, edges) - 1, 0, len(edges) - 2)
+    columns = np.append(np.arange(0, len(scores.block), days), len(scores.block))
+    column = np.repeat(np.arange(len(columns) - 1), np.diff(columns))[:, None]
+    c = len(columns) - 1
+    cell = np.asarray(h * c + column).ravel()
+    S, Q = (np.bincount(cell, a.ravel(), (len(edges) - 1) * c).reshape(-1, c)
+            for a in (scores.score, scores.information))  # fmt: skip
+    mean = np.where(Q > 0.0, S / np.where(Q > 0.0, Q, 1.0), np.nan)
+    return Map(edges, columns.astype(np.int64), mean, np.asarray(Q, float))
+
+
+def strongest(
+    scores: Scores, by: Sequence[Driver], dates: Sequence[date], *, unit: str = "m3/s", level: float = 0.05,
+    cut_level: float = 0.01, draws: int = 1999, seed: int = 0,
+) -> Place | None:  # fmt: skip
+    """The place that stands out most: neighbouring bins of one driver, and the dates; None if none does.
+
+    Parameters
+    ----------
+    scores : Scores
+    by : sequence of Driver
+    dates : sequence of date, length days
+    unit : str
+        Of a size.
+    level : float
+        For the largest bin of all drivers. What is there in k blocks only has no p under 2^(1 - k).
+    cut_level : float
+        For the dates.
+    draws, seed : int
+        As for :func:`tables`.
+    """
+    told = tables(scores, by, draws=draws, resamples=2, seed=seed)
+    loud = [d for d, t in zip(by, told.bins, strict=True) if t.p_value <= level]
+    if told.p_value > level or not loud:
+        return None
+    all_days = np.ones(len(dates), bool)
+    driver = max(loud, key=lambda d: _best_run(scores, d, all_days)[0])
+    days, inside = all_days, np.zeros(scores.used.shape, bool)
+    first = last = 0
+    for _ in range(3):  # the hours sharpen the dates, and the dates the hours
+        _, sign, first, last = _best_run(scores, driver, days)
+        inside = _between(driver, first, last)
+        there = np.ones_like(inside) if driver.name == "date" else inside
+        rest = ~inside if driver.name == "date" else ~(inside & days[:, None])
+        usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
+        g = ((scores.score - usual * scores.information) * there).sum(1)
+        cut = segment(
+            g, (scores.information * there).sum(1), scores.block, sign=sign, level=cut_level, seed=seed
+        )
+        now = cut.mask if cut.found else all_days
+        if (now == days).all() or driver.name == "date":
+            days = now
+            break
+        days = now
+    where = np.repeat(days[:, None], inside.shape[1], 1) & (inside | (driver.name == "date"))
+    two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
+    S, Q = (_sums(two, a, scores.block) for a in (scores.score, scores.information))
+    size = S.sum(0) / np.maximum(Q.sum(0), 1e-300)
+    error = (S - size * Q) / np.maximum(Q.sum(0), 1e-300)
+    value, se = float(size[1] - size[0]), float(np.sqrt(((error[:, 1] - error[:, 0]) ** 2).sum()))
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], days, [False]]).astype(int))).tolist()
+    windows = tuple((dates[a], dates[b - 1]) for a, b in zip(ends[::2], ends[1::2], strict=True))
+    text = f"{_range(driver, first, last)}{value:.3g} {unit}, {_when(windows, bool(days.all()))}"
+    low, high = float(driver.edges[first]), float(driver.edges[last + 1])
+    return Place(driver.name, low, high, value, se, told.p_value, windows, text)
+
+
+def _sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
+    """Sums by block and bin, shape (blocks, k)."""
+    k, J = len(driver.labels), int(block.max()) + 1
+    inside = driver.bin >= 0
+    cell = (block[:, None] * k + driver.bin)[inside]
+    return np.asarray(np.bincount(cell, np.asarray(values, float)[inside], J * k).reshape(J, k), float)
+
+
+def _influence(S: Floats, Q: Floats) -> Floats:
+    """psi, shape (blocks, k), of sums by block and bin; 0 in bins with nothing."""
+    u = S - S.sum() / max(Q.sum(), 1e-300) * Q
+    known = Q.sum(0)
+    return np.where(known > 0.0, u / np.where(known > 0.0, known, 1.0) - u.sum(1)[:, None] / known.sum(), 0.0)
+
+
+def _spread(psi: Floats) -> Floats:
+    """Scale of each bin's departure, shape (k,), from the smaller contributions of blocks (blocks, k).
+
+    Flips leave it alone, so it cannot spoil the test; and what is there in some weeks only does not hide
+    itself by swelling its own scale.
+    """
+    squares = np.sort(psi**2, axis=0)
+    many = (squares > 0.0).sum(0)
+    rank = np.arange(len(psi))[:, None] - (len(psi) - many)
+    kept = (rank >= 0) & (rank < np.ceil(KEPT * many))
+    mean = (squares * kept).sum(0) / np.maximum(kept.sum(0), 1)
+    return np.asarray(np.sqrt(mean * many))
+
+
+def _share(by_chance: Floats, observed: float) -> float:
+    return float((1 + (by_chance >= observed * (1.0 - 1e-9)).sum()) / (1 + len(by_chance)))
+
+
+def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, int, int]:
+    """Gain [nats], sign, first and last bin of the neighbours that differ most from the rest of some days.
+
+    No more than half the information: the rest of a cycle would otherwise be the same run, with a minus.
+    """
+    S, Q = (_sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.information))
+    k, total_S, total_Q = len(S), S.sum(), Q.sum()
+    best = (0.0, 1, 0, 0)
+    for first in range(k):
+        for length in range(1, k if driver.cyclic else k - first + 1):
+            members = np.arange(first, first + length) % k
+            s, q = S[members].sum(), Q[members].sum()
+            if not 0.0 < q < total_Q or (length > 1 and q > 0.5 * total_Q * (1.0 + 1e-9)):
+                continue
+            contrast = s / q - (total_S - s) / (total_Q - q)
+            gain = 0.5 * contrast**2 * q * (total_Q - q) / total_Q
+            if gain > best[0]:
+                best = (float(gain), 1 if contrast > 0 else -1, first, int(members[-1]))
+    return best
+
+
+def _between(driver: Driver, first: int, last: int) -> Bools:
+    b = driver.bin
+    return (b >= first) & (b <= last) if first <= last else (b >= first) | ((b >= 0) & (b <= last))
+
+
+def _range(driver: Driver, first: int, last: int) -> str:
+    low, high = driver.edges[first], driver.edges[last + 1]
+    if driver.name == "date":
+        return ""
+    if driver.name == "hour":
+        return f"hours {low:g} to {high:g}, "
+    if driver.name in ("weekday", "shift"):
+        names = driver.labels[first], driver.labels[last]
+        return f"{driver.name} {names[0] if first == last else ' to '.join(names)}, "
+    return f"{driver.name} {low:.4g} to {high:.4g} {driver.unit}, "
+
+
+def _when(windows: Sequence[tuple[date, date]], whole: bool) -> str:
+    if whole:
+        return "on all days"
+    spans = [f"from {in_words(a)} to {in_words(b)}" for a, b in windows]
+    if len(spans) > 3:
+        spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
+    return f"on days {' and '.join(spans)}"
