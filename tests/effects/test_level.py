@@ -1,5 +1,6 @@
 import datetime as dt
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,7 @@ def test_a_gauge_steps_at_its_start_and_within_its_dates():
     here = world(days=6)
     t = here.time / 3600.0
     assert gauge(SensorStep(step=0.05, start=30.0), here).tolist() == np.where(t >= 30, 0.05, 0.0).tolist()
+    assert gauge(SensorStep(step=0.05), here).tolist() == np.where(t >= 0, 0.05, 0.0).tolist()
     both = gauge(SensorStep(step=-0.05, start=60.0, dates=DATES, hours=(4, 20)), here)
     there = (t >= 60) & (t < 96) & (t % 24 >= 4) & (t % 24 < 20)
     assert both.tolist() == np.where(there, -0.05, 0.0).tolist()
@@ -113,6 +115,14 @@ def test_a_seiche_swings_with_its_period():
 def test_rows_of_days_hold_the_same_series_as_one_row(effect):
     one, rows = world(7, days=4), world(7, days=4, rows=True)
     assert gauge(effect, rows).ravel().tolist() == gauge(effect, one).tolist()
+
+
+def test_days_that_are_left_out_leave_a_gap_in_the_series():
+    rows = world(7, days=9, rows=True)
+    kept = [0, 1, 5, 9]
+    some = replace(rows, time=rows.time[kept], inflow=rows.inflow[kept])
+    for effect in MODELS[1:3]:
+        assert gauge(effect, some).tolist() == gauge(effect, rows)[kept].tolist()
 
 
 def test_the_series_goes_on_across_midnight():

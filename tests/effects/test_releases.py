@@ -73,10 +73,10 @@ def test_events_come_as_often_and_as_large_as_asked():
     counts, peaks = [], []
     for seed in seeds:
         here = world(seed, days=days, sample_time=3600.0, lead=0)
-        told = RainInflow(per_month=15.0, peak=8.0).events(here)
+        told = RainInflow(per_month=300.0, peak=8.0).events(here)
         counts.append(len(told))
         peaks += [e["peak_m3s"] for e in told]
-    mean = 15.0 * days / 30
+    mean = 300.0 * days / 30
     assert np.mean(counts) == pytest.approx(mean, abs=4 * math.sqrt(mean / len(seeds)))
     assert np.mean(peaks) == pytest.approx(8.0, abs=4 * 8.0 / math.sqrt(len(peaks)))
     # exponential: as many below the median as above
@@ -94,6 +94,7 @@ def test_dates_and_hours_say_when_events_begin(hours):
     hour = starts % 24
     late, early = hour >= hours[0], hour < hours[1]
     assert (late & early if hours[0] < hours[1] else late | early).all()
+    assert set(starts // 24) == set(range(5, 15))
     assert len(starts) == pytest.approx(80, abs=4 * math.sqrt(80))
     assert (starts == np.sort(starts)).all()
     given = tuple(np.arange(0.0, 30 * 24, 2.5))
@@ -110,6 +111,7 @@ def test_lock_pulses_take_their_volume_at_the_dam():
     flow = flow_of(effect, here, 1.0)
     assert flow.max() == 0.0
     assert total(here.time, flow, 133.0) == pytest.approx(-3600 * (10 * 0.5 + 4 * 1.25), rel=1e-9)
+    assert flow_of(replace(effect, per_day=0.0), here, 1.0).tolist() == flow.tolist()
     slow = np.zeros(3 * 86_400)
     for start, size, length in ((3.21, 10.0, 0.5), (30.02, 4.0, 1.25)):
         first = round((start + 24) * 3600)
