@@ -287,7 +287,7 @@ def strongest(
             days = now
             break
         days = now
-    where = np.repeat(days[:, None], inside.shape[1], 1) & (inside | (driver.name == "date"))
+    where = np.repeat(days[:, None], scores.used.shape[1], 1) & (inside | (driver.name == "date"))
     two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
     S, Q = (_sums(two, a, scores.block) for a in (scores.score, scores.information))
     size = S.sum(0) / np.maximum(Q.sum(0), 1e-300)
