@@ -253,8 +253,11 @@ class _Search:
             self.found[i] = day, replace(first, size=f.size, size_se=f.size_se, gain=f.gain)
             self.seen.append((d, k, i))
         for f in new:
-            self.seen.append((d, f.start - self.before, len(self.found)))
-            self.found.append((d, replace(f, start=f.start - self.before)))
+            start, i = f.start - self.before, len(self.found)
+            self.found.append((d, replace(f, start=start)))
+            self.seen.append((d, start, i))
+            if follows and self._last == d - 1 and 0 <= start + self.row < len(r):
+                self.seen.append((d - 1, start + self.row, i))  # too late in its own day to be told there
         self.gain += gain
         self._last = d
 

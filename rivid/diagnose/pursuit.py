@@ -57,7 +57,8 @@ def extended(kernel: Floats, length: int) -> Floats:
     if len(kernel) >= length:
         return np.asarray(kernel[:length])
     slope = kernel[-1] - kernel[-2]
-    return np.concatenate([kernel, kernel[-1] + slope * np.arange(1, length - len(kernel) + 1)])
+    beyond = kernel[-1] + slope * np.arange(1, length - len(kernel) + 1)
+    return np.asarray(np.concatenate([kernel, beyond]), float)
 
 
 def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Floats:
@@ -162,12 +163,12 @@ def pursue(
     new, carried : list of Found
         `start` is an index of A.
     gain : float
-        Of the new ones, prices paid [nats].
+        Of all, over none, prices of the new ones paid [nats].
     """
     told = [(a, 1.0 / max(se, 1e-12) ** 2) for _, a, se in carried]
     old = len(carried)
     fit = _fit(A, r, weight, [k for k, _, _ in carried], told)
-    none = fit.likelihood
+    none = -0.5 * weight * float(r @ r)
     unit = np.where(norm > 0.0, sign * np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
     refused = np.zeros(len(norm), bool)
     tries = 0
