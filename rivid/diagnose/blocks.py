@@ -61,17 +61,17 @@ class Split:
     @property
     def fit(self) -> Bools:
         """Days that fit, shape (days,)."""
-        return self.role == Role.FIT
+        return np.asarray(self.role == Role.FIT)
 
     @property
     def select(self) -> Bools:
         """Days that select, shape (days,)."""
-        return self.role == Role.SELECT
+        return np.asarray(self.role == Role.SELECT)
 
     @property
     def sealed(self) -> Bools:
         """Days that confirm and are looked at once, shape (days,)."""
-        return self.role == Role.SEALED
+        return np.asarray(self.role == Role.SEALED)
 
     @property
     def complete(self) -> bool:
