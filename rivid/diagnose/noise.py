@@ -268,6 +268,7 @@ def fit_noise(
     walk_limit: float | None = None,
     memory_floor: float | None = None,
     starts: tuple[NoiseModel, ...] = (),
+    alone: bool = False,
 ) -> NoiseModel:
     """The noise model of greatest likelihood, from several starts.
 
@@ -292,6 +293,8 @@ def fit_noise(
         Lower limit of w's memory [s]; default ten samples.
     starts : tuple of NoiseModel
         Further starts, say the model of the last round.
+    alone : bool
+        Begin at `starts` only: quicker, where they are near.
 
     Raises
     ------
@@ -301,10 +304,13 @@ def fit_noise(
     from rivid.diagnose import kalman
 
     days = kalman.gather(residual)
-    if not np.diff(days.values[days.patterns[days.pattern].all(1)], axis=1).any():
-        raise RividError("residual has no complete day that moves: nothing to fit a noise to; check the logs")
+    there = days.patterns[days.pattern]
+    both = there[:, 1:] & there[:, :-1]
+    if not np.diff(days.values, axis=1)[both].any():
+        raise RividError("residual has no day that moves: nothing to fit a noise to; check the logs")
     limits = _limits(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
-    begin = _starts(limits, surface_area is not None, level) + starts
+    usual = () if alone and starts else _starts(limits, surface_area is not None, level)
+    begin = usual + starts
     if weights is not None:
         return _climb(days, np.asarray(weights, float), begin, limits)
     model = _climb(days, np.ones(len(days.values)), begin, limits)

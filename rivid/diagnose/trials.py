@@ -69,6 +69,13 @@ def clipped(effect: type[Effect], name: str, value: float) -> float:
     return float(min(max(value, said.low), said.high))
 
 
+def _label(values: dict[str, Any]) -> str:
+    def text(value: Any) -> str:
+        return " to ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
+
+    return ", ".join(f"{name} {text(value)}" for name, value in values.items())
+
+
 def with_window(effect: Effect, window: Window) -> Effect:
     """The effect within dates and hours; unchanged where it is always there or has its own."""
     dates, hours = window
@@ -83,7 +90,7 @@ def one(effect: type[Effect], key: str, unit: float, fixed: dict[str, Any], **re
     def make(c: Floats) -> Effect:
         return new(effect, **fixed, **{key: clipped(effect, key, float(c[0]))})
 
-    label = ", ".join(f"{name} {value:g}" for name, value in fixed.items()) or key
+    label = _label(fixed) or key
     small = new(effect, **fixed, **{key: unit})
     return Trial(effect.name, label, (small,), (unit,), make, (key, *rest.pop("also", ())), **rest)
 
@@ -95,7 +102,7 @@ def scaled(effect: type[Effect], key: str, size: float, fixed: dict[str, Any], *
         share = float(np.clip(c[0], 0.3, 2.5))
         return new(effect, **fixed, **{key: clipped(effect, key, share * size)})
 
-    label = ", ".join(f"{name} {value:g}" for name, value in {**fixed, key: size}.items())
+    label = _label({**fixed, key: size})
     at = new(effect, **fixed, **{key: size})
     return Trial(effect.name, label, (at,), (1.0,), make, (key, *rest.pop("also", ())), sign=1, **rest)
 

@@ -1,0 +1,115 @@
+"""Dates and hours of an effect, to the day and the hour: ascent on the likelihood gain.
+
+With the whitened column of each hour, score and information of a window are sums over its days and hours:
+
+    gain = (sum of scores)^2 / (2 sum of information).
+
+For some dates the best run of hours is looked up, for some hours the best run of days, in turn.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rivid.diagnose.data import Floats
+
+TURNS = 12
+"""Turns before an ascent is stopped; three are usual."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A window.
+
+    Attributes
+    ----------
+    first, last : int
+        Days, both included.
+    hours : (int, int) or None
+        From and to; (22, 6) passes midnight. None is all day.
+    gain : float
+        Likelihood gain [nats].
+    """
+
+    first: int
+    last: int
+    hours: tuple[int, int] | None
+    gain: float
+
+
+def best_span(score: Floats, information: Floats, sign: int = 0) -> Span:
+    """The window of largest gain.
+
+    Parameters
+    ----------
+    score : ndarray, shape (hours, days)
+        Whitened column of each hour times the residual, summed over each day.
+    information : ndarray, shape (hours, hours, days)
+        Products of the whitened columns, summed over each day.
+    sign : {-1, 0, 1}
+        The only sign that counts; 0: any.
+
+    Returns
+    -------
+    Span
+    """
+    starts = [np.ones(len(score), bool)]
+    starts += [_run(len(score), h, 8) for h in range(0, len(score), 4)]
+    found = [_ascend(score, information, hours, sign) for hours in starts]
+    return max(found, key=lambda span: span.gain)
+
+
+def _ascend(score: Floats, information: Floats, hours: np.ndarray, sign: int) -> Span:
+    best = Span(0, score.shape[1] - 1, None, -np.inf)
+    for _ in range(TURNS):
+        s = score[hours].sum(axis=0)
+        q = information[np.ix_(hours, hours)].sum(axis=(0, 1))
+        first, last, gain = _best_days(s, q, sign)
+        days = slice(first, last + 1)
+        inside = score[:, days].sum(axis=1), information[:, :, days].sum(axis=2)
+        start, length, gain = _best_hours(*inside, sign)
+        whole = length == len(score)
+        span = Span(first, last, None if whole else (start, (start + length) % len(score)), gain)
+        if span.gain <= best.gain + 1e-9:
+            break
+        best = span
+        hours = _run(len(score), start, length)
+    return best
+
+
+def _best_days(score: Floats, information: Floats, sign: int) -> tuple[int, int, float]:
+    s = np.concatenate([[0.0], np.cumsum(score)])
+    q = np.concatenate([[0.0], np.cumsum(information)])
+    sums, weight = s[None, :] - s[:, None], q[None, :] - q[:, None]
+    gains = _gain(sums, weight, sign)
+    gains[np.tril_indices(len(s))] = -np.inf
+    first, end = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return int(first), int(end) - 1, float(gains[first, end])
+
+
+def _best_hours(score: Floats, information: Floats, sign: int) -> tuple[int, int, float]:
+    n = len(score)
+    best = (0, n, float(_gain(score.sum(), information.sum(), sign)))
+    twice = np.concatenate([np.arange(n), np.arange(n)])
+    for start in range(n):
+        order = twice[start : start + n]
+        s = np.cumsum(score[order])
+        part = information[np.ix_(order, order)]
+        q = np.cumsum(np.cumsum(part, axis=0), axis=1).diagonal()
+        gains = _gain(s, q, sign)
+        length = int(np.argmax(gains[:-1])) + 1
+        if gains[length - 1] > best[2] + 1e-9:
+            best = (start, length, float(gains[length - 1]))
+    return best
+
+
+def _gain(score: Floats, information: Floats, sign: int) -> Floats:
+    s = np.maximum(sign * score, 0.0) if sign else score
+    safe = np.where(information > 0, information, np.inf)
+    return np.asarray(0.5 * s * s / safe)
+
+
+def _run(n: int, start: int, length: int) -> np.ndarray:
+    mask = np.zeros(n, bool)
+    mask[(start + np.arange(length)) % n] = True
+    return mask
