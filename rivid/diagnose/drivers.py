@@ -18,8 +18,8 @@ Bools = NDArray[np.bool_]
 BINS = 8
 """Bins of a flow, a level or a rate, with as many samples each."""
 
-PART_BLOCKS = 6
-"""Blocks in a part of the season: within a part, chance must have some to flip."""
+PART_BLOCKS = 10
+"""Blocks in a part of the season: flips of k blocks give no p under 2^(1 - k)."""
 
 STEP = 0.02
 """A step is a change from one sample to the next of more than this share of the flow's 5-95 % range."""

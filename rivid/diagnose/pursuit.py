@@ -66,7 +66,7 @@ def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Float
     h = extended(kernel, length)
     if shape == "pulse":
         D = round(samples)
-        return h - np.concatenate([np.zeros(min(D, length)), h[: max(length - D, 0)]])
+        return np.asarray(h - np.concatenate([np.zeros(min(D, length)), h[: max(length - D, 0)]]), float)
     flow = np.exp(-np.arange(length) / samples)
     size = 2 * length
     spread = np.fft.irfft(np.fft.rfft(np.diff(h, prepend=0.0), size) * np.fft.rfft(flow, size), size)

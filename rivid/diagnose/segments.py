@@ -9,6 +9,8 @@ the Gaussian log-likelihood it gains with known variances. Optimal partitioning 
 the segments with the largest sum of G less a penalty each. The days of a block are correlated, and the
 scores' own variance may be off: both are one factor, the inflation, taken from differences of neighbouring
 blocks, in which an effect that lasts cancels. The penalty is that factor times a limit from simulated days.
+A window's ends inside the season have a price of their own: what is always there is not to lose its first
+days because they were quiet.
 """
 
 from collections.abc import Iterator
@@ -38,7 +40,8 @@ _KEPT_MEAN = 0.36852
 """Mean of a chi-square variable of one degree below its 75 % quantile."""
 
 EDGE = 3.68
-"""Drop of the log-likelihood that holds a change date with 95 % [nats] (Hansen 2000, Econometrica 68)."""
+"""Drop of the log-likelihood that holds a change date with 95 % [nats] (Hansen 2000, Econometrica 68); also
+the price of a window's end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,7 @@ class Segments:
     gain : float
         Over no window or no change, penalties paid [nats, by nominal variances].
     penalty : float
-        Price of a window or a change [nats].
+        Price of a window without its ends, or of a change [nats].
     inflation : float
         Variance of a block's score over its nominal one.
     """
@@ -92,7 +95,14 @@ class Segments:
 
 
 def partition(
-    score: ArrayLike, information: ArrayLike, penalty: float, *, rest: Rest, sign: int = 0, shortest: int = 1
+    score: ArrayLike,
+    information: ArrayLike,
+    penalty: float,
+    *,
+    rest: Rest,
+    sign: int = 0,
+    shortest: int = 1,
+    edge: float = 0.0,
 ) -> tuple[Ints, Bools, float]:
     """The best segments, by exact dynamic programming over the day on which the last one begins.
 
@@ -109,6 +119,8 @@ def partition(
         Sign that sizes must have; 0 for any.
     shortest : int
         Days of the shortest segment with an effect.
+    edge : float
+        Price of each end of a window inside the season, beside the window's own [nats].
 
     Returns
     -------
@@ -126,6 +138,7 @@ def partition(
             best[t], begin[t] = best[t - 1], -t  # a day without the effect, which costs nothing
         if t >= shortest:
             total = best[: t - shortest + 1] + gain[0, : t - shortest + 1] - penalty
+            total -= _inside(t, n, shortest) * edge
             a = int(np.argmax(total))
             if total[a] > best[t]:
                 best[t], begin[t] = total[a], a
@@ -193,10 +206,11 @@ def segment(
     shared = rng.standard_normal((draws, int(block.max()) + 1))[:, block]
     quiet = np.sqrt(q) * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * rng.standard_normal((draws, len(g))))
     # By its own inflation, as the data are: what the estimate of the factor adds is in the limit.
-    worst = np.sort(_dearest(quiet, q, rest, sign, shortest) / block_inflation(quiet, q, block)[0])
+    edge = EDGE if rest == "zero" else 0.0
+    worst = np.sort(_dearest(quiet, q, rest, sign, shortest, edge, block_inflation(quiet, q, block)[0]))
     rank = max(1, int(level * (draws + 1)))  # this one from the top is exceeded at `level`, exactly
     penalty = c * float(worst[-rank])
-    bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest)
+    bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge * c)
     total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
     size = np.where(on & (total_q > 0), total_g / np.where(total_q > 0, total_q, 1.0), 0.0)
     se = np.where(on & (total_q > 0), np.sqrt(c / np.where(total_q > 0, total_q, 1.0)), 0.0)
@@ -260,22 +274,31 @@ def _gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
         )
 
 
-def _dearest(g: Floats, q: Floats, rest: Rest, sign: int, shortest: int) -> Floats:
-    """The lowest penalty at which each draw (draws, days) is left whole [nats].
+def _inside(t: int, n: int, shortest: int) -> Floats:
+    """Ends inside the season of the segments [s, t), for all s up to t - shortest."""
+    return np.asarray((np.arange(t - shortest + 1) > 0) + float(t < n))
+
+
+def _dearest(
+    g: Floats, q: Floats, rest: Rest, sign: int, shortest: int, edge: float, inflation: Floats
+) -> Floats:
+    """The lowest penalty at which each draw (draws, days) is left whole [nats over its inflation].
 
     Several windows gain at most their number times the best one's, so that one decides. Changes do not
     add up that way: a bump takes two, and neither may pay alone; so the best gain for each number of changes
     is divided by it.
     """
     draws, n = g.shape
+    scaled = g / np.sqrt(inflation)[:, None]
     if rest == "zero":
         worst = np.zeros(draws)
-        for t, gain in _gains(g, q, sign):
+        for t, gain in _gains(scaled, q, sign):
             if t >= shortest:
-                np.maximum(worst, gain[:, : t - shortest + 1].max(1), out=worst)
+                paid = gain[:, : t - shortest + 1] - _inside(t, n, shortest) * edge
+                np.maximum(worst, paid.max(1), out=worst)
         return worst
     best = np.full((MOST_SEGMENTS, draws, n + 1), -np.inf)
-    for t, gain in _gains(g, q, sign):
+    for t, gain in _gains(scaled, q, sign):
         if t >= shortest:
             best[0, :, t] = gain[:, 0]
             for k in range(1, MOST_SEGMENTS):

@@ -110,7 +110,7 @@ def _apart(a: Floats, b: Floats) -> Floats:
 
 
 def _agreeing(starts: Floats, within: float) -> Ints:
-    """Pairs of starts about `within` apart or less by the clock, on a ring of bins; starts is (draws, events)."""
+    """Pairs of starts up to about `within` apart by the clock, on a ring of bins; starts (draws, events)."""
     ring = max(round(DAY / (within / 3.0)), 8)
     bins = np.minimum((starts * (ring / DAY)).astype(np.int64), ring - 1)
     cell = bins + ring * np.arange(len(starts))[:, None]

@@ -94,7 +94,7 @@ class Tables:
     ----------
     bins : tuple of Bins
     p_value : float
-        Of the largest bin of them all, by the same flips.
+        Of the smallest p of them all, by the same flips.
     """
 
     bins: tuple[Bins, ...]
@@ -130,7 +130,7 @@ class Place:
     ----------
     driver : str
     low, high : float
-        Range of the driver [its unit]; low >= high goes past midnight or Sunday.
+        Range of the driver [its unit]; low >= high goes past midnight or Sunday. Of dates, see `windows`.
     size, size_se : float
         There, less elsewhere [unit of the effect], and its standard error by blocks.
     p_value : float
@@ -191,7 +191,7 @@ def as_scores(
 def tables(
     scores: Scores, by: Sequence[Driver], *, draws: int = 1999, resamples: int = 400, seed: int = 0
 ) -> Tables:
-    """A table for each driver, and the p of the largest bin of them all.
+    """A table for each driver, and the p of the most telling one of them all.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def tables(
     J = int(scores.block.max()) + 1
     signs = rng.choice(np.array([-1.0, 1.0]), (draws, J))
     weights = rng.multinomial(J, np.full(J, 1.0 / J), resamples).astype(float)
-    found, largest, by_chance = [], 0.0, np.zeros(draws)
+    found, ranks = [], []
     for driver in by:
         S, Q, count = (
             _sums(driver, a, scores.block) for a in (scores.score, scores.information, scores.used)
@@ -215,19 +215,23 @@ def tables(
         tested = (seen >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
         flipped = np.abs(signs @ (psi[:, tested] / root[tested])).max(1, initial=0.0)
         top = float((np.abs(psi[:, tested].sum(0)) / root[tested]).max(initial=0.0))
-        largest, by_chance = max(largest, top), np.maximum(by_chance, flipped)
+        share = _shares(np.append(flipped, top))
+        ranks.append(share)
         with np.errstate(invalid="ignore", divide="ignore"):
             again = (weights @ S) / (weights @ Q) - (weights @ S.sum(1) / (weights @ Q.sum(1)))[:, None]
             mean = S.sum(0) / Q.sum(0)
         se = np.full(len(seen), np.nan)
         se[tested] = np.nanstd(again[:, tested], axis=0)
+        se[se == 0.0] = np.nan
         departure = np.where(seen > 0, psi.sum(0), np.nan)
         found.append(Bins(
             driver.name, driver.unit, driver.edges, driver.labels, mean=mean, departure=departure, se=se,
             z=departure / se, samples=count.sum(0).astype(np.int64), blocks=seen.astype(np.int64),
-            p_value=_share(flipped, top),
+            p_value=float(share[-1]),
         ))  # fmt: skip
-    return Tables(tuple(found), _share(by_chance, largest))
+    # Bins of one driver compare, drivers do not: the smallest p of each flip does (Westfall and Young 1993).
+    smallest = np.min(ranks, axis=0)
+    return Tables(tuple(found), float(np.mean(smallest <= smallest[-1])))
 
 
 def hour_map(scores: Scores, hour: ArrayLike, *, days: int = 1, hours: float = 1.0) -> Map:
@@ -270,24 +274,8 @@ def strongest(
         return None
     all_days = np.ones(len(dates), bool)
     driver = max(loud, key=lambda d: _best_run(scores, d, all_days)[0])
-    days, inside = all_days, np.zeros(scores.used.shape, bool)
-    first = last = 0
-    for _ in range(3):  # the hours sharpen the dates, and the dates the hours
-        _, sign, first, last = _best_run(scores, driver, days)
-        inside = _between(driver, first, last)
-        there = np.ones_like(inside) if driver.name == "date" else inside
-        rest = ~inside if driver.name == "date" else ~(inside & days[:, None])
-        usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
-        g = ((scores.score - usual * scores.information) * there).sum(1)
-        cut = segment(
-            g, (scores.information * there).sum(1), scores.block, sign=sign, level=cut_level, seed=seed
-        )
-        now = cut.mask if cut.found else all_days
-        if (now == days).all() or driver.name == "date":
-            days = now
-            break
-        days = now
-    where = np.repeat(days[:, None], scores.used.shape[1], 1) & (inside | (driver.name == "date"))
+    days, first, last = _extent(scores, driver, cut_level, seed)
+    where = days[:, None] & (_between(driver, first, last) | (driver.name == "date"))
     two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
     S, Q = (_sums(two, a, scores.block) for a in (scores.score, scores.information))
     size = S.sum(0) / np.maximum(Q.sum(0), 1e-300)
@@ -298,6 +286,35 @@ def strongest(
     text = f"{_range(driver, first, last)}{value:.3g} {unit}, {_when(windows, bool(days.all()))}"
     low, high = float(driver.edges[first]), float(driver.edges[last + 1])
     return Place(driver.name, low, high, value, se, told.p_value, windows, text)
+
+
+def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bools, int, int]:
+    """Days (days,), and the first and last bin, of what stands out most."""
+    days = np.ones(len(scores.block), bool)
+    if driver.name == "date":
+        q = scores.information.sum(1)
+        cut = segment(scores.score.sum(1), q, scores.block, rest="free", level=level, seed=seed)
+        if cut.found:
+            longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the one that lasts
+            apart = np.abs(cut.size - cut.size[longest])
+            other = apart > 2.0 * np.hypot(cut.size_se, cut.size_se[longest])
+            return np.repeat(other & (np.arange(len(other)) != longest), np.diff(cut.bounds)), 0, 0
+        _, _, first, last = _best_run(scores, driver, days)
+        return _between(driver, first, last).any(1), first, last
+    first = last = 0
+    for _ in range(3):  # the hours sharpen the dates, and the dates the hours
+        _, sign, first, last = _best_run(scores, driver, days)
+        inside = _between(driver, first, last)
+        rest = ~(inside & days[:, None])
+        usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
+        g = ((scores.score - usual * scores.information) * inside).sum(1)
+        q = (scores.information * inside).sum(1)
+        cut = segment(g, q, scores.block, sign=sign, level=level, seed=seed)
+        now = cut.mask if cut.found else np.ones_like(days)
+        if (now == days).all():
+            break
+        days = now
+    return days, first, last
 
 
 def _sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
@@ -329,8 +346,10 @@ def _spread(psi: Floats) -> Floats:
     return np.asarray(np.sqrt(mean * many))
 
 
-def _share(by_chance: Floats, observed: float) -> float:
-    return float((1 + (by_chance >= observed * (1.0 - 1e-9)).sum()) / (1 + len(by_chance)))
+def _shares(values: Floats) -> Floats:
+    """Share of all values that are as large as each one, itself included, to rounding."""
+    rounded = np.round(values, 9)
+    return np.asarray(1.0 - np.searchsorted(np.sort(rounded), rounded, side="left") / len(values), float)
 
 
 def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, int, int]:
