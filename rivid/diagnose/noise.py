@@ -368,8 +368,12 @@ def _starts(limits: _Limits, pool: bool, level: bool) -> tuple[NoiseModel, ...]:
     walk = replace(rest, gauge_sd=0.5 * z, walk_sd=0.3 * z, inflow_sd=0.01 * w, inflow_memory=600.0 * T)
     if not level:
         return weak, short, walk
-    windy = replace(weak, walk_sd=0.01 * z, level_sd=3.0 * z, level_memory=80.0 * T)
-    return windy, replace(short, level_sd=0.3 * z), replace(windy, level_sd=z, level_memory=15.0 * T)
+    return tuple(  # slow levels are w's or s's doing: the likelihood has a hill for either
+        replace(start, walk_sd=walk * z, level_sd=size * z, level_memory=last * T)
+        for start in (weak, short)
+        for size, last in ((3.0, 80.0), (1.0, 10.0))
+        for walk in (0.01, 0.3)
+    )
 
 
 def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits: _Limits) -> NoiseModel:
