@@ -2,7 +2,8 @@
 
 Of a kind of event all have one duration, or one recession, from a grid; each has its own start and size.
 An event must gain its price, some 12 nats: about the logarithm of how many starts, sizes and durations it
-could have had, so that days of noise have none. What a day leaves behind is carried into the next.
+could have had, so that days of noise have none. What a day leaves behind is carried into the next. Pulses
+less than half their duration apart may come back as one longer pulse.
 """
 
 from collections.abc import Sequence
@@ -199,7 +200,7 @@ def find_events(
     there = np.isfinite(z)
     r = whiten(np.where(there, z, np.nan)[None], z)[0]
     atoms = Atoms(kind.kernel, kind.shape, grid, n, whiten)
-    searches = [_Search(g, n - lead, atoms.before) for g in grid]
+    searches = [_Search(g, n - lead, atoms.before, k) for g, k in zip(grid, atoms.first, strict=True)]
     for d in range(days):
         if not there[d].any():
             continue
@@ -228,8 +229,8 @@ def find_events(
 class _Search:
     """Events of one duration, day after day."""
 
-    def __init__(self, samples: float, row: int, before: int) -> None:
-        self.samples, self.row, self.before = samples, row, before
+    def __init__(self, samples: float, row: int, before: int, first: int) -> None:
+        self.samples, self.row, self.before, self.first = samples, row, before, first
         self.found: list[tuple[int, Found]] = []
         self.seen: list[tuple[int, int, int]] = []
         """Row, start in it, and which event."""
@@ -245,8 +246,9 @@ class _Search:
         old = [(k, i) for k, i in before if k >= -self.before and norm[k + self.before] > 0.0]
         carried = [(k + self.before, self.found[i][1].size, self.found[i][1].size_se) for k, i in old]
         new, again, gain = pursue(
-            A, norm, r, sign=sign, apart=apart, price=price, most=most, weight=weight, carried=carried
-        )
+            A, norm, r, first=self.first, sign=sign, apart=apart, price=price, most=most, weight=weight,
+            carried=carried,
+        )  # fmt: skip
         for (k, i), f in zip(old, again, strict=True):
             day, first = self.found[i]
             # Two days' worth: the second was told the first one's size, with its standard error.

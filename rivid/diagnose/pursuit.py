@@ -26,6 +26,9 @@ Whiten = Callable[[Floats, Floats], Floats]
 VISIBLE = 0.05
 """Atoms with less than this share of the largest norm are not looked for: the row hardly sees them."""
 
+LASTS = 2.5
+"""Recessions for which rain is carried from day to day; after them 8 % of its peak flow is left."""
+
 APART = 2
 """Samples between the starts of two recessions."""
 
@@ -90,15 +93,18 @@ class Atoms:
 
     def __init__(self, kernel: Floats, shape: Shape, grid: tuple[float, ...], n: int, whiten: Whiten) -> None:
         self.shape, self.grid, self.n, self.whiten = shape, grid, n, whiten
-        self.before = int(np.ceil(max(grid)))
+        self.before = int(np.ceil(max(grid) * (LASTS if shape == "recession" else 1.0)))
         """Starts before the row: index k of an atom is the start k - before."""
         h = extended(kernel, n + self.before)
         lag = np.arange(n) - (np.arange(self.before + n) - self.before)[:, None]
         self.steps: Floats = np.where(lag >= 0, h[np.maximum(lag, 0)], 0.0)
+        self.first = tuple(max(self.before - int(np.ceil(x)) + 1, 0) for x in grid)
+        """First atom to look for, for each of the grid: what is over before the row, or long past its peak,
+        is not."""
         self._kept: dict[bytes, list[tuple[Floats, Floats]]] = {}
 
     def whitened(self, there: Bools) -> list[tuple[Floats, Floats]]:
-        """For each of the grid: atoms (starts, n) and their norms (starts,), 0 for those to leave alone."""
+        """For each of the grid: atoms (starts, n) and their norms (starts,), 0 where hardly visible."""
         key = there.tobytes()
         if key not in self._kept:
             while len(self._kept) >= PATTERNS:
@@ -113,15 +119,12 @@ class Atoms:
         if self.shape == "pulse":
             D = round(samples)
             A[: len(A) - D] -= W[D:]
-            first = self.before - D + 1
         else:
             A[:-1] -= W[1:]
             rho = np.exp(-1.0 / samples)
             for s in range(len(A) - 2, -1, -1):
                 A[s] += rho * A[s + 1]
-            first = self.before - int(samples)
         norm = np.sqrt((A * A).sum(1))
-        norm[: max(first, 0)] = 0.0
         norm[norm < VISIBLE * norm.max(initial=0.0)] = 0.0
         return A, norm
 
@@ -131,6 +134,7 @@ def pursue(
     norm: Floats,
     r: Floats,
     *,
+    first: int,
     sign: int,
     apart: int,
     price: float,
@@ -146,6 +150,8 @@ def pursue(
         Atoms and their norms; 0 is never chosen.
     r : ndarray, shape (n,)
         Whitened residual.
+    first : int
+        Atoms before this one are not looked for.
     sign : {-1, 1}
     apart : int
         Least distance of two starts [samples].
@@ -170,6 +176,7 @@ def pursue(
     fit = _fit(A, r, weight, [k for k, _, _ in carried], told)
     none = -0.5 * weight * float(r @ r)
     unit = np.where(norm > 0.0, sign * np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
+    unit[:first] = 0.0
     refused = np.zeros(len(norm), bool)
     tries = 0
     while len(fit.starts) - old < most and tries < 3 * most and weight > 0.0:
@@ -249,7 +256,7 @@ def _settled(
     for i in range(old, len(starts)):
         others = starts[:i] + starts[i + 1 :]
         worth = unit * (A @ (fit.rest + fit.size[i] * A[starts[i]]))
-        worth[_near(others, len(unit), apart)] = -np.inf
+        worth[_near(others, len(unit), apart) | (unit == 0.0)] = -np.inf
         k = int(np.argmax(worth))
         if k == starts[i]:
             continue
