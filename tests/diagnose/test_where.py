@@ -5,9 +5,10 @@ import datetime as dt
 import numpy as np
 import pytest
 
+from rivid.diagnose.bins import influence
 from rivid.diagnose.data import as_record
 from rivid.diagnose.drivers import Driver, drivers, season, since_step
-from rivid.diagnose.where import _influence, as_scores, hour_map, strongest, tables
+from rivid.diagnose.where import as_scores, hour_map, strongest, tables
 from rivid.errors import RividError
 
 DAYS, N, BLOCK = 60, 144, 3
@@ -58,7 +59,7 @@ def test_the_influence_of_a_block_is_what_its_removal_changes():
     J = 400
     Q = rng.uniform(0.5, 1.5, (J, 3))
     S = Q + 0.3 * rng.standard_normal((J, 3))
-    psi = _influence(S, Q)
+    psi = influence(S, Q)
     departure = S.sum(0) / Q.sum(0) - S.sum() / Q.sum()
     assert psi.sum(0) == pytest.approx(departure)
     for j in (0, 5):
