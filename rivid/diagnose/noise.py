@@ -312,7 +312,10 @@ def fit_noise(
     usual = () if alone and starts else _starts(limits, surface_area is not None, level)
     begin = usual + starts
     if weights is not None:
-        return _climb(days, np.asarray(weights, float), begin, limits)
+        given = np.asarray(weights, float)
+        if given.shape != (len(days.values),) or not (given >= 0.0).all() or not given.any():
+            raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
+        return _climb(days, given, begin, limits)
     model = _climb(days, np.ones(len(days.values)), begin, limits)
     w = day_weights(model.whiten(residual))
     return model if (w == 1.0).all() else _climb(days, w, (model,), limits)

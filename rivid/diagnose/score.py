@@ -10,7 +10,7 @@ flipping the blocks' signs, the same flips for every candidate and window, maxim
 not change with the flips, so p is right whatever V is, and dependence between candidates costs nothing
 (sign-flipping of effective scores: Hemerik, Goeman and Finos, JRSS B 82, 2020). V only decides how
 candidates compare: the blocks alone are few, and among thousands of windows some V is small by chance
-(a column found at 1 % in 84 of 100 sets was found in 24), white noise alone lets one misfit drown the rest.
+(a column found at 1 % in 84 of 100 sets was found in none), white noise alone lets one misfit drown the rest.
 
 Projecting has taken a share M_b = z~_b' H_bb z~_b of the variance of s_b, H the projection on X, and none of
 the variance of s: the data's s is brought to the flips' size by it (De Santis and others, 2022).

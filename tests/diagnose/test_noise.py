@@ -288,3 +288,6 @@ def test_columns_that_do_not_fit_are_refused():
         POOL.forecast_errors(z, N)
     with pytest.raises(RividError, match="nothing to fit"):
         fit_noise(z, 133.0, 6.7e5)
+    for weights in (np.zeros(3), np.ones(2), -np.ones(3)):
+        with pytest.raises(RividError, match="one a day"):
+            fit_noise(z + np.arange(N), 133.0, 6.7e5, weights=weights)
