@@ -1,0 +1,408 @@
+"""Calibrate a reach response: Levenberg-Marquardt on whitened residuals, noise and weights in between.
+
+The cost, with r the whitened residual of the days that fit, w their weights, p the parameters:
+
+    C(p) = 1/2 sum_d w_d sum_k r_dk(p)^2 + 1/2 sum_i ((p_i - mean_i) / sd_i)^2.
+
+Noise and weights stand still while a step is tried, and are fitted anew between steps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.diagnose.data import Record
+from rivid.diagnose.gap import residual_of
+from rivid.diagnose.noise import NoiseModel, day_weights, fit_noise
+from rivid.diagnose.response import Floats, FreeParameter, Response, vector_of
+from rivid.errors import RividError
+from rivid.reach.changes import NO_CHANGES, Changes
+
+R = TypeVar("R", bound=Response)
+Bools = NDArray[np.bool_]
+
+COARSE = 3
+"""Every how many fit days the first stage takes."""
+FEWEST_COARSE = 4
+"""With fewer days than this the first stage would take, there is none."""
+ROUNDS = 12
+"""Most rounds (noise, weights, then steps) of a stage."""
+STEPS = 3
+"""Most steps of a round: more would fit to a noise that is known to be wrong."""
+SETTLED = 0.1
+"""A round that moves every parameter by less than this share of its standard error is the last."""
+DAMPING, MOST_DAMPING = 1e-3, 1e8
+AT_LIMIT = 1e-9
+
+
+class Noise(Protocol):
+    """What whitens; see :class:`rivid.diagnose.noise.NoiseModel`."""
+
+    def whiten(self, columns: ArrayLike, like: ArrayLike | None = None) -> Floats:
+        """Whitened columns, shape (..., days, n)."""
+        ...
+
+
+class Refit(Protocol):
+    """Fits the noise to a residual (days, n), NaN where missing, with weights (days,)."""
+
+    def __call__(
+        self, residual: Floats, weights: Floats, surface_area: float | None, last: NoiseModel | None
+    ) -> NoiseModel:
+        """`last` is the noise of the round before."""
+        ...
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A calibrated parameter.
+
+    Attributes
+    ----------
+    name, unit : str
+    value, low, high : float
+        In its unit; `low` and `high` bound 95 %, inside the parameter's limits.
+    sd : float
+        Standard error on the scale of the calibration: a share, where that is logarithmic.
+    at_limit : bool
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    sd: float
+    at_limit: bool
+
+
+class Step(NamedTuple):
+    """A step that was accepted: cost before and after, under one noise; the round it belongs to."""
+
+    round: int
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Generic[R]):
+    """A response fitted to a record.
+
+    Attributes
+    ----------
+    response : Response
+        At its estimates.
+    estimates : tuple of Estimate
+        Length p.
+    covariance : ndarray, shape (p, p)
+        Of the parameters on their scale, prior included; zero rows for those at a limit.
+    noise : NoiseModel
+        Of the residual of the fit days.
+    weights : ndarray, shape (days,)
+        Of every day of the record; 0 for days that did not fit, or were trimmed.
+    cost : float
+        C at the end.
+    steps : tuple of Step
+        All steps taken.
+    rounds : int
+        Times that the noise was fitted.
+    converged : bool
+        Whether the last round moved nothing that matters.
+    residual : ndarray, shape (days, n)
+        Measured less simulated on all rows, lead time included; NaN where nothing was measured.
+    jacobian : ndarray, shape (p, days, n)
+        Derivatives of the output on all rows [m or m3/s per unit of the parameter's scale].
+    """
+
+    response: R
+    estimates: tuple[Estimate, ...]
+    covariance: Floats
+    noise: NoiseModel
+    weights: Floats
+    cost: float
+    steps: tuple[Step, ...]
+    rounds: int
+    converged: bool
+    residual: Floats
+    jacobian: Floats
+
+    @property
+    def at_limit(self) -> tuple[str, ...]:
+        """Names of the parameters that sit at a limit."""
+        return tuple(e.name for e in self.estimates if e.at_limit)
+
+    def whitened(self, record: Record, columns: ArrayLike) -> Floats:
+        """Columns (..., days, n) whitened on the samples that count, as the fit sees them."""
+        return self.noise.whiten(columns, like=np.where(record.used, record.output, np.nan))
+
+
+def calibrate(
+    response: R,
+    record: Record,
+    fit: ArrayLike | None = None,
+    *,
+    refit: Refit | None = None,
+    changes: Callable[[Record], Changes] | None = None,
+    trim: float = 0.0,
+    rounds: int = ROUNDS,
+) -> Calibration[R]:
+    """Fit a response's parameters, its noise and the weights of days.
+
+    Parameters
+    ----------
+    response : Response
+        Where to start, with priors and limits.
+    record : Record
+    fit : array_like of bool, shape (days,), optional
+        Days that fit; default all.
+    refit : callable, optional
+        Residual, weights, surface area and the last noise, to the next noise. Default:
+        :func:`rivid.diagnose.noise.fit_noise`.
+    changes : callable, optional
+        What effects change on the grid of a record; default nothing.
+    trim : float
+        Share of the fit days that is left out, the worst ones: for effects present on many days, which would
+        bend the response.
+    rounds : int
+        Most rounds of each of the two stages: every third fit day, then all.
+
+    Raises
+    ------
+    RividError
+        Where no day fits, a share cannot be trimmed, or the start cannot be simulated.
+    """
+    if not 0.0 <= trim < 0.9:
+        raise RividError(f"trim = {trim}: expected a share of days from 0 to 0.9")
+    days = np.ones(record.days, bool) if fit is None else np.asarray(fit, bool)
+    days = days & record.used.any(axis=1)
+    if not days.any():
+        raise RividError("no fit day has a reading: nothing to calibrate on; check the split and the logs")
+    made = changes or _no_changes
+    fitter = _Fitter(response, refit or _refit(record), made, trim, rounds)
+    few = np.flatnonzero(days)[:: COARSE]
+    if len(few) >= FEWEST_COARSE:
+        fitter.stage(record.take(few))
+        fitter.response = fitter.response.settled(record)
+    rows = np.flatnonzero(days)
+    converged = fitter.stage(record.take(rows))
+    return fitter.result(record, rows, converged)
+
+
+def _no_changes(record: Record) -> Changes:
+    return NO_CHANGES
+
+
+def _refit(record: Record) -> Refit:
+    def fitted(
+        residual: Floats, weights: Floats, surface_area: float | None, last: NoiseModel | None
+    ) -> NoiseModel:
+        starts = () if last is None else (last,)
+        return fit_noise(residual, record.sample_time, surface_area, weights=weights, starts=starts)
+
+    return fitted
+
+
+class _Fitter(Generic[R]):
+    """The state of a calibration between stages."""
+
+    def __init__(
+        self, response: R, refit: Refit, changes: Callable[[Record], Changes], trim: float, rounds: int
+    ) -> None:
+        self.response, self.refit, self.changes = response, refit, changes
+        self.trim, self.rounds = trim, rounds
+        self.noise: NoiseModel | None = None
+        self.steps: list[Step] = []
+        self.count = 0
+        self.cost = np.nan
+        self.weights = np.zeros(0)
+
+    def stage(self, record: Record) -> bool:
+        """Rounds on some days until they settle; whether they did."""
+        self.weights = np.ones(record.days)
+        changes = self.changes(record)
+        for _ in range(self.rounds):
+            base = self.response.baseline(record, changes)
+            residual = _counted(record, base)
+            self._weigh(residual)
+            self.count += 1
+            if self._steps(record, changes, base):
+                return True
+        return False
+
+    def _weigh(self, residual: Floats) -> None:
+        """Noise for the weights, then weights for the noise; the trimmed days change with both."""
+        area = self.response.surface_area
+        self.noise = self.refit(residual, self.weights, area, self.noise)
+        white = self.noise.whiten(residual)
+        if self.trim > 0.0:
+            self.weights = _untrimmed(white, self.trim)
+            white = np.where(self.weights[:, None] > 0.0, white, 0.0)
+        self.weights = day_weights(white)
+
+    def _steps(self, record: Record, changes: Changes, base: Floats) -> bool:
+        """Steps under one noise; whether the first of them moved nothing that matters."""
+        problem = _Problem(record, changes, self.noise, self.weights)
+        damping = DAMPING
+        cost = problem.cost(self.response, base)
+        settled = True
+        for _ in range(STEPS):
+            linear = problem.linear(self.response, base)
+            found = None
+            while found is None and damping < MOST_DAMPING:
+                move = linear.move(damping)
+                moved = self.response.with_parameters(vector_of(self.response) + move)
+                trial = problem.try_baseline(moved)
+                after = np.inf if trial is None else problem.cost(moved, trial)
+                if after <= cost:
+                    found = moved, trial, after
+                    damping = max(damping / 10.0, 1e-9)
+                elif linear.negligible(move):
+                    break
+                else:
+                    damping *= 10.0
+            if found is None:
+                break
+            taken = vector_of(found[0]) - vector_of(self.response)
+            self.steps.append(Step(self.count, cost, found[2]))
+            self.response, base, cost = found[0], found[1], found[2]
+            if linear.negligible(taken):
+                break
+            settled = False
+        self.cost = cost
+        return settled
+
+    def result(self, record: Record, rows: NDArray[np.intp], converged: bool) -> Calibration[R]:
+        """Residual and derivatives on all rows, and errors of the estimates."""
+        assert self.noise is not None
+        changes = self.changes(record)
+        base = self.response.baseline(record, changes)
+        jacobian = self.response.slopes(record, base, changes)
+        part = record.take(rows)
+        problem = _Problem(part, changes, self.noise, self.weights)
+        linear = problem.linear_of(self.response, base[rows], jacobian[:, rows])
+        covariance = linear.covariance()
+        weights = np.zeros(record.days)
+        weights[rows] = self.weights
+        sd = np.sqrt(np.diag(covariance))
+        return Calibration(
+            response=self.response,
+            estimates=tuple(
+                _estimate(p, float(s)) for p, s in zip(self.response.parameters, sd, strict=True)
+            ),
+            covariance=covariance, noise=self.noise, weights=weights, cost=float(self.cost),
+            steps=tuple(self.steps), rounds=self.count, converged=converged,
+            residual=residual_of(record, base), jacobian=jacobian,
+        )  # fmt: skip
+
+
+class _Problem:
+    """The cost on some days, under one noise and one set of weights."""
+
+    def __init__(self, record: Record, changes: Changes, noise: NoiseModel | None, weights: Floats) -> None:
+        assert noise is not None
+        self.record, self.changes, self.noise = record, changes, noise
+        self.root = np.sqrt(weights)[:, None]
+        self.like = np.where(record.used, record.output, np.nan)
+
+    def whiten(self, columns: Floats) -> Floats:
+        return self.noise.whiten(columns, like=self.like) * self.root
+
+    def try_baseline(self, response: R) -> Floats | None:
+        """The output, or None where the water cannot flow so."""
+        try:
+            return response.baseline(self.record, self.changes)
+        except RividError:
+            return None
+
+    def cost(self, response: R, base: Floats) -> float:
+        r = self.whiten(_counted(self.record, base))
+        return 0.5 * float(np.vdot(r, r)) + 0.5 * float((_deviation(response) ** 2).sum())
+
+    def linear(self, response: R, base: Floats) -> "_Linear":
+        return self.linear_of(response, base, response.slopes(self.record, base, self.changes))
+
+    def linear_of(self, response: R, base: Floats, slopes: Floats) -> "_Linear":
+        r = self.whiten(_counted(self.record, base)).ravel()
+        X = self.whiten(slopes).reshape(len(slopes), -1)
+        sd = np.array([p.sd for p in response.parameters])
+        return _Linear(X @ X.T, X @ r, sd, _deviation(response), response.parameters)
+
+
+class _Linear(NamedTuple):
+    """Normal equations ``(X X' + prior) step = X r - prior``."""
+
+    G: Floats
+    g: Floats
+    sd: Floats
+    deviation: Floats
+    parameters: tuple[FreeParameter, ...]
+
+    @property
+    def information(self) -> Floats:
+        """Second derivatives of the cost."""
+        return self.G + np.diag(self.sd**-2.0)
+
+    def move(self, damping: float) -> Floats:
+        """The damped step; what would leave the limits stays on them, and the rest is solved again."""
+        H, slope = self.information, self.g - self.deviation / self.sd
+        H = H + damping * np.diag(np.diag(H))
+        low = np.array([p.low - p.value for p in self.parameters])
+        high = np.array([p.high - p.value for p in self.parameters])
+        held = np.zeros(len(slope), bool)
+        step = np.zeros(len(slope))
+        for _ in range(len(slope)):
+            free = ~held
+            step[free] = np.linalg.solve(H[np.ix_(free, free)], slope[free] - H[np.ix_(free, held)] @ step[held])
+            out = free & ((step < low) | (step > high))
+            if not out.any():
+                break
+            step[out] = np.clip(step[out], low[out], high[out])
+            held |= out
+            if held.all():
+                break
+        return step
+
+    def covariance(self) -> Floats:
+        """Inverse of the information of the parameters that are not at a limit; zero for the others."""
+        free = np.array([not _at_limit(p) for p in self.parameters])
+        covariance = np.zeros_like(self.G)
+        if free.any():
+            covariance[np.ix_(free, free)] = np.linalg.inv(self.information[np.ix_(free, free)])
+        return covariance
+
+    def negligible(self, step: Floats) -> bool:
+        """Whether a step is small against the standard errors."""
+        error = np.sqrt(np.diag(np.linalg.inv(self.information)))
+        return bool((np.abs(step) < SETTLED * error).all())
+
+
+def _counted(record: Record, base: Floats) -> Floats:
+    """The residual on the samples that count, NaN elsewhere."""
+    return np.where(record.used, record.output - base, np.nan)
+
+
+def _deviation(response: Response) -> Floats:
+    """How far each parameter is from its prior mean, in prior standard deviations."""
+    return np.array([(p.value - p.mean) / p.sd for p in response.parameters])
+
+
+def _untrimmed(white: Floats, trim: float) -> Floats:
+    """1 for the days of the smallest mean squares, 0 for the share that is trimmed."""
+    count = np.maximum((white != 0.0).sum(axis=1), 1)
+    square = (white * white).sum(axis=1) / count
+    kept = max(round((1.0 - trim) * len(white)), 1)
+    weights = np.zeros(len(white))
+    weights[np.argsort(square, kind="stable")[:kept]] = 1.0
+    return weights
+
+
+def _at_limit(p: FreeParameter) -> bool:
+    return min(p.value - p.low, p.high - p.value) <= AT_LIMIT * (p.high - p.low)
+
+
+def _estimate(p: FreeParameter, sd: float) -> Estimate:
+    low, high = (p.to_natural(min(max(p.value + s * 1.96 * sd, p.low), p.high)) for s in (-1.0, 1.0))
+    return Estimate(p.name, p.unit, p.natural, low, high, sd, _at_limit(p))
