@@ -32,8 +32,9 @@ ROUNDS = 12
 """Most rounds (noise, weights, then steps) of a stage."""
 STEPS = 3
 """Most steps of a round: more would fit to a noise that is known to be wrong."""
-SETTLED = 0.1
-"""A round that moves every parameter by less than this share of its standard error is the last."""
+SETTLED, ROUGH = 0.1, 0.5
+"""A round that moves every parameter by less than this share of its standard error is the last; in the first
+stage, on few days, a larger share."""
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 AT_LIMIT = 1e-9
 
@@ -182,12 +183,12 @@ def calibrate(
         raise RividError("no fit day has a reading: nothing to calibrate on; check the split and the logs")
     made = changes or _no_changes
     fitter = _Fitter(response, refit or _refit(record), made, trim, rounds)
-    few = np.flatnonzero(days)[:: COARSE]
+    few = np.flatnonzero(days)[::COARSE]
     if len(few) >= FEWEST_COARSE:
-        fitter.stage(record.take(few))
+        fitter.stage(record.take(few), ROUGH)
         fitter.response = fitter.response.settled(record)
     rows = np.flatnonzero(days)
-    converged = fitter.stage(record.take(rows))
+    converged = fitter.stage(record.take(rows), SETTLED)
     return fitter.result(record, rows, converged)
 
 
@@ -219,8 +220,8 @@ class _Fitter(Generic[R]):
         self.cost = np.nan
         self.weights = np.zeros(0)
 
-    def stage(self, record: Record) -> bool:
-        """Rounds on some days until they settle; whether they did."""
+    def stage(self, record: Record, settle: float) -> bool:
+        """Rounds on some days until they move little, in standard errors; whether they did."""
         self.weights = np.ones(record.days)
         changes = self.changes(record)
         for _ in range(self.rounds):
@@ -228,7 +229,7 @@ class _Fitter(Generic[R]):
             residual = _counted(record, base)
             self._weigh(residual)
             self.count += 1
-            if self._steps(record, changes, base):
+            if self._steps(record, changes, base, settle):
                 return True
         return False
 
@@ -242,36 +243,31 @@ class _Fitter(Generic[R]):
             white = np.where(self.weights[:, None] > 0.0, white, 0.0)
         self.weights = day_weights(white)
 
-    def _steps(self, record: Record, changes: Changes, base: Floats) -> bool:
+    def _steps(self, record: Record, changes: Changes, base: Floats, settle: float) -> bool:
         """Steps under one noise; whether the first of them moved nothing that matters."""
         problem = _Problem(record, changes, self.noise, self.weights)
         damping = DAMPING
-        cost = problem.cost(self.response, base)
+        self.cost = problem.cost(self.response, base)
         settled = True
         for _ in range(STEPS):
             linear = problem.linear(self.response, base)
-            found = None
-            while found is None and damping < MOST_DAMPING:
+            taken = None
+            while taken is None and damping < MOST_DAMPING:
                 move = linear.move(damping)
                 moved = self.response.with_parameters(vector_of(self.response) + move)
                 trial = problem.try_baseline(moved)
                 after = np.inf if trial is None else problem.cost(moved, trial)
-                if after <= cost:
-                    found = moved, trial, after
+                if trial is not None and after <= self.cost:
+                    self.steps.append(Step(self.count, self.cost, after))
+                    self.response, base, self.cost, taken = moved, trial, after, move
                     damping = max(damping / 10.0, 1e-9)
-                elif linear.negligible(move):
+                elif linear.small(move, settle):
                     break
                 else:
                     damping *= 10.0
-            if found is None:
-                break
-            taken = vector_of(found[0]) - vector_of(self.response)
-            self.steps.append(Step(self.count, cost, found[2]))
-            self.response, base, cost = found[0], found[1], found[2]
-            if linear.negligible(taken):
+            if taken is None or linear.small(taken, settle):
                 break
             settled = False
-        self.cost = cost
         return settled
 
     def result(self, record: Record, rows: NDArray[np.intp], converged: bool) -> Calibration[R]:
@@ -355,7 +351,9 @@ class _Linear(NamedTuple):
         step = np.zeros(len(slope))
         for _ in range(len(slope)):
             free = ~held
-            step[free] = np.linalg.solve(H[np.ix_(free, free)], slope[free] - H[np.ix_(free, held)] @ step[held])
+            step[free] = np.linalg.solve(
+                H[np.ix_(free, free)], slope[free] - H[np.ix_(free, held)] @ step[held]
+            )
             out = free & ((step < low) | (step > high))
             if not out.any():
                 break
@@ -373,10 +371,10 @@ class _Linear(NamedTuple):
             covariance[np.ix_(free, free)] = np.linalg.inv(self.information[np.ix_(free, free)])
         return covariance
 
-    def negligible(self, step: Floats) -> bool:
-        """Whether a step is small against the standard errors."""
+    def small(self, step: Floats, share: float) -> bool:
+        """Whether a step moves every parameter by less than a share of its standard error."""
         error = np.sqrt(np.diag(np.linalg.inv(self.information)))
-        return bool((np.abs(step) < SETTLED * error).all())
+        return bool((np.abs(step) < share * error).all())
 
 
 def _counted(record: Record, base: Floats) -> Floats:

@@ -51,9 +51,7 @@ class FreeParameter:
     log: bool = False
 
     @classmethod
-    def positive(
-        cls, name: str, unit: str, nominal: float, sd: float, reach: float = 4.0
-    ) -> "FreeParameter":
+    def positive(cls, name: str, unit: str, nominal: float, sd: float, reach: float = 4.0) -> "FreeParameter":
         """A positive number, known to a share of `sd`, with limits `reach` of these away."""
         if not nominal > 0.0 or not math.isfinite(nominal):
             raise RividError(f"{name} = {nominal} {unit}: expected a positive number")
