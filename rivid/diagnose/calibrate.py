@@ -32,6 +32,8 @@ ROUNDS = 12
 """Most rounds (noise, weights, then steps) of a stage."""
 STEPS = 3
 """Most steps of a round: more would fit to a noise that is known to be wrong."""
+PLAIN_STEPS = 10
+"""Most steps under the white noise that a river begins with."""
 SETTLED, ROUGH = 0.1, 0.5
 """A round that moves every parameter by less than this share of its standard error is the last; in the first
 stage, on few days, a larger share."""
@@ -215,6 +217,7 @@ class _Fitter(Generic[R]):
         self.response, self.refit, self.changes = response, refit, changes
         self.trim, self.rounds = trim, rounds
         self.noise: NoiseModel | None = None
+        self.fitted = False
         self.steps: list[Step] = []
         self.count = 0
         self.cost = np.nan
@@ -226,22 +229,28 @@ class _Fitter(Generic[R]):
         changes = self.changes(record)
         for _ in range(self.rounds):
             base = self.response.baseline(record, changes)
-            residual = _counted(record, base)
-            self._weigh(residual)
+            self._weigh(record, _counted(record, base))
             self.count += 1
-            if self._steps(record, changes, base, settle):
+            if self._steps(record, changes, base, settle) and self.fitted:
                 return True
         return False
 
-    def _weigh(self, residual: Floats) -> None:
+    def _weigh(self, record: Record, residual: Floats) -> None:
         """Noise for the weights, then weights for the noise; the trimmed days change with both."""
         area = self.response.surface_area
-        self.noise = self.refit(residual, self.weights, area, self.noise)
+        if self.trim > 0.0 and (area is None or self.noise is not None):
+            # A river's unknown inflow has mean 0: its residual itself tells a bad day, a constant one too. A
+            # pool's drifts, and only what is new in it counts.
+            told = residual if area is None or self.noise is None else self.noise.whiten(residual)
+            self.weights = _untrimmed(told, self.trim)
+        kept = self.weights > 0.0
+        self.fitted = area is not None or self.noise is not None
+        if self.fitted:
+            self.noise = self.refit(residual, self.weights, area, self.noise)
+        else:
+            self.noise = _plain(residual[kept], record.sample_time)
         white = self.noise.whiten(residual)
-        if self.trim > 0.0:
-            self.weights = _untrimmed(white, self.trim)
-            white = np.where(self.weights[:, None] > 0.0, white, 0.0)
-        self.weights = day_weights(white)
+        self.weights = day_weights(np.where(kept[:, None], white, 0.0))
 
     def _steps(self, record: Record, changes: Changes, base: Floats, settle: float) -> bool:
         """Steps under one noise; whether the first of them moved nothing that matters."""
@@ -249,7 +258,7 @@ class _Fitter(Generic[R]):
         damping = DAMPING
         self.cost = problem.cost(self.response, base)
         settled = True
-        for _ in range(STEPS):
+        for _ in range(STEPS if self.fitted else PLAIN_STEPS):
             linear = problem.linear(self.response, base)
             taken = None
             while taken is None and damping < MOST_DAMPING:
@@ -372,9 +381,23 @@ class _Linear(NamedTuple):
         return covariance
 
     def small(self, step: Floats, share: float) -> bool:
-        """Whether a step moves every parameter by less than a share of its standard error."""
-        error = np.sqrt(np.diag(np.linalg.inv(self.information)))
+        """Whether a step moves every parameter by less than a share of what would matter.
+
+        That is its standard error, and a hundredth of what was known before: a model that does not fit has
+        far smaller standard errors than it has errors.
+        """
+        error = np.sqrt(np.diag(np.linalg.inv(self.information))) + 0.01 * self.sd
         return bool((np.abs(step) < share * error).all())
+
+
+def _plain(residual: Floats, sample_time: float) -> NoiseModel:
+    """White noise as large as a river's residual.
+
+    A wave that comes too early or too late leaves a residual with a long memory; whitened by that, only the
+    steepest flanks would count, and the fit would end where these match by chance.
+    """
+    sd = max(float(np.sqrt(np.nanmean(residual**2))), 1e-9)
+    return NoiseModel(sd, 0.0, 0.0, sample_time, 0.0, sample_time, sample_time, None)
 
 
 def _counted(record: Record, base: Floats) -> Floats:
@@ -387,13 +410,14 @@ def _deviation(response: Response) -> Floats:
     return np.array([(p.value - p.mean) / p.sd for p in response.parameters])
 
 
-def _untrimmed(white: Floats, trim: float) -> Floats:
+def _untrimmed(residual: Floats, trim: float) -> Floats:
     """1 for the days of the smallest mean squares, 0 for the share that is trimmed."""
-    count = np.maximum((white != 0.0).sum(axis=1), 1)
-    square = (white * white).sum(axis=1) / count
-    kept = max(round((1.0 - trim) * len(white)), 1)
-    weights = np.zeros(len(white))
-    weights[np.argsort(square, kind="stable")[:kept]] = 1.0
+    there = np.isfinite(residual) & (residual != 0.0)
+    square = np.where(there, residual, 0.0) ** 2
+    mean = square.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    kept = max(round((1.0 - trim) * len(mean)), 1)
+    weights = np.zeros(len(mean))
+    weights[np.argsort(mean, kind="stable")[:kept]] = 1.0
     return weights
 
 

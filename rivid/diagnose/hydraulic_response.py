@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.diagnose.data import Record
+from rivid.diagnose.free_run import as_far_as_it_goes
 from rivid.diagnose.response import (
     Floats,
     FreeParameter,
@@ -57,8 +58,11 @@ class HydraulicResponse:
 
     Notes
     -----
-    Source: equation (1); the nudge is the direct insertion of a relaxation ("Newtonian nudging") towards
-    the observed level, undone in the result.
+    Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"), undone
+    in the result. It lifts all cells alike, while water that is missing lowers a sloping pool more at the dam
+    than upstream: so a lasting flow moves the baseline by its volume over the whole surface, less than it
+    would move an open loop, by some percent within hours. The measurement is compared through the same nudge,
+    and sizes of effects come out right.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -188,7 +192,13 @@ class HydraulicResponse:
         return level + self._correction(record, changes, flow) + gauge
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Level [m] of rows that run free from their first readings, shape (days, n)."""
+        """Level [m] of rows that run free from their first readings, shape (days, n).
+
+        NaN from where a row's water cannot follow the logs: where much is missing, an open loop runs dry.
+        """
+        return as_far_as_it_goes(self._free, record, changes)
+
+    def _free(self, record: Record, changes: Changes) -> Floats:
         gauge = gauge_of(record, changes)
         flow = self._run(record, changes, gauge, nudged=False)
         return flow.level + self._correction(record, changes, flow) + gauge

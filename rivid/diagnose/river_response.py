@@ -1,9 +1,11 @@
 """A free river: its inflow comes later and spread out, the sooner the more it is."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from rivid.diagnose.data import Record
 from rivid.diagnose.real_flows import real_flows
@@ -12,7 +14,9 @@ from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.models.diffusive_wave import DiffusiveWave
 
-PARCELS = 16
+LENGTH = 1000.0
+"""Of the wave whose arrivals are the parcels' [m]: any length does."""
+PARCELS = 24
 """Parts of the inflow with a delay each, of equal weight: their delays are quantiles of the spread."""
 SLOW = 0.5
 """Memory of the flow that sets the delay, in delays: the flow that a wave meets on its way."""
@@ -28,8 +32,8 @@ class RiverResponse:
     Attributes
     ----------
     parameters : tuple of FreeParameter
-        Logarithms of delay [s], of the spread of the arrivals [s] at the usual flow, and of the gain; the
-        exponent, plain.
+        Logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the mean time [s] for
+        which water is held, and of the gain; the exponent and the share that is held, plain.
     flow : float
         Usual flow [m3/s], at which the delay is `delay`.
 
@@ -83,7 +87,9 @@ class RiverResponse:
                 FreeParameter.positive("delay", "s", delay, delay_sd),
                 FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 1.2),
                 FreeParameter.positive("spread", "s", spread, spread_sd, reach=3.0),
-                FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=8.0),
+                FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
+                FreeParameter.positive("held_time", "s", delay, 0.7, reach=3.0),
+                FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=3.0),
             ),
             flow,
         )
@@ -99,8 +105,8 @@ class RiverResponse:
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Discharge at the lower end [m3/s], shape (days, n): means about each sample."""
         flows = real_flows(record, changes)
-        delay, exponent, spread, gain = (p.natural for p in self.parameters)
-        share = _quantiles(delay, spread)
+        delay, exponent, spread, held, hold, gain = (p.natural for p in self.parameters)
+        share = _quantiles(spread / delay, held, hold / delay)
         slow = _trailing(record.time, flows.inflow, SLOW * delay)
         tau = delay * (np.maximum(slow, 0.05 * self.flow) / self.flow) ** -exponent
         came = gain * _arrived(record, flows.inflow, tau, share)
@@ -117,15 +123,30 @@ class RiverResponse:
         return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
 
 
-def _quantiles(delay: float, spread: float) -> Floats:
-    """Arrival times of the parcels over their mean, shape (PARCELS,)."""
-    wide = min(spread / delay, 2.0)
-    length = 1000.0
-    wave = DiffusiveWave(length, 1.0, 0.5 * length * wide * wide)  # arrivals of mean 1000 s
-    time = np.linspace(0.0, (1.0 + 6.0 * wide) ** 2, 4001)
-    at = np.interp((np.arange(PARCELS) + 0.5) / PARCELS, wave.arrived(length * time), time)
+def _quantiles(spread: float, held: float, hold: float) -> Floats:
+    """Arrival times of the parcels in delays of the wave, shape (PARCELS,).
+
+    Parameters
+    ----------
+    spread, hold : float
+        Standard deviation of the wave's arrivals, and mean time that held water is held, in its delays.
+    held : float
+        Share that is held.
+    """
+    wide = min(spread, 2.0)
+    wave = DiffusiveWave(LENGTH, 1.0, 0.5 * LENGTH * wide * wide)  # arrivals of mean LENGTH seconds
+    end = (1.0 + 6.0 * wide) ** 2 + 8.0 * hold
+    time, step = np.linspace(0.0, end, 8001, retstep=True)
+    first = wave.arrived(LENGTH * time)
+    keep = math.exp(-float(step) / hold)
+    later = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], first)  # behind a reservoir
+    arrived = (1.0 - held) * first + held * later
+    at = np.interp((np.arange(PARCELS) + 0.5) / PARCELS, arrived, time)
     # Equal parcels cut the tails off: what that takes from mean and spread is given back.
-    return np.asarray(np.maximum(1.0 + (at - at.mean()) * (wide / max(float(at.std()), 1e-12)), 0.01))
+    mean = 1.0 + held * hold
+    variance = wide * wide + held * hold * hold * (2.0 - held)
+    scale = math.sqrt(variance / max(float(at.var()), 1e-12))
+    return np.asarray(np.maximum(mean + (at - at.mean()) * scale, 0.01))
 
 
 def _trailing(time: Floats, flow: Floats, memory: float) -> Floats:
