@@ -8,21 +8,19 @@ Noise and weights stand still while a step is tried, and are fitted anew between
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.diagnose.calibration import Calibration, R, Step, estimate
 from rivid.diagnose.data import Record
 from rivid.diagnose.gap import residual_of
+from rivid.diagnose.marquardt import Problem, counted
 from rivid.diagnose.noise import NoiseModel, day_weights, fit_noise
-from rivid.diagnose.response import Floats, FreeParameter, Response, vector_of
+from rivid.diagnose.response import Floats, vector_of
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-
-R = TypeVar("R", bound=Response)
-Bools = NDArray[np.bool_]
 
 COARSE = 3
 """Every how many fit days the first stage takes."""
@@ -38,15 +36,6 @@ SETTLED, ROUGH = 0.1, 0.5
 """A round that moves every parameter by less than this share of its standard error is the last; in the first
 stage, on few days, a larger share."""
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-AT_LIMIT = 1e-9
-
-
-class Noise(Protocol):
-    """What whitens; see :class:`rivid.diagnose.noise.NoiseModel`."""
-
-    def whiten(self, columns: ArrayLike, like: ArrayLike | None = None) -> Floats:
-        """Whitened columns, shape (..., days, n)."""
-        ...
 
 
 class Refit(Protocol):
@@ -57,89 +46,6 @@ class Refit(Protocol):
     ) -> NoiseModel:
         """`last` is the noise of the round before."""
         ...
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A calibrated parameter.
-
-    Attributes
-    ----------
-    name, unit : str
-    value, low, high : float
-        In its unit; `low` and `high` bound 95 %, inside the parameter's limits.
-    sd : float
-        Standard error on the scale of the calibration: a share, where that is logarithmic.
-    at_limit : bool
-    """
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    sd: float
-    at_limit: bool
-
-
-class Step(NamedTuple):
-    """A step that was accepted: cost before and after, under one noise; the round it belongs to."""
-
-    round: int
-    before: float
-    after: float
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration(Generic[R]):
-    """A response fitted to a record.
-
-    Attributes
-    ----------
-    response : Response
-        At its estimates.
-    estimates : tuple of Estimate
-        Length p.
-    covariance : ndarray, shape (p, p)
-        Of the parameters on their scale, prior included; zero rows for those at a limit.
-    noise : NoiseModel
-        Of the residual of the fit days.
-    weights : ndarray, shape (days,)
-        Of every day of the record; 0 for days that did not fit, or were trimmed.
-    cost : float
-        C at the end.
-    steps : tuple of Step
-        All steps taken.
-    rounds : int
-        Times that the noise was fitted.
-    converged : bool
-        Whether the last round moved nothing that matters.
-    residual : ndarray, shape (days, n)
-        Measured less simulated on all rows, lead time included; NaN where nothing was measured.
-    jacobian : ndarray, shape (p, days, n)
-        Derivatives of the output on all rows [m or m3/s per unit of the parameter's scale].
-    """
-
-    response: R
-    estimates: tuple[Estimate, ...]
-    covariance: Floats
-    noise: NoiseModel
-    weights: Floats
-    cost: float
-    steps: tuple[Step, ...]
-    rounds: int
-    converged: bool
-    residual: Floats
-    jacobian: Floats
-
-    @property
-    def at_limit(self) -> tuple[str, ...]:
-        """Names of the parameters that sit at a limit."""
-        return tuple(e.name for e in self.estimates if e.at_limit)
-
-    def whitened(self, record: Record, columns: ArrayLike) -> Floats:
-        """Columns (..., days, n) whitened on the samples that count, as the fit sees them."""
-        return self.noise.whiten(columns, like=np.where(record.used, record.output, np.nan))
 
 
 def calibrate(
@@ -229,7 +135,7 @@ class _Fitter(Generic[R]):
         changes = self.changes(record)
         for _ in range(self.rounds):
             base = self.response.baseline(record, changes)
-            self._weigh(record, _counted(record, base))
+            self._weigh(record, counted(record, base))
             self.count += 1
             if self._steps(record, changes, base, settle) and self.fitted:
                 return True
@@ -254,7 +160,8 @@ class _Fitter(Generic[R]):
 
     def _steps(self, record: Record, changes: Changes, base: Floats, settle: float) -> bool:
         """Steps under one noise; whether the first of them moved nothing that matters."""
-        problem = _Problem(record, changes, self.noise, self.weights)
+        assert self.noise is not None
+        problem = Problem(record, changes, self.noise, self.weights)
         damping = DAMPING
         self.cost = problem.cost(self.response, base)
         settled = True
@@ -286,7 +193,7 @@ class _Fitter(Generic[R]):
         base = self.response.baseline(record, changes)
         jacobian = self.response.slopes(record, base, changes)
         part = record.take(rows)
-        problem = _Problem(part, changes, self.noise, self.weights)
+        problem = Problem(part, changes, self.noise, self.weights)
         linear = problem.linear_of(self.response, base[rows], jacobian[:, rows])
         covariance = linear.covariance()
         weights = np.zeros(record.days)
@@ -295,99 +202,12 @@ class _Fitter(Generic[R]):
         return Calibration(
             response=self.response,
             estimates=tuple(
-                _estimate(p, float(s)) for p, s in zip(self.response.parameters, sd, strict=True)
+                estimate(p, float(s)) for p, s in zip(self.response.parameters, sd, strict=True)
             ),
             covariance=covariance, noise=self.noise, weights=weights, cost=float(self.cost),
             steps=tuple(self.steps), rounds=self.count, converged=converged,
             residual=residual_of(record, base), jacobian=jacobian,
         )  # fmt: skip
-
-
-class _Problem:
-    """The cost on some days, under one noise and one set of weights."""
-
-    def __init__(self, record: Record, changes: Changes, noise: NoiseModel | None, weights: Floats) -> None:
-        assert noise is not None
-        self.record, self.changes, self.noise = record, changes, noise
-        self.root = np.sqrt(weights)[:, None]
-        self.like = np.where(record.used, record.output, np.nan)
-
-    def whiten(self, columns: Floats) -> Floats:
-        return self.noise.whiten(columns, like=self.like) * self.root
-
-    def try_baseline(self, response: R) -> Floats | None:
-        """The output, or None where the water cannot flow so."""
-        try:
-            return response.baseline(self.record, self.changes)
-        except RividError:
-            return None
-
-    def cost(self, response: R, base: Floats) -> float:
-        r = self.whiten(_counted(self.record, base))
-        return 0.5 * float(np.vdot(r, r)) + 0.5 * float((_deviation(response) ** 2).sum())
-
-    def linear(self, response: R, base: Floats) -> "_Linear":
-        return self.linear_of(response, base, response.slopes(self.record, base, self.changes))
-
-    def linear_of(self, response: R, base: Floats, slopes: Floats) -> "_Linear":
-        r = self.whiten(_counted(self.record, base)).ravel()
-        X = self.whiten(slopes).reshape(len(slopes), -1)
-        sd = np.array([p.sd for p in response.parameters])
-        return _Linear(X @ X.T, X @ r, sd, _deviation(response), response.parameters)
-
-
-class _Linear(NamedTuple):
-    """Normal equations ``(X X' + prior) step = X r - prior``."""
-
-    G: Floats
-    g: Floats
-    sd: Floats
-    deviation: Floats
-    parameters: tuple[FreeParameter, ...]
-
-    @property
-    def information(self) -> Floats:
-        """Second derivatives of the cost."""
-        return self.G + np.diag(self.sd**-2.0)
-
-    def move(self, damping: float) -> Floats:
-        """The damped step; what would leave the limits stays on them, and the rest is solved again."""
-        H, slope = self.information, self.g - self.deviation / self.sd
-        H = H + damping * np.diag(np.diag(H))
-        low = np.array([p.low - p.value for p in self.parameters])
-        high = np.array([p.high - p.value for p in self.parameters])
-        held = np.zeros(len(slope), bool)
-        step = np.zeros(len(slope))
-        for _ in range(len(slope)):
-            free = ~held
-            step[free] = np.linalg.solve(
-                H[np.ix_(free, free)], slope[free] - H[np.ix_(free, held)] @ step[held]
-            )
-            out = free & ((step < low) | (step > high))
-            if not out.any():
-                break
-            step[out] = np.clip(step[out], low[out], high[out])
-            held |= out
-            if held.all():
-                break
-        return step
-
-    def covariance(self) -> Floats:
-        """Inverse of the information of the parameters that are not at a limit; zero for the others."""
-        free = np.array([not _at_limit(p) for p in self.parameters])
-        covariance = np.zeros_like(self.G)
-        if free.any():
-            covariance[np.ix_(free, free)] = np.linalg.inv(self.information[np.ix_(free, free)])
-        return covariance
-
-    def small(self, step: Floats, share: float) -> bool:
-        """Whether a step moves every parameter by less than a share of what would matter.
-
-        That is its standard error, and a hundredth of what was known before: a model that does not fit has
-        far smaller standard errors than it has errors.
-        """
-        error = np.sqrt(np.diag(np.linalg.inv(self.information))) + 0.01 * self.sd
-        return bool((np.abs(step) < share * error).all())
 
 
 def _plain(residual: Floats, sample_time: float) -> NoiseModel:
@@ -400,16 +220,6 @@ def _plain(residual: Floats, sample_time: float) -> NoiseModel:
     return NoiseModel(sd, 0.0, 0.0, sample_time, 0.0, sample_time, sample_time, None)
 
 
-def _counted(record: Record, base: Floats) -> Floats:
-    """The residual on the samples that count, NaN elsewhere."""
-    return np.where(record.used, record.output - base, np.nan)
-
-
-def _deviation(response: Response) -> Floats:
-    """How far each parameter is from its prior mean, in prior standard deviations."""
-    return np.array([(p.value - p.mean) / p.sd for p in response.parameters])
-
-
 def _untrimmed(residual: Floats, trim: float) -> Floats:
     """1 for the days of the smallest mean squares, 0 for the share that is trimmed."""
     there = np.isfinite(residual) & (residual != 0.0)
@@ -419,12 +229,3 @@ def _untrimmed(residual: Floats, trim: float) -> Floats:
     weights = np.zeros(len(mean))
     weights[np.argsort(mean, kind="stable")[:kept]] = 1.0
     return weights
-
-
-def _at_limit(p: FreeParameter) -> bool:
-    return min(p.value - p.low, p.high - p.value) <= AT_LIMIT * (p.high - p.low)
-
-
-def _estimate(p: FreeParameter, sd: float) -> Estimate:
-    low, high = (p.to_natural(min(max(p.value + s * 1.96 * sd, p.low), p.high)) for s in (-1.0, 1.0))
-    return Estimate(p.name, p.unit, p.natural, low, high, sd, _at_limit(p))

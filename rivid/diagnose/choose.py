@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rivid.diagnose.blocks import Split
-from rivid.diagnose.calibrate import Calibration
+from rivid.diagnose.calibration import Calibration
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.gap import day_errors
 from rivid.errors import RividError

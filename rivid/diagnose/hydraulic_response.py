@@ -227,7 +227,7 @@ class HydraulicResponse:
         water = record.output - gauge
         channel = self.channel.with_area_slope(changes.area_slope, changes.area_reference)
         return simulate(
-            channel, record.time, record.inflow, record.outflow, start_level(record, water),
+            channel, record.time, record.inflow, record.outflow, start_level(water, self.level),
             changes=changes, gate_time=self.gate_time, observed=water if nudged else None,
         )  # fmt: skip
 

@@ -138,9 +138,7 @@ class LinearPool:
         """Level [m] from each row's first readings on, shape (days, n)."""
         flows = real_flows(record, changes)
         return (
-            self._level(record, flows)
-            + start_level(record, record.output - flows.gauge)[:, None]
-            + flows.gauge
+            self._level(record, flows) + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
         )
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.diagnose.data import Record
-from rivid.diagnose.response import Floats, gauge_of, start_level
+from rivid.diagnose.response import Floats, gauge_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.loop import exchange_arrays, gate_arrays, on_grid
@@ -69,7 +69,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
                     "flows, or its gauge"
                 )
         return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge)
-    level = filled(record, record.output - gauge)
+    level = filled(record.time, record.output - gauge, changes.area_reference)
     storage = 1.0 + changes.area_slope * (level - changes.area_reference)
     if not (storage > 0.0).all():
         raise RividError(
@@ -85,12 +85,12 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
     return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
 
 
-def filled(record: Record, output: Floats) -> Floats:
-    """An output without gaps: straight lines across them, shape (days, n)."""
+def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
+    """An output without gaps, straight lines across them, shape (days, n); `otherwise` on an empty row."""
     whole = output.copy()
-    for row, time, usual in zip(whole, record.time, start_level(record, output), strict=True):
+    for row, at in zip(whole, time, strict=True):
         there = np.isfinite(row)
-        row[~there] = np.interp(time[~there], time[there], row[there]) if there.any() else usual
+        row[~there] = np.interp(at[~there], at[there], row[there]) if there.any() else otherwise
     return whole
 
 

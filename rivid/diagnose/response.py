@@ -154,9 +154,9 @@ def slopes_by_differences(
     return columns
 
 
-def start_level(record: Record, output: Floats) -> Floats:
-    """Mean of each row's first readings, shape (days,); the usual output where a row has none."""
-    levels = np.full(record.days, record.usual_output)
+def start_level(output: Floats, otherwise: float) -> Floats:
+    """Mean of each row's first readings, shape (days,); another level where a row has none."""
+    levels = np.full(len(output), otherwise)
     for day, row in enumerate(output):
         finite = row[np.isfinite(row)]
         if len(finite):
