@@ -3,6 +3,7 @@
 import base64
 import datetime as dt
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from rivid.diagnose.result import Diagnosis, Gap, NamedEffect
 from rivid.diagnose.wording import (
     LABELS,
     MAY_NOT_SAY,
+    aside,
     closed_words,
     error_words,
     estimate_words,
@@ -31,6 +33,9 @@ from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
 from rivid.figures import FigureFile
 from rivid.figures.words import count, number
+
+MOST = 12
+"""Parameters that a card shows; diagnosis.json has all."""
 
 
 def write_page(
@@ -100,9 +105,9 @@ def _context(
         "output": "discharge" if river else "level",
         "verdict": diagnosis.verdict,
         "label": LABELS[diagnosis.verdict],
-        "headline": headline(diagnosis),
-        "sentences": [*gap_sentences(diagnosis), diagnosis.reason],
-        "effects": [_card(e, classes) for e in diagnosis.effects],
+        "headline": _tight(headline(diagnosis)),
+        "sentences": [_tight(said) for said in (*gap_sentences(diagnosis), diagnosis.reason)],
+        "effects": [_card(e, classes, record.dates[0] if record else None) for e in diagnosis.effects],
         "unknown": None if diagnosis.unknown is None else unknown_words(diagnosis.unknown),
         "gap": None if diagnosis.gap is None else _gap(diagnosis.gap),
         "figures": [(f, _data_uri(f.path)) for f in figures],
@@ -111,12 +116,33 @@ def _context(
         "known": count(len(classes), "effect"),
         "response": diagnosis.reach_response,
         "reach_parameters": [(p.name, estimate_words(p)) for p in diagnosis.reach_parameters],
-        "noise": [(key, f"{value:.4g}") for key, value in (diagnosis.noise or {}).items()],
+        "noise": _noise(diagnosis.noise or {}, river),
         "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
     }
 
 
-def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]]) -> dict[str, Any]:
+def _noise(noise: Mapping[str, float | None], river: bool) -> list[tuple[str, str]]:
+    """The noise model in words; what a reach does not have is left out."""
+    output = " m³/s" if river else " m"
+    said = {
+        "gauge_sd": ("gauge noise", output),
+        "walk_sd": ("walk of the error, a sample", output),
+        "inflow_sd": ("unknown inflow", " m³/s"),
+        "inflow_memory": ("its memory", " s"),
+        "level_sd": ("noise of the output", output),
+        "level_memory": ("its memory", " s"),
+        "sample_time": ("sample time", " s"),
+        "surface_area": ("water surface", " m²"),
+    }
+    rows = []
+    for key, value in noise.items():
+        words, unit = said.get(key, (name_words(key), ""))
+        if value is not None:
+            rows.append((words, f"{value:,.0f}{unit}" if abs(value) >= 1e4 else f"{value:.3g}{unit}"))
+    return rows
+
+
+def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None) -> dict[str, Any]:
     """What the page says of one effect."""
     one = classes.get(effect.name)
     meanings = {} if one is None else {key: q.meaning for key, q in one.parameters().items()}
@@ -127,12 +153,17 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]]) -> dict[str,
         "sentence": "" if one is None else one.sentence,
         "looks": "" if one is None else one.looks,
         "parameters": [
-            (p.name.replace("_", " "), estimate_words(p), meanings.get(p.name.split("[")[0], ""))
-            for p in effect.parameters
+            (
+                p.name.replace("_", " "),
+                estimate_words(p),
+                "; ".join(part for part in (aside(p, first), meanings.get(p.name.split("[")[0], "")) if part),
+            )
+            for p in effect.parameters[:MOST]
         ],
+        "more": max(len(effect.parameters) - MOST, 0),
         "when": when_words(effect.where),
         "events": count(effect.events, "event") if effect.events else "",
-        "sure": sure_words(effect),
+        "sure": _tight(sure_words(effect)),
         "tied": [name_words(name) for name in effect.tied_with],
         "breaker": printable(effect.breaker or ""),
     }
@@ -164,6 +195,11 @@ def _gap(gap: Gap) -> dict[str, Any]:
         "closed": "" if gap.closed is None else closed_words(gap.closed),
         "forecast": "" if gap.closed_forecast is None else closed_words(gap.closed_forecast),
     }
+
+
+def _tight(text: str) -> str:
+    """The text with units that stay with their numbers at the end of a line."""
+    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text)
 
 
 def _data_uri(path: Path) -> str:

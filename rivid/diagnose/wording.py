@@ -100,6 +100,31 @@ def estimate_words(e: Estimate) -> str:
     return f"{_fixed(e.value, decimals)}{unit_words(e.unit)} ({interval})"
 
 
+def aside(e: Estimate, first_day: dt.date | None = None) -> str:
+    """A value once more as people say it: per cent, minutes, a time of day or a date; often nothing.
+
+    Examples
+    --------
+    >>> aside(Estimate("error", -0.1, "-", -0.11, -0.09)), aside(Estimate("offset", 532.0, "s", 520, 544))
+    ('-10.0 %', '8.9 min')
+    >>> aside(Estimate("start", 30.5, "h", 30, 31), dt.date(2024, 5, 1))
+    '2024-05-02 06:30'
+    """
+    if not math.isfinite(e.value):
+        return ""
+    name = e.name.split("[")[0]
+    if e.unit == "-" and name == "error":
+        return f"{100 * e.value:+.1f} %"
+    if e.unit == "s" and abs(e.value) >= 120:
+        return f"{e.value / 60:.1f} min"
+    if e.unit == "h" and name == "hour":
+        return clock(e.value % 24.0)
+    if e.unit == "h" and name in ("start", "starts") and first_day is not None:
+        days, hour = divmod(e.value, 24.0)
+        return f"{first_day + dt.timedelta(days=int(days))} {clock(hour)}"
+    return ""
+
+
 def main_parameter(effect: NamedEffect) -> Estimate | None:
     """The parameter that says how much; None where an effect has none."""
     sizes = [p for p in effect.parameters if p.name.split("[")[0] not in MAIN_LAST]
@@ -253,7 +278,7 @@ def _closed_sentences(gap: Gap) -> list[str]:
     forecast = gap.closed_forecast
     if forecast is not None and abs(forecast - gap.closed) > 0.02:
         ahead = closed_words(forecast).replace("of the gap is closed", "is closed")
-        return [f"With its events timed on the day itself, {said}; by what is known beforehand, {ahead}."]
+        return [f"With events timed on the day itself, {said}; by what is known beforehand, {ahead}."]
     return [f"{said[0].upper()}{said[1:]}."]
 
 

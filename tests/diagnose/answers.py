@@ -138,7 +138,7 @@ def diagnosis(verdict, evidence=None, **changes):
         "reach_response": "saint-venant",
         "reach_parameters": (Estimate("length", 8203.0, "m", 8150.0, 8260.0), 
             Estimate("manning", 0.0301, "s/m^(1/3)", 0.0294, 0.0308)),
-        "noise": {"inflow_sd": 1.21, "inflow_memory_s": 7300.0, "gauge_sd": 0.0031},
+        "noise": {"gauge_sd": 0.0031, "inflow_sd": 1.21, "inflow_memory": 7300.0, "surface_area": 6.7e5},
         "notes": ("Length and width were held within 3 % of the configuration.",),
     }  # fmt: skip
     answers = {

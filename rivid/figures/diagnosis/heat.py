@@ -30,7 +30,7 @@ def hourly(values: Floats, hour: Floats, used: Bools) -> Floats:
     """
     days = len(values)
     there = used & np.isfinite(values)
-    cell = np.minimum(hour.astype(np.int64), 23) + 24 * np.arange(days)[:, None]
+    cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * np.arange(days)[:, None]
     total = np.bincount(cell[there], values[there], 24 * days)
     number = np.bincount(cell[there], minlength=24 * days)
     mean = np.divide(total, number, out=np.full(24 * days, np.nan), where=number > 0)

@@ -95,7 +95,7 @@ def draw(
         off += f" without and {factor * errors(measured, after, used)[i]:.3g} {unit} with the named effects"
     page = style.sheet(
         f"A day kept apart: {dates[i]}",
-        f"Measured and simulated {name}; the simulation is off by {off} (root mean square)",
+        f"The simulated {name} is off by {off} (root mean square)",
         height=HEIGHT,
         left=LEFT,
     )
