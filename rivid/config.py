@@ -84,6 +84,17 @@ class JmapConfig(Section):
     start: Literal["rest", "free"] | None = None
 
 
+class DiagnoseConfig(Section):
+    """`[diagnose]`: what a diagnosis may look for, and what it knows of the channel."""
+
+    slope: Annotated[float, Field(ge=0, le=0.05)] | None = None
+    manning: Annotated[float, Field(ge=0.005, le=0.2)] = 0.03
+    gauge_step: Annotated[float, Field(ge=0, le=1e4)] | None = None
+    exclude: list[str] = []
+    effects_file: Path | None = None
+    most_effects: Annotated[int, Field(ge=0, le=10)] = 4
+
+
 class Config(Section):
     """All of a run's configuration."""
 
@@ -91,6 +102,7 @@ class Config(Section):
     input: InputConfig = InputConfig()
     run: RunConfig = RunConfig()
     jmap: JmapConfig = JmapConfig()
+    diagnose: DiagnoseConfig = DiagnoseConfig()
 
     @field_validator("input")
     @classmethod
@@ -197,7 +209,13 @@ def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:
 
 def load_config(path: Path | None) -> Config:
     """The configuration in a file, or the defaults (Table I, section VI) without one."""
-    return Config() if path is None else load_toml(path, Config)
+    if path is None:
+        return Config()
+    raw = read_toml(path)
+    said = raw.get("diagnose")
+    if isinstance(said, dict) and isinstance(said.get("effects_file"), str):
+        said["effects_file"] = str(path.parent / said["effects_file"])  # beside the configuration
+    return parse(raw, Config, str(path))
 
 
 def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:

@@ -16,6 +16,7 @@ from rivid.errors import RividError, printable
 
 COMMANDS = {
     "run": "Estimate every day of DATA_DIR that is new or changed.",
+    "diagnose": "Find what a simulation of the reach still lacks.",
     "check": "Say what is wrong with the logs, without estimating.",
     "sniff": "Propose an [input] block for a foreign CSV.",
     "bounds": "Travel-time bounds of the reach, and what they propose.",

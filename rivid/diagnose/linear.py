@@ -70,8 +70,8 @@ class Evaluation:
     coefficients : ndarray, shape (k,)
         Of the columns.
     standard_errors : ndarray, shape (k,)
-    shift : ndarray, shape (p,)
-        What the response's parameters move by.
+    shift, shift_errors : ndarray, shape (p,)
+        What the response's parameters move by, and the standard errors of where they are.
     residual : ndarray, shape (days, n)
     noise : NoiseModel
     likelihood : ndarray, shape (days,)
@@ -85,6 +85,7 @@ class Evaluation:
     coefficients: Floats
     standard_errors: Floats
     shift: Floats
+    shift_errors: Floats
     residual: Floats
     noise: NoiseModel
     likelihood: Floats
@@ -95,8 +96,8 @@ class Evaluation:
 
 def least_squares(
     model: Linear, columns: Floats | None, noise: NoiseModel, weights: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Coefficients of the candidate, their errors, the response's shift, and the residual with them.
+) -> tuple[Floats, Floats, Floats]:
+    """Coefficients of response and candidate, (p + k,), their standard errors, and the residual with them.
 
     Parameters
     ----------
@@ -119,14 +120,26 @@ def least_squares(
     prior = 1.0 / (model.prior_sd * scale[:p]) ** 2
     G[np.arange(p), np.arange(p)] += prior
     g[:p] -= prior * model.deviation * scale[:p]
-    G[np.diag_indices(len(G))] *= 1.0 + 1e-9  # columns that are nearly one
+    G[np.diag_indices(len(G))] += 1e-9 * np.diag(G) + 1e-12  # columns that are nearly one, or nothing
     inverse = np.linalg.inv(G)
     b = inverse @ g / scale
-    error = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
-    return b[p:], error[p:], b[:p], model.residual - np.tensordot(b, C, 1)
+    left = (r - X.T @ (b * scale)).reshape(rows.sum(), -1)
+    block = np.unique(model.split.block[rows], return_inverse=True)[1]
+    daily = np.einsum("jdn,dn->dj", X.reshape(len(C), *left.shape), left)
+    scores = np.zeros((block.max() + 1, len(C)))
+    np.add.at(scores, block, daily)
+    scatter = inverse @ (scores.T @ scores) @ inverse  # what the blocks show, where they scatter more
+    error = np.sqrt(np.maximum(np.maximum(np.diag(inverse), np.diag(scatter)), 0.0)) / scale
+    return b, error, model.residual - np.tensordot(b, C, 1)
 
 
-def evaluate(model: Linear, columns: Floats | None = None, *, level_noise: bool | None = None) -> Evaluation:
+def evaluate(
+    model: Linear,
+    columns: Floats | None = None,
+    *,
+    level_noise: bool | None = None,
+    walk_limit: float | None = None,
+) -> Evaluation:
     """Refit response, columns and noise on the fitting days, and look at all days.
 
     Parameters
@@ -136,6 +149,8 @@ def evaluate(model: Linear, columns: Floats | None = None, *, level_noise: bool 
         None: the model as it is.
     level_noise : bool, optional
         Another noise than the model's.
+    walk_limit : float, optional
+        Upper limit of the level's random walk [m per sample].
 
     Returns
     -------
@@ -146,16 +161,19 @@ def evaluate(model: Linear, columns: Floats | None = None, *, level_noise: bool 
     noise = model.noise
     weights = day_weights(noise.whiten(model.used(model.residual)))
     for _ in range(REFITS):
-        _, _, _, left = least_squares(model, columns, noise, weights)
+        *_, left = least_squares(model, columns, noise, weights)
         seen = model.used(left)
         noise = fit_noise(
             seen[fit], record.sample_time, noise.surface_area, weights=weights[fit], level=level,
-            gauge_floor=model.gauge_floor, starts=(noise,), alone=level == model.level_noise,
+            gauge_floor=model.gauge_floor, starts=(noise,), walk_limit=walk_limit,
+            alone=level == model.level_noise and walk_limit is None,
         )  # fmt: skip
         weights = day_weights(noise.whiten(seen))
-    c, error, shift, left = least_squares(model, columns, noise, weights)
+    b, error, left = least_squares(model, columns, noise, weights)
+    p = len(model.columns)
+    shift = b[:p]
     moved = (model.deviation + shift) / model.prior_sd
     return Evaluation(
-        c, error, shift, left, noise, noise.log_likelihood(model.used(left)), 0.5 * float(moved @ moved),
-        day_errors(record, left, noise), weights,
+        b[p:], error[p:], shift, error[:p], left, noise, noise.log_likelihood(model.used(left)),
+        0.5 * float(moved @ moved), day_errors(record, left, noise), weights,
     )  # fmt: skip

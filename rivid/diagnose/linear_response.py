@@ -152,7 +152,8 @@ class LinearPool:
         columns = np.empty((len(self.parameters), *base.shape))
         columns[:first] = slopes_by_differences(self, record, base, changes, range(first))
         if firs:
-            columns[first:] = self._columns(record, real_flows(record, changes))
+            lagged = self._columns(record, real_flows(record, changes))
+            columns[first:] = lagged - lagged[..., :1]  # rows begin at their first readings
         return columns
 
     def _level(self, record: Record, flows: RealFlows) -> Floats:

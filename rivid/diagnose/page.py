@@ -16,7 +16,6 @@ from rivid.diagnose.wording import (
     LABELS,
     MAY_NOT_SAY,
     aside,
-    closed_words,
     error_words,
     estimate_words,
     gap_sentences,
@@ -192,8 +191,6 @@ def _gap(gap: Gap) -> dict[str, Any]:
         "described": any(row["kind"] == "described" for row in rows),
         "days": count(len(gap.heldout_dates), "day"),
         "dates": [str(date) for date in gap.heldout_dates],
-        "closed": "" if gap.closed is None else closed_words(gap.closed),
-        "forecast": "" if gap.closed_forecast is None else closed_words(gap.closed_forecast),
     }
 
 

@@ -8,16 +8,18 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from rivid.diagnose.data import Record
-from rivid.diagnose.real_flows import real_flows
+from rivid.diagnose.real_flows import real_flows, volume
 from rivid.diagnose.response import Floats, FreeParameter, placed, slopes_by_differences
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.models.diffusive_wave import DiffusiveWave
 
 LENGTH = 1000.0
-"""Of the wave whose arrivals are the parcels' [m]: any length does."""
-PARCELS = 24
-"""Parts of the inflow with a delay each, of equal weight: their delays are quantiles of the spread."""
+"""Of the wave whose arrivals make the kernel [m]: any length does."""
+SHORTEST = 30.0
+"""A shorter mean delay is none [s]."""
+FINE = 4
+"""Cells in a sample, and points in a cell: the kernel is smooth in its parameters whatever their size."""
 SLOW = 0.5
 """Memory of the flow that sets the delay, in delays: the flow that a wave meets on its way."""
 
@@ -105,13 +107,12 @@ class RiverResponse:
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Discharge at the lower end [m3/s], shape (days, n): means about each sample."""
         flows = real_flows(record, changes)
-        delay, exponent, spread, held, hold, gain = (p.natural for p in self.parameters)
-        share = _quantiles(spread / delay, held, hold / delay)
+        delay, exponent, _, _, _, gain = (p.natural for p in self.parameters)
         slow = _trailing(record.time, flows.inflow, SLOW * delay)
-        tau = delay * (np.maximum(slow, 0.05 * self.flow) / self.flow) ** -exponent
-        came = gain * _arrived(record, flows.inflow, tau, share)
+        later = delay * ((np.maximum(slow, 0.05 * self.flow) / self.flow) ** -exponent - 1.0)
+        came = gain * self._arrived(record, flows.inflow, later, 1.0)
         for part in flows.added:
-            came += _arrived(record, part.flow, (1.0 - part.place) * tau, share)
+            came += self._arrived(record, part.flow, later, 1.0 - part.place)
         return came + flows.gauge
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
@@ -122,31 +123,51 @@ class RiverResponse:
         """Derivatives of the baseline, shape (p, days, n)."""
         return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
 
+    def _arrived(self, record: Record, flow: Floats, later: Floats, way: float) -> Floats:
+        """What has come of a flow that has a share of the way to go, means about the samples.
 
-def _quantiles(spread: float, held: float, hold: float) -> Floats:
-    """Arrival times of the parcels in delays of the wave, shape (PARCELS,).
+        Each sample's water first moves by what its flow makes the wave later; none overtakes what left
+        before, and the volume stays. Then all spreads by one kernel, on a grid of its own.
+        """
+        T = record.sample_time
+        time, days = record.time, len(record.time)
+        ends = np.concatenate(
+            [time[:, :1] - 0.5 * T, 0.5 * (time[:, 1:] + time[:, :-1]), time[:, -1:] + 0.5 * T], axis=1
+        )
+        cell = T / FINE
+        grid = cell * np.arange(math.ceil(float((ends[:, -1] - ends[:, 0]).max()) / cell - 1e-6) + 1)
+        passed, departed = volume(time, flow), np.empty((days, len(grid)))
+        moved = np.maximum.accumulate(time + way * later, axis=1)
+        for row in range(days):
+            asked, at = ends[row, 0] + grid, moved[row]
+            departed[row] = np.interp(asked, at, passed[row])
+            departed[row] += flow[row, 0] * np.minimum(asked - at[0], 0.0)
+            departed[row] += flow[row, -1] * np.maximum(asked - at[-1], 0.0)
+        rate = np.diff(departed, axis=1) / cell
+        first = flow[:, :1]  # holds before the row
+        came = first + _convolved(rate - first, self._kernel(cell, rate.shape[1], way))
+        arrived = np.concatenate([np.zeros((days, 1)), np.cumsum(came * cell, axis=1)], axis=1)
+        at_ends = np.stack([np.interp(ends[row] - ends[row, 0], grid, arrived[row]) for row in range(days)])
+        return np.asarray(np.diff(at_ends, axis=1) / np.diff(ends, axis=1))
 
-    Parameters
-    ----------
-    spread, hold : float
-        Standard deviation of the wave's arrivals, and mean time that held water is held, in its delays.
-    held : float
-        Share that is held.
-    """
-    wide = min(spread, 2.0)
-    wave = DiffusiveWave(LENGTH, 1.0, 0.5 * LENGTH * wide * wide)  # arrivals of mean LENGTH seconds
-    end = (1.0 + 6.0 * wide) ** 2 + 8.0 * hold
-    time, step = np.linspace(0.0, end, 8001, retstep=True)
-    first = wave.arrived(LENGTH * time)
-    keep = math.exp(-float(step) / hold)
-    later = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], first)  # behind a reservoir
-    arrived = (1.0 - held) * first + held * later
-    at = np.interp((np.arange(PARCELS) + 0.5) / PARCELS, arrived, time)
-    # Equal parcels cut the tails off: what that takes from mean and spread is given back.
-    mean = 1.0 + held * hold
-    variance = wide * wide + held * hold * hold * (2.0 - held)
-    scale = math.sqrt(variance / max(float(at.var()), 1e-12))
-    return np.asarray(np.maximum(mean + (at - at.mean()) * scale, 0.01))
+    def _kernel(self, cell: float, n: int, way: float) -> Floats:
+        """Weights of the cells before, shape (n,): from means of cells to means of cells [-].
+
+        A wave on a share of the way has that share of the delay, of the variance, and of what is held.
+        """
+        delay, _, spread, held, hold, _ = (p.natural for p in self.parameters)
+        if way * delay < SHORTEST:
+            return np.eye(1, n)[0]
+        time = cell / FINE * np.arange(n * FINE + 1)
+        celerity = LENGTH / (way * delay)
+        wave = DiffusiveWave(LENGTH, celerity, 0.5 * way * spread**2 * celerity**3 / LENGTH)
+        first = wave.arrived(time)
+        keep = math.exp(-cell / FINE / hold)
+        behind = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], first)
+        share = way * held
+        arrived = (1.0 - share) * first + share * behind
+        twice = np.concatenate([[0.0], np.cumsum(0.5 * (arrived[1:] + arrived[:-1])) * cell / FINE])[::FINE]
+        return np.diff(twice, n=2, prepend=0.0, append=2 * twice[-1] - twice[-2])[:n] / cell
 
 
 def _trailing(time: Floats, flow: Floats, memory: float) -> Floats:
@@ -159,25 +180,10 @@ def _trailing(time: Floats, flow: Floats, memory: float) -> Floats:
     return slow
 
 
-def _arrived(record: Record, flow: Floats, tau: Floats, share: Floats) -> Floats:
-    """Mean discharge about each sample of what has come, each parcel after its share of tau.
+def _convolved(values: Floats, kernel: Floats) -> Floats:
+    """Values (days, n) through a causal kernel (n,), zero before the first."""
+    from scipy.fft import irfft, next_fast_len, rfft
 
-    Parcels keep their order: where tau falls faster than time passes, what left late arrives with what left
-    before, and no water is lost or made.
-    """
-    time, half = record.time, 0.5 * record.sample_time
-    days, n = time.shape
-    ends = np.concatenate(
-        [time[:, :1] - half, 0.5 * (time[:, 1:] + time[:, :-1]), time[:, -1:] + half], axis=1
-    )
-    passed = np.zeros((days, n))
-    np.cumsum(flow[:, :-1] * np.diff(time, axis=1), axis=1, out=passed[:, 1:])
-    volume = np.zeros((days, n + 1))
-    for x in share:
-        arrival = np.maximum.accumulate(time + x * tau, axis=1)
-        for row in range(days):
-            at = arrival[row]
-            volume[row] += np.interp(ends[row], at, passed[row])
-            volume[row] += flow[row, 0] * np.minimum(ends[row] - at[0], 0.0)
-            volume[row] += flow[row, -1] * np.maximum(ends[row] - at[-1], 0.0)
-    return np.asarray(np.diff(volume, axis=1) / np.diff(ends, axis=1) / len(share))
+    n = values.shape[1]
+    size = next_fast_len(2 * n, real=True)
+    return np.asarray(irfft(rfft(values, size) * rfft(kernel, size), size)[:, :n])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rivid.diagnose.result import Diagnosis, NamedEffect
 from rivid.diagnose.wording import (
+    FORECAST_APART,
     closed_words,
     error_words,
     estimate_words,
@@ -96,7 +97,7 @@ def _gap(diagnosis: Diagnosis) -> list[str]:
     if gap.closed is not None and math.isfinite(gap.closed):
         words = closed_words(gap.closed)
         forecast = gap.closed_forecast
-        if forecast is not None and abs(forecast - gap.closed) > 0.02:
+        if forecast is not None and abs(forecast - gap.closed) > FORECAST_APART:
             words = f"{words} with events timed on the day; beforehand, {closed_words(forecast)}"
         lines += _entry("", words)
     return lines

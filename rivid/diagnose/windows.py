@@ -10,6 +10,7 @@ For some dates the best run of hours is looked up, for some hours the best run o
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rivid.diagnose.data import Floats
 
@@ -37,6 +38,78 @@ class Span:
     gain: float
 
 
+def chance_of(
+    score: Floats, information: Floats, span: Span, blocks: NDArray[np.int64], library: int, gain: float
+) -> float:
+    """A bound of the chance of a window with as much gain without any effect.
+
+    Sign flips cannot make a small p for a window of few blocks, however large its gain. Here the gain is
+    taken as the noise model's, divided by what the blocks scatter more than it says once the effect is taken
+    out, and by two for the windows' own choice; all windows of the library count.
+
+    Parameters
+    ----------
+    score, information
+        As for :func:`best_span`.
+    span : Span
+    blocks : ndarray of int, shape (days,)
+        Blocks of days.
+    library : int
+        How many candidates are searched like this.
+    gain : float
+        Likelihood gained with noise and response refitted [nats].
+
+    Returns
+    -------
+    float
+        ``min(1, windows exp(-gain / (2 inflation)))``.
+    """
+    n, days = score.shape
+    hours = (
+        np.ones(n, bool)
+        if span.hours is None
+        else _run(n, span.hours[0], (span.hours[1] - span.hours[0]) % n)
+    )
+    s, q = score[hours].sum(axis=0), information[np.ix_(hours, hours)].sum(axis=(0, 1))
+    inside = np.zeros(days, bool)
+    inside[span.first : span.last + 1] = True
+    left = s - np.where(inside, s[inside].sum() / q[inside].sum(), 0.0) * q
+    labels, block = np.unique(blocks, return_inverse=True)
+    sums = np.bincount(block, left, len(labels))
+    inflation = max(float((sums**2).sum() / q.sum()), 1.0)
+    windows = library * days * (days + 1) / 2 * max(n * (n - 1), 1)
+    return float(min(1.0, windows * np.exp(-gain / (2.0 * inflation))))
+
+
+def best_dates(score: Floats, information: Floats) -> Span:
+    """The dates of largest gain for an effect of several columns, all of them in one window.
+
+    Parameters
+    ----------
+    score : ndarray, shape (k, days)
+    information : ndarray, shape (k, k, days)
+    """
+    s = np.concatenate([np.zeros((len(score), 1)), np.cumsum(score, axis=1)], axis=1)
+    q = np.concatenate([np.zeros((*information.shape[:2], 1)), np.cumsum(information, axis=2)], axis=2)
+    first, end = np.triu_indices(s.shape[1], 1)
+    sums, Q = (s[:, end] - s[:, first]).T, np.moveaxis(q[..., end] - q[..., first], -1, 0)
+    Q = (
+        Q
+        + 1e-9 * np.trace(Q, axis1=1, axis2=2)[:, None, None] * np.eye(len(score))
+        + 1e-300 * np.eye(len(score))
+    )
+    gains = 0.5 * np.einsum("wk,wk->w", sums, np.linalg.solve(Q, sums[..., None])[..., 0])
+    best = int(np.argmax(gains))
+    return Span(int(first[best]), int(end[best]) - 1, None, float(gains[best]))
+
+
+def combined(score: Floats, information: Floats, span: Span) -> tuple[Floats, Floats]:
+    """Several columns as the one that they are at their estimates in a window; (1, days), (1, 1, days)."""
+    inside = slice(span.first, span.last + 1)
+    c = np.linalg.lstsq(information[..., inside].sum(axis=2), score[:, inside].sum(axis=1), rcond=None)[0]
+    return (c @ score)[None], np.einsum("k,l,kld->d", c, c, information)[None, None]
+
+
 def best_span(score: Floats, information: Floats, sign: int = 0) -> Span:
     """The window of largest gain.
 
@@ -53,8 +126,8 @@ def best_span(score: Floats, information: Floats, sign: int = 0) -> Span:
     -------
     Span
     """
-    starts = [np.ones(len(score), bool)]
-    starts += [_run(len(score), h, 8) for h in range(0, len(score), 4)]
+    n = len(score)
+    starts = [np.ones(n, bool), *(_run(n, h, 8) for h in range(0, n if n > 1 else 0, 4))]
     found = [_ascend(score, information, hours, sign) for hours in starts]
     return max(found, key=lambda span: span.gain)
 
@@ -90,6 +163,8 @@ def _best_days(score: Floats, information: Floats, sign: int) -> tuple[int, int,
 def _best_hours(score: Floats, information: Floats, sign: int) -> tuple[int, int, float]:
     n = len(score)
     best = (0, n, float(_gain(score.sum(), information.sum(), sign)))
+    if n == 1:
+        return best
     twice = np.concatenate([np.arange(n), np.arange(n)])
     for start in range(n):
         order = twice[start : start + n]

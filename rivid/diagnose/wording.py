@@ -44,6 +44,10 @@ MAIN_LAST = {"hour", "place", "start", "starts", "duration", "rise", "recession"
 """Parameters that say when and where, not how much: the headline does not begin with them."""
 
 
+FORECAST_APART = 0.02
+"""Where the closed shares of forecast and description differ by more, both are told."""
+
+
 def name_words(name: str) -> str:
     """A name as people write it.
 
@@ -272,11 +276,11 @@ def _floor_words(gap: Gap, h: int) -> str:
 
 
 def _closed_sentences(gap: Gap) -> list[str]:
-    if gap.closed is None:
+    if gap.closed is None or not math.isfinite(gap.closed):
         return []
     said = closed_words(gap.closed)
     forecast = gap.closed_forecast
-    if forecast is not None and abs(forecast - gap.closed) > 0.02:
+    if forecast is not None and abs(forecast - gap.closed) > FORECAST_APART:
         ahead = closed_words(forecast).replace("of the gap is closed", "is closed")
         return [f"With events timed on the day itself, {said}; by what is known beforehand, {ahead}."]
     return [f"{said[0].upper()}{said[1:]}."]

@@ -45,12 +45,13 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A series thinned out; arrays of shape (points,), with NaN where samples are missing."""
+    """Means of some `hours` of a series; arrays of shape (points,), with NaN where samples are missing."""
 
     day: Floats
     mean: Floats
     low: Floats
     high: Floats
+    hours: int
 
 
 def course(series: Series, dates: Sequence[dt.date], hour: Floats, used: Bools) -> Course:
@@ -73,7 +74,7 @@ def course(series: Series, dates: Sequence[dt.date], hour: Floats, used: Bools) 
 
     day = ordinal[0] - 0.5 + (np.arange(size) + 0.5) / parts
     middle, half = mean(series.flow), 1.96 * mean(series.sd)
-    return Course(day, middle, middle - half, middle + half)
+    return Course(day, middle, middle - half, middle + half, step)
 
 
 def draw(
@@ -127,7 +128,8 @@ def draw(
         axes.set_ylim(-top, top)
         narrow_dates(axes, dates[0], dates[-1], width)
         axes.set_ylabel("inflow [m³/s]")
-        heading(axes, words if len(shown) == 2 else "with its 95 % band")
+        step = "hourly means" if curve.hours == 1 else f"means of {curve.hours} h"
+        heading(axes, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
         if i < len(shown) - 1:
             axes.tick_params(axis="x", which="both", labelbottom=False)
         elif windows:

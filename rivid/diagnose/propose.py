@@ -1,0 +1,264 @@
+"""What might be missing: every trial of the library scored, its window refined, its gain measured.
+
+A proposal is an effect with its window, and what the model would be with it: likelihood on the days that fit
+and on those that select, and the simulation's error on these.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rivid.diagnose.blocks import flip_blocks
+from rivid.diagnose.data import Floats, Record
+from rivid.diagnose.events import Events
+from rivid.diagnose.linear import Evaluation, Linear, evaluate
+from rivid.diagnose.score import Candidate, scan
+from rivid.diagnose.trials import HOURS_A_DAY, Trial, Window, columns_of, hour_columns
+from rivid.diagnose.windows import Span, best_dates, best_span, chance_of, combined
+from rivid.effects import Effect
+from rivid.effects.base import DAY
+
+LOOK = 0.05
+"""Candidates with a smaller family-wise p are looked at closely."""
+CLEAR = 15.0
+"""Or those whose window gains as many nats."""
+MOST_USUAL = 4.0
+"""A day counts for at most so many times the usual day's gain."""
+ALWAYS = 0.9
+"""A window that holds this share of the days is no window."""
+Baseline = Callable[[Sequence[Effect]], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """An effect that might be missing.
+
+    Attributes
+    ----------
+    name, label : str
+        Of the effect, and which of its trials.
+    effect : Effect or None
+        With its window; None where it is a noise or events that are coded.
+    free : tuple of str
+        Parameters to refit.
+    window : Window
+        Dates and hours; None where it is always there.
+    p_value : float
+        Family-wise, of the whole library.
+    evaluation : Evaluation
+    columns : ndarray, shape (k, days, n)
+        What was tried; empty where `coded` or the noise is what is new.
+    gain_fit, gain_select : float
+        Log-likelihood gained on the days that fit (priors included) and that select [nats].
+    t : float
+        Paired gain on the selecting blocks over its standard error.
+    improvement : ndarray, shape (horizons,)
+        Share by which the error of the simulation falls on the selecting days.
+    blocks : int
+        Selecting blocks on which it acts.
+    events : Events or None
+        Events, as found one by one.
+    level_noise : bool
+        Whether the proposal is a level noise (wind).
+    """
+
+    name: str
+    label: str
+    effect: Effect | None
+    free: tuple[str, ...]
+    window: Window
+    p_value: float
+    evaluation: Evaluation
+    columns: Floats
+    gain_fit: float
+    gain_select: float
+    t: float
+    improvement: Floats
+    blocks: int
+    events: Events | None = None
+    level_noise: bool = False
+
+
+def compared(
+    model: Linear, before: Evaluation, after: Evaluation, price: Floats, active: Floats
+) -> tuple[float, float, float, Floats, int]:
+    """Gains on fitting and selecting days, t of the latter by blocks, and what the error falls by.
+
+    `price` [nats], shape (days,), is what the days pay for events; t and error are of the selecting days
+    that are `active`, where the candidate does something; the last number is how many blocks these are.
+    """
+    gain = after.likelihood - before.likelihood
+    gain = gain * np.minimum(before.weights, after.weights) - price
+    if not price.any():  # one odd day does not decide; events are odd days
+        usual = np.median(np.abs(gain[active > 0])) if (active > 0).any() else 0.0
+        gain = np.clip(gain, -MOST_USUAL * usual - 5.0, MOST_USUAL * usual + 5.0)
+    split = model.split
+    chosen = split.select & (active > 0)
+    blocks = split.block[chosen]
+    sums = np.array([gain[chosen][blocks == b].sum() for b in np.unique(blocks)])
+    if len(sums) > 1:
+        t = float(sums.mean() / max(sums.std(ddof=1) / np.sqrt(len(sums)), 1e-9))
+    else:  # one block has no spread: its days stand for it
+        days = gain[chosen]
+        t = float(days.mean() / max(days.std(ddof=1) / np.sqrt(len(days)), 1e-9)) if len(days) > 1 else 0.0
+    old, new = before.errors.rmse(chosen), after.errors.rmse(chosen)
+    return (
+        float(gain[split.fit].sum() + before.penalty - after.penalty), float(gain[split.select].sum()), t,
+        np.nan_to_num(1.0 - new / old), len(sums),
+    )  # fmt: skip
+
+
+def proposals(
+    model: Linear,
+    before: Evaluation,
+    trials: Sequence[Trial],
+    baseline: Baseline,
+    kernels: dict[str, Floats],
+    *,
+    seed: int = 0,
+    flips: int = 4_999,
+) -> list[Proposal]:
+    """Score the library on the days that fit and select, and measure what stands out.
+
+    Parameters
+    ----------
+    model : Linear
+    before : Evaluation
+        The model as it is.
+    trials : sequence of Trial
+    baseline : callable
+        Simulated output of all days with further effects.
+    kernels : dict of str to ndarray, shape (n,)
+        Step responses at the upper ("up") and the lower dam ("down").
+    seed, flips : int
+        Of the sign flips.
+
+    Returns
+    -------
+    list of Proposal
+        By gain on the selecting days, largest first.
+    """
+    record, split = model.record, model.split
+    open_days = split.fit | split.select
+    rows = np.flatnonzero(open_days)
+    z = model.used(before.residual)
+    noise = before.noise
+    r = noise.whiten(z)
+    start = baseline(())
+    columns = [
+        hour_columns(record, kernels[t.hourly]) if t.hourly else columns_of(t, baseline, start)
+        for t in trials
+    ]
+    whitened = [noise.whiten(c, like=z) for c in columns]
+    nuisance = noise.whiten(model.columns, like=z)
+    candidates, whose = [], []
+    for i, (t, w) in enumerate(zip(trials, whitened, strict=True)):
+        # a night is one run of hours where the day begins at noon
+        for turn in (0, HOURS_A_DAY // 2) if t.hourly else (0,):
+            turned = np.roll(w[:, rows], turn, axis=0)
+            candidates.append(Candidate(t.name, turned, t.dates, bool(t.hourly), t.sign))
+            whose.append(i)
+    daily = noise.smooth(z).inflow.mean(axis=1)  # what days have in common shows in their mean inflow
+    blocks = flip_blocks(daily - daily[open_days].mean(), split, open_days)
+    found = scan(
+        r[rows], nuisance[:, rows], candidates, blocks=blocks[rows], weights=before.weights[rows],
+        flips=flips, seed=seed,
+    ).found  # fmt: skip
+    p_family = [
+        min(f.p_family for f, k in zip(found, whose, strict=True) if k == i) for i in range(len(trials))
+    ]
+    result = []
+    free_of = _projected(r, nuisance, split.fit | split.select)
+    dated = sum(t.dates != "all" for t in trials)
+    for trial, c, w, p_flips in zip(trials, columns, whitened, p_family, strict=True):
+        span = _span(trial, w, free_of, rows, before.weights)
+        if p_flips > LOOK and span.gain < CLEAR:
+            continue
+        if trial.hourly and span.hours is None:
+            continue  # all day long: a lateral inflow or an outflow's gain
+        window, used = _window(record, rows, span, trial)
+        tried = _inside(trial, c, record, window)
+        if not np.abs(tried[:, split.fit]).any() or not np.abs(tried[:, split.select]).any():
+            continue  # nothing to fit it to, or to confirm it with
+        after = evaluate(model, tried)
+        fit, select, score_t, better, blocks_active = compared(
+            model, before, after, np.zeros(record.days), np.abs(tried).max(axis=(0, 2))
+        )
+        if trial.sign and trial.sign * after.coefficients[0] <= 0:
+            continue
+        p_value = p_flips
+        if span.gain > 0.0:
+            sums = _sums(w, free_of, rows, before.weights)
+            if len(w) > 1 and not trial.hourly:
+                sums = combined(*sums, span)
+            chance = chance_of(*sums, span, split.block[rows], dated, max(fit + select, 0.0))
+            p_value = min(p_value, chance)
+        if p_value > LOOK:
+            continue
+        effect = trial.make(after.coefficients)
+        effect = (
+            replace(effect, dates=window[0] or effect.dates, hours=window[1] or effect.hours)
+            if used
+            else effect
+        )
+        result.append(
+            Proposal(trial.name, trial.label, effect, trial.free, window, p_value, after, tried,
+                     fit, select, score_t, better, blocks_active)
+        )  # fmt: skip
+    return sorted(result, key=lambda p: -p.gain_select)
+
+
+def _projected(r: Floats, X: Floats, days: np.ndarray) -> Floats:
+    """The whitened residual without what the response's parameters explain."""
+    flat = X[:, days].reshape(len(X), -1)
+    b = np.linalg.lstsq(flat.T, r[days].ravel(), rcond=None)[0]
+    return np.asarray(r - np.tensordot(b, X, 1))
+
+
+def _sums(w: Floats, r: Floats, rows: np.ndarray, weights: Floats) -> tuple[Floats, Floats]:
+    """Score (hours, days) and information (hours, hours, days) of the open days."""
+    score = np.einsum("hdn,dn->hd", w[:, rows], r[rows]) * weights[rows]
+    return score, np.einsum("hdn,gdn->hgd", w[:, rows], w[:, rows]) * weights[rows]
+
+
+def _span(trial: Trial, w: Floats, r: Floats, rows: np.ndarray, weights: Floats) -> Span:
+    """The best window among the open days; whole where the trial is always there."""
+    if trial.dates == "all":
+        return Span(0, len(rows) - 1, None, 0.0)
+    if len(w) > 1 and not trial.hourly:
+        return best_dates(*_sums(w, r, rows, weights))
+    return best_span(*_sums(w, r, rows, weights), trial.sign)
+
+
+def _window(record: Record, rows: np.ndarray, span: Span, trial: Trial) -> tuple[Window, bool]:
+    """Dates and hours of a span; days between two open ones are its own where both neighbours are."""
+    dates = None
+    if span.last - span.first + 1 < ALWAYS * len(rows):
+        first = 0 if span.first <= 1 else rows[span.first]
+        last = record.days - 1 if span.last >= len(rows) - 2 else rows[span.last]
+        dates = (record.dates[first], record.dates[last])
+    hours = None
+    if span.hours is not None and trial.hourly:
+        end = span.hours[1] or HOURS_A_DAY
+        hours = (float(span.hours[0]), float(end))
+    return (dates, hours), dates is not None or hours is not None
+
+
+def _inside(trial: Trial, columns: Floats, record: Record, window: Window) -> Floats:
+    """The columns within a window; hours of the day added up."""
+    dates, hours = window
+    c = columns
+    if trial.hourly:
+        chosen = np.ones(HOURS_A_DAY, bool)
+        if hours is not None:
+            h = np.arange(HOURS_A_DAY)
+            a, b = hours
+            chosen = (h >= a) & (h < b) if a < b else (h >= a) | (h < b)
+        c = columns[chosen].sum(axis=0, keepdims=True)
+    if dates is None:
+        return c
+    first = (dates[0] - record.dates[0]).days * DAY
+    last = ((dates[1] - record.dates[0]).days + 1) * DAY
+    on = (record.time[:, record.lead] >= first) & (record.time[:, record.lead] < last)
+    return np.asarray(c * on[:, None])

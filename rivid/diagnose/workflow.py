@@ -1,0 +1,261 @@
+"""The workflow: calibrate, look for what is missing, name it, add it, look again, and show the gap.
+
+Steps as in docs/diagnose.md. What fits, what selects and what confirms are days apart; the sealed days are
+looked at once, at the end.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rivid.diagnose.blocks import Split, split
+from rivid.diagnose.data import Floats, Record
+from rivid.diagnose.evidence import Evidence
+from rivid.diagnose.fit import Model, calibrate
+from rivid.diagnose.gap import HOURS
+from rivid.diagnose.happenings import as_effect, happenings, lock, rain, search
+from rivid.diagnose.kernel import step_response
+from rivid.diagnose.linear import Evaluation, Linear, evaluate
+from rivid.diagnose.naming import Choice, choose
+from rivid.diagnose.propose import Proposal, proposals
+from rivid.diagnose.response import Response
+from rivid.diagnose.result import Diagnosis
+from rivid.diagnose.telling import tell, too_few
+from rivid.diagnose.trials import Trial, pool_trials
+from rivid.effects import Effect
+
+MOST_EFFECTS = 4
+RECODINGS = 2
+"""Times that events are looked for again once they are in."""
+FEWEST_DAYS = 15
+"""One cycle of blocks."""
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One turn: what stood to choose from, and what was chosen.
+
+    Attributes
+    ----------
+    before : Evaluation
+    proposals : tuple of Proposal
+    choice : Choice or None
+    after : Evaluation or None
+        With the chosen effect in the simulator.
+    """
+
+    before: Evaluation
+    proposals: tuple[Proposal, ...]
+    choice: Choice | None
+    after: Evaluation | None
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """All that a diagnosis came by, for the telling.
+
+    Attributes
+    ----------
+    record : Record
+    split : Split
+    first, last : Model
+        Calibrated without and with the named effects.
+    first_linear, last_linear : Linear
+    first_evaluation, last_evaluation : Evaluation
+    rounds : tuple of Round
+    kernels : dict of str to ndarray
+    notes : tuple of str
+    """
+
+    record: Record
+    split: Split
+    first: Model
+    last: Model
+    first_linear: Linear
+    last_linear: Linear
+    first_evaluation: Evaluation
+    last_evaluation: Evaluation
+    rounds: tuple[Round, ...]
+    kernels: dict[str, Floats]
+    notes: tuple[str, ...] = field(default=())
+
+
+def diagnose(
+    record: Record,
+    response: Response,
+    classes: dict[str, type[Effect]],
+    *,
+    gauge_floor: float = 0.0,
+    start: Sequence[Effect] = (),
+    floor: Sequence[float] | None = None,
+    most: int = MOST_EFFECTS,
+    report: Report = lambda _: None,
+) -> tuple[Diagnosis, Evidence | None]:
+    """Find what a simulation of the reach lacks.
+
+    Parameters
+    ----------
+    record : Record
+    response : Response
+        Nominal, as the configuration knows the reach.
+    classes : dict
+        Effects that may be named, by name; see :func:`rivid.effects.effect_classes`.
+    gauge_floor : float
+        Lower limit of the gauge noise: the reading's step / sqrt(12) [m or m3/s].
+    start : sequence of Effect
+        Effects that are in the model from the start.
+    floor : sequence of float, optional
+        RMSE at 1, 4 and 24 h of the model that knows the truth, where one is known.
+    most : int
+        Effects at most.
+    report : callable
+        Told what is being done, a line each.
+
+    Returns
+    -------
+    Diagnosis, Evidence or None
+        None where there are too few days to look at anything.
+    """
+    if record.days < FEWEST_DAYS or not split(record.dates).complete:
+        return too_few(record, FEWEST_DAYS), None
+    study = look(record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report)
+    return tell(study, classes, floor)
+
+
+def look(
+    record: Record,
+    response: Response,
+    classes: dict[str, type[Effect]],
+    *,
+    gauge_floor: float = 0.0,
+    start: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    report: Report = lambda _: None,
+) -> Study:
+    """All steps but the telling; see :func:`diagnose`."""
+    dealt = split(record.dates)
+    fit = np.flatnonzero(dealt.fit)
+    report("calibrating the response")
+    model = Model(
+        response, None, record.usual_output, record.usual_flow, gauge_floor, tuple(start), ((),) * len(start)
+    )
+    if len(fit) >= 12:
+        model = calibrate(model, record.take(fit[::3]), report=report)
+    model = calibrate(model, record.take(fit), report=report)
+    first, first_linear = model, model.linear(record, dealt)
+    evaluation = first_evaluation = evaluate(first_linear)
+    linear = first_linear
+    kernels = kernels_of(model.reach, record)
+    trials = trials_of(classes, record)
+    rounds: list[Round] = []
+    while True:
+        report(f"round {len(rounds) + 1}: {len(trials)} trials, events, noises")
+        current = model
+
+        def baseline(more: Sequence[Effect], at: Model = current) -> Floats:
+            return at.baseline(record, tuple(more))
+
+        taken = tuple(effect.name for effect in model.effects)
+        found = proposals(linear, evaluation, trials, baseline, kernels, seed=len(rounds))
+        pulses = any(
+            r.choice and r.choice.proposal.events and "down" in r.choice.proposal.name for r in rounds
+        )
+        found += happenings(linear, evaluation, classes, kernels, taken, pulses)
+        found.sort(key=lambda p: -p.gain_select)
+        choice = choose(found, linear, evaluation, len(rounds), taken) if len(rounds) < most else None
+        if choice is None or choice.proposal.effect is None:
+            rounds.append(Round(evaluation, tuple(found), None, None))
+            break
+        report(f"adding {choice.proposal.name}")
+        model = added(model, choice.proposal, record.take(fit), report)
+        linear = model.linear(record, dealt)
+        after = evaluate(linear)
+        if choice.proposal.events is not None:
+            model, choice, linear, after = recoded(
+                model, choice, linear, after, kernels, record.take(fit), report
+            )
+        rounds.append(Round(evaluation, tuple(found), choice, after))
+        evaluation = after
+    return Study(
+        record,
+        dealt,
+        first,
+        model,
+        first_linear,
+        linear,
+        first_evaluation,
+        evaluation,
+        tuple(rounds),
+        kernels,
+    )
+
+
+def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Model:
+    """The model with a proposal in the simulator, all parameters fitted together again."""
+    assert proposal.effect is not None
+    if proposal.level_noise:  # the noise carries it; the effect is its name and size
+        return calibrate(
+            replace(model, noise=proposal.evaluation.noise, level_noise=True), fit, steps=2, report=report
+        )
+    larger = replace(
+        model, effects=(*model.effects, proposal.effect), free=(*model.free, proposal.free),
+        noise=proposal.evaluation.noise,
+    )  # fmt: skip
+    return calibrate(larger, fit, steps=5, report=report)
+
+
+def recoded(
+    model: Model,
+    choice: Choice,
+    linear: Linear,
+    after: Evaluation,
+    kernels: dict[str, Floats],
+    fit: Record,
+    report: Report,
+) -> tuple[Model, Choice, Linear, Evaluation]:
+    """Look for the events again with the refitted response and noise, until they no longer change."""
+    effect = model.effects[-1]
+    kind = rain(kernels) if effect.name == "rain_inflow" else lock(kernels)
+    proposal = choice.proposal
+    for _ in range(RECODINGS):
+        report(f"coding the events of {effect.name} again")
+        without = replace(model, effects=model.effects[:-1], free=model.free[:-1])
+        bare = linear.record.output - without.baseline(linear.record)
+        events = search(linear, replace(after, residual=bare + (after.residual - linear.residual)), kind)
+        if not events.events:
+            break
+        effect = as_effect(type(effect), events, linear.record)
+        model = calibrate(replace(model, effects=(*model.effects[:-1], effect)), fit, steps=2, report=report)
+        before = after
+        linear = model.linear(linear.record, linear.split)
+        after = evaluate(linear)
+        proposal = replace(proposal, effect=effect, events=events, columns=events.coded[None])
+        if after.likelihood.sum() < before.likelihood.sum() + len(events.events):
+            break
+    return model, replace(choice, proposal=proposal), linear, after
+
+
+def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
+    """Step responses: an inflow at the upper dam and in the middle, a release at the lower dam."""
+    return {
+        "up": step_response(response, record, 0.0),
+        "middle": step_response(response, record, 0.5),
+        "down": -step_response(response, record, 1.0),
+    }
+
+
+def trials_of(classes: dict[str, type[Effect]], record: Record) -> list[Trial]:
+    """Trials that make sense for a record: a river reach has no outflow and no level."""
+    found = pool_trials(classes, record.sample_time)
+    if record.kind == "pool":
+        return found
+    from rivid.effects import CATALOGUE
+
+    river = {"lateral_inflow", "diurnal_inflow", "unlogged_upstream_release", "inflow_gain_error",
+             "clock_offset", "flow_dependent_delay", "wave_attenuation"}  # fmt: skip
+    return [t for t in found if t.name in river or t.name not in CATALOGUE]
+
+
+__all__ = ["HOURS", "Round", "Study", "added", "diagnose", "kernels_of", "look", "trials_of"]
