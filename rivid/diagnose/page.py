@@ -12,22 +12,18 @@ from rivid import __version__
 from rivid.atomic import write_text
 from rivid.diagnose.evidence import Evidence
 from rivid.diagnose.result import Diagnosis, Gap, NamedEffect
-from rivid.diagnose.wording import (
-    LABELS,
-    MAY_NOT_SAY,
+from rivid.diagnose.spelling import (
     aside,
     error_words,
     estimate_words,
-    gap_sentences,
-    headline,
     name_words,
     period,
+    period_words,
     printable,
     scale_of,
-    sure_words,
-    unknown_words,
     when_words,
 )
+from rivid.diagnose.wording import LABELS, MAY_NOT_SAY, gap_sentences, headline, sure_words, unknown_words
 from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
 from rivid.figures import FigureFile
@@ -130,14 +126,17 @@ def _noise(noise: Mapping[str, float | None], river: bool) -> list[tuple[str, st
         "inflow_memory": ("its memory", " s"),
         "level_sd": ("noise of the output", output),
         "level_memory": ("its memory", " s"),
-        "sample_time": ("sample time", " s"),
         "surface_area": ("water surface", " m²"),
     }
     rows = []
     for key, value in noise.items():
         words, unit = said.get(key, (name_words(key), ""))
-        if value is not None:
-            rows.append((words, f"{value:,.0f}{unit}" if abs(value) >= 1e4 else f"{value:.3g}{unit}"))
+        if value is None:
+            continue
+        spelt = (
+            period_words(value) if unit == " s" else f"{value:,.0f}" if abs(value) >= 1e3 else f"{value:.3g}"
+        )
+        rows.append((words, spelt if unit == " s" else spelt + unit))
     return rows
 
 

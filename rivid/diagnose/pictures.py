@@ -6,7 +6,7 @@ import numpy as np
 
 from rivid.diagnose.evidence import Evidence
 from rivid.diagnose.result import Diagnosis, Gap
-from rivid.diagnose.wording import name_words, scale_of
+from rivid.diagnose.spelling import name_words, scale_of
 from rivid.figures import FigureFile
 from rivid.figures.diagnosis import KINDS
 from rivid.figures.words import count

@@ -5,20 +5,17 @@ import textwrap
 from pathlib import Path
 
 from rivid.diagnose.result import Diagnosis, NamedEffect
-from rivid.diagnose.wording import (
-    FORECAST_APART,
+from rivid.diagnose.spelling import (
     closed_words,
     error_words,
     estimate_words,
-    headline,
-    main_parameter,
     name_words,
     printable,
     probability,
     scale_of,
-    unknown_words,
     when_words,
 )
+from rivid.diagnose.wording import FORECAST_APART, headline, main_parameter, unknown_words
 from rivid.figures.words import listed
 
 WIDTH = 80

@@ -31,7 +31,9 @@ CASES = {
         diagnosis(
             "partly_explained",
             effects=(BYPASS.__class__(**{**BYPASS.__dict__, "name": LONG_NAME}), LOCKS),
-            gap=gap_of(EVIDENCE, (BYPASS.__class__(**{**BYPASS.__dict__, "name": LONG_NAME}), LOCKS), floor=0.3),
+            gap=gap_of(
+                EVIDENCE, (BYPASS.__class__(**{**BYPASS.__dict__, "name": LONG_NAME}), LOCKS), floor=0.3
+            ),
         ),
         EVIDENCE,
     ),
@@ -195,9 +197,7 @@ def test_each_picture_is_small_of_the_stated_size_and_the_same_twice(tmp_path):
 
 def test_the_picture_of_the_inflow_shows_the_amplitude_that_was_planted():
     record = EVIDENCE.record
-    m = binned.means(
-        EVIDENCE.inflow_before, record.hour, record.used, EVIDENCE.split.block, np.arange(25.0)
-    )
+    m = binned.means(EVIDENCE.inflow_before, record.hour, record.used, EVIDENCE.split.block, np.arange(25.0))
     expected = 6.0 * np.cos(2 * np.pi * (m.centre - 4.0) / 24)
     half = (m.high - m.low) / 2
     assert (np.abs(m.mean - expected) < 2.5 * half).all()
