@@ -157,7 +157,7 @@ class RiverResponse:
         """
         delay, _, spread, held, hold, _ = (p.natural for p in self.parameters)
         if way * delay < SHORTEST:
-            return np.eye(1, n)[0]
+            return np.asarray(np.eye(1, n)[0])
         time = cell / FINE * np.arange(n * FINE + 1)
         celerity = LENGTH / (way * delay)
         wave = DiffusiveWave(LENGTH, celerity, 0.5 * way * spread**2 * celerity**3 / LENGTH)
@@ -167,7 +167,7 @@ class RiverResponse:
         share = way * held
         arrived = (1.0 - share) * first + share * behind
         twice = np.concatenate([[0.0], np.cumsum(0.5 * (arrived[1:] + arrived[:-1])) * cell / FINE])[::FINE]
-        return np.diff(twice, n=2, prepend=0.0, append=2 * twice[-1] - twice[-2])[:n] / cell
+        return np.asarray(np.diff(twice, n=2, prepend=0.0, append=2 * twice[-1] - twice[-2])[:n] / cell)
 
 
 def _trailing(time: Floats, flow: Floats, memory: float) -> Floats:
