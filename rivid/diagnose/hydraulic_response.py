@@ -67,7 +67,7 @@ class HydraulicResponse:
 
     parameters: tuple[FreeParameter, ...]
     level: float
-    cells: int = 28
+    cells: int = 32
     width_modes: int = 0
     bed_modes: int = 0
     outflow_lags: tuple[int, ...] = ()
@@ -94,7 +94,7 @@ class HydraulicResponse:
         width_modes: int = 3,
         bed_modes: int = 2,
         corrections: bool = True,
-        cells: int = 28,
+        cells: int = 32,
         gate_time: float = 30.0,
     ) -> "HydraulicResponse":
         """From what a configuration knows.
@@ -118,7 +118,7 @@ class HydraulicResponse:
         corrections : bool
             Whether the first lags of the outflow and those about the inflow's arrival are corrected.
         cells : int
-            Cells of the channel.
+            Cells of the channel; with 24, the scheme's own dispersion already asks for corrections.
         gate_time : float
             [s].
 
