@@ -90,7 +90,7 @@ class RiverResponse:
                 FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 1.2),
                 FreeParameter.positive("spread", "s", spread, spread_sd, reach=3.0),
                 FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
-                FreeParameter.positive("held_time", "s", delay, 0.7, reach=3.0),
+                FreeParameter.positive("held_time", "s", delay, 0.5, reach=2.0),
                 FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=3.0),
             ),
             flow,
