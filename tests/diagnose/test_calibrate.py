@@ -289,21 +289,27 @@ def test_the_richest_response_that_predicts_best_is_chosen(record, off):
 # A measured river
 
 
-@pytest.fixture(scope="module")
-def glen_canyon():
-    """Glen Canyon Dam to Lees Ferry; the turbines are the inflow, so the bypass of 133 days is missing."""
+def glen_canyon(column):
+    """Glen Canyon Dam to Lees Ferry, 426 days; the bypass of 133 days is in the total release alone."""
     config = load_toml(ROOT / "configs" / "glen_canyon.toml", Config)
-    turbines = config.input.model_copy(update={"u_Qi": "power_release_cfs"})
-    logs = read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": turbines}))
-    return logs.record
+    told = config.input.model_copy(update={"u_Qi": column})
+    return read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": told})).record
 
 
-def test_trimmed_days_keep_a_bypass_out_of_a_rivers_response(glen_canyon):
-    fit = split(glen_canyon.dates).fit
-    start = RiverResponse.nominal(3 * 3600.0, 3600.0, glen_canyon.usual_flow, gain_sd=0.3)
-    plain, trimmed = (calibrate(start, glen_canyon, fit, trim=trim) for trim in (0.0, 0.45))
-    gains = [found.estimates[-1].value for found in (plain, trimmed)]
-    assert abs(gains[0] - 1.0) > 0.02 and gains[1] == pytest.approx(1.0, abs=0.015)
-    left = np.where(glen_canyon.used, trimmed.residual, np.nan)[trimmed.weights > 0.0]
+def test_trimmed_days_keep_a_bypass_out_of_a_rivers_response():
+    turbines, everything = glen_canyon("power_release_cfs"), glen_canyon("total_release_cfs")
+    fit = split(turbines.dates).fit
+    start = RiverResponse.nominal(3 * 3600.0, 3600.0, everything.usual_flow, gain_sd=0.3)
+    true = calibrate(start, everything, fit)
+    plain, trimmed = (calibrate(start, turbines, fit, trim=trim) for trim in (0.0, 0.45))
+    for name, near in (("delay", 600.0), ("exponent", 0.05), ("held_time", 1200.0), ("inflow_gain", 0.015)):
+        truth, bent, kept = (
+            next(e.value for e in found.estimates if e.name == name) for found in (true, plain, trimmed)
+        )
+        assert kept == pytest.approx(truth, abs=near), name
+        if name in ("exponent", "held_time"):
+            assert abs(bent - truth) > 2.0 * near, name
+    left = np.where(turbines.used, trimmed.residual, np.nan)[trimmed.weights > 0.0]
     assert np.sqrt(np.nanmean(left**2)) < 4.0  # m3/s, of 270
-    assert 2.5 < trimmed.estimates[0].value / 3600.0 < 5.0
+    assert plain.noise.level_sd > 3.0 * trimmed.noise.level_sd
+    assert true.estimates[-1].value == pytest.approx(1.0, abs=0.01)
