@@ -265,7 +265,9 @@ def test_effects_that_are_given_are_not_fitted_again():
 def test_the_richest_response_that_predicts_best_is_chosen(record, off):
     cut = split(record.days)
     linear = [
-        calibrate(LinearPool.nominal(record, fronts, surface_area=6.7e5, delay=1000.0), record, cut.fit)
+        calibrate(
+            LinearPool.nominal(record, fronts, surface_area=6.7e5, delay=1000.0), record, cut.fit, rounds=2
+        )
         for fronts in ("none", "zero", "fir")
     ]
     choice = choose_response(record, cut, [linear[0], linear[1], linear[2], off])
@@ -298,7 +300,7 @@ def glen_canyon(column):
 
 def test_trimmed_days_keep_a_bypass_out_of_a_rivers_response():
     turbines, everything = glen_canyon("power_release_cfs"), glen_canyon("total_release_cfs")
-    fit = split(turbines.dates).fit
+    fit = split(turbines.dates).fit & (turbines.day_number % 2 == 0)
     start = RiverResponse.nominal(3 * 3600.0, 3600.0, everything.usual_flow, gain_sd=0.3)
     true = calibrate(start, everything, fit)
     plain, trimmed = (calibrate(start, turbines, fit, trim=trim) for trim in (0.0, 0.45))
