@@ -146,6 +146,7 @@ def calibrate(
     *,
     coded: Floats | None = None,
     steps: int = MOST_STEPS,
+    trim: float = 0.0,
     report: Callable[[str], None] = lambda _: None,
 ) -> Model:
     """Fit all free parameters to a record.
@@ -159,6 +160,8 @@ def calibrate(
         What named events do to the output on these days.
     steps : int
         Steps at most.
+    trim : float
+        Share of the noisiest days that count for nothing: an effect on many days bends the response.
     report : callable
         Told of each step.
 
@@ -189,7 +192,16 @@ def calibrate(
         )  # fmt: skip
         model = replace(model, noise=noise)
         whitened = noise.whiten(z)
-        root = np.sqrt(day_weights(whitened))[:, None]
+        weights = day_weights(whitened)
+        if trim > 0.0:
+            weights = np.where(weights < np.quantile(weights, trim), 0.0, weights)
+            noise = fit_noise(
+                z, record.sample_time, model.reach.surface_area, weights=weights, level=model.level_noise,
+                gauge_floor=model.gauge_floor, starts=(noise,), alone=True,
+            )  # fmt: skip
+            model = replace(model, noise=noise)
+            whitened = noise.whiten(z)
+        root = np.sqrt(weights)[:, None]
         X = noise.whiten(model.jacobian(record, model.baseline(record)), like=z) * root
         X = X.reshape(len(sd), -1) * sd[:, None]  # in prior standard deviations
         here = at(model)

@@ -9,7 +9,7 @@ from rivid.diagnose.events import PRICE, PULSES, RECESSIONS, Events, Kind, find_
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.noise import WALK_LIMIT
 from rivid.diagnose.propose import Proposal, compared
-from rivid.diagnose.timetable import sizes
+from rivid.diagnose.timetable import sizes, timetable
 from rivid.effects import Effect
 from rivid.effects.base import DAY
 
@@ -18,6 +18,8 @@ FEWEST = 3
 """Events of a kind must be so many."""
 ALIKE = 0.75
 """Releases are alike: their sizes vary by less than this share, rain's by more or less."""
+SCHEDULED = 0.002
+"""p of a timetable from which events are somebody's."""
 STEP_PRICE = 30.0
 """Of a jump of the gauge [nats]."""
 LEAST_WIND = 0.005
@@ -91,6 +93,10 @@ def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effec
         return None
     if kind.shape == "pulse" and sizes(events.events).variation > ALIKE:
         return None
+    if kind.shape == "recession":
+        clock = timetable(events.events)
+        if clock.p_value <= SCHEDULED and clock.share > 0.5:
+            return None  # rain keeps no hours
     record = model.record
     made = as_effect(effect, events, record)
     price = PRICE * np.bincount([e.day for e in events.events], minlength=record.days).astype(float)

@@ -159,7 +159,9 @@ def evaluate(
     record, fit = model.record, model.split.fit
     level = model.level_noise if level_noise is None else level_noise
     noise = model.noise
-    weights = day_weights(noise.whiten(model.used(model.residual)))
+    weights = np.ones(record.days)  # a candidate may be what makes a day noisy
+    if columns is None:
+        weights = day_weights(noise.whiten(model.used(model.residual)))
     for _ in range(REFITS):
         *_, left = least_squares(model, columns, noise, weights)
         seen = model.used(left)

@@ -121,7 +121,11 @@ def tied_with(named: Proposal, others: list[Proposal], model: Linear, before: Ev
         blocks = np.unique(model.split.block[select], return_inverse=True)[1]
         sums = np.bincount(blocks, lead)
         spread = sums.std(ddof=1) / np.sqrt(len(sums)) if len(sums) > 1 else np.inf
-        as_good = other.gain_select > 0.7 * named.gain_select and sums.mean() < 2.0 * spread
+        as_good = (
+            other.gain_select > 0.7 * named.gain_select
+            and sums.mean() < 2.0 * spread
+            and other.improvement.mean() >= (1.0 - CLOSE) * named.improvement.mean()
+        )
         if same or as_good:
             found.append(other.name)
     return tuple(dict.fromkeys(found))

@@ -172,7 +172,7 @@ def proposals(
     free_of = _projected(r, nuisance, split.fit | split.select)
     dated = sum(t.dates != "all" for t in trials)
     for trial, c, w, p_flips in zip(trials, columns, whitened, p_family, strict=True):
-        span = _span(trial, w, free_of, rows, before.weights)
+        span = _span(trial, w, free_of, rows)
         if p_flips > LOOK and span.gain < CLEAR:
             continue
         if trial.hourly and span.hours is None:
@@ -189,7 +189,7 @@ def proposals(
             continue
         p_value = p_flips
         if span.gain > 0.0:
-            sums = _sums(w, free_of, rows, before.weights)
+            sums = _sums(w, free_of, rows)
             if len(w) > 1 and not trial.hourly:
                 sums = combined(*sums, span)
             chance = chance_of(*sums, span, split.block[rows], dated, max(fit + select, 0.0))
@@ -216,19 +216,22 @@ def _projected(r: Floats, X: Floats, days: np.ndarray) -> Floats:
     return np.asarray(r - np.tensordot(b, X, 1))
 
 
-def _sums(w: Floats, r: Floats, rows: np.ndarray, weights: Floats) -> tuple[Floats, Floats]:
-    """Score (hours, days) and information (hours, hours, days) of the open days."""
-    score = np.einsum("hdn,dn->hd", w[:, rows], r[rows]) * weights[rows]
-    return score, np.einsum("hdn,gdn->hgd", w[:, rows], w[:, rows]) * weights[rows]
+def _sums(w: Floats, r: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
+    """Score (hours, days) and information (hours, hours, days) of the open days.
+
+    Without weights: days that an effect makes noisy are those on which to look for it.
+    """
+    score = np.einsum("hdn,dn->hd", w[:, rows], r[rows])
+    return score, np.einsum("hdn,gdn->hgd", w[:, rows], w[:, rows])
 
 
-def _span(trial: Trial, w: Floats, r: Floats, rows: np.ndarray, weights: Floats) -> Span:
+def _span(trial: Trial, w: Floats, r: Floats, rows: np.ndarray) -> Span:
     """The best window among the open days; whole where the trial is always there."""
     if trial.dates == "all":
         return Span(0, len(rows) - 1, None, 0.0)
     if len(w) > 1 and not trial.hourly:
-        return best_dates(*_sums(w, r, rows, weights))
-    return best_span(*_sums(w, r, rows, weights), trial.sign)
+        return best_dates(*_sums(w, r, rows))
+    return best_span(*_sums(w, r, rows), trial.sign)
 
 
 def _window(record: Record, rows: np.ndarray, span: Span, trial: Trial) -> tuple[Window, bool]:

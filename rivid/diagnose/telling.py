@@ -82,7 +82,7 @@ def tell(
 def _verdict(
     study: "Study", named: tuple["Round", ...], gap: Gap, unknown: Unknown | None
 ) -> tuple[Verdict, str]:
-    base, end = np.array(gap.rmse_baseline), np.array(gap.rmse_augmented)
+    base, end = np.array(gap.rmse_baseline), study.last_evaluation.errors.rmse(study.split.sealed)
     unit = gap.unit
     if not named:
         if unknown is None:
@@ -225,7 +225,7 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
     return Gap(
         heldout_dates=tuple(d for d, kept in zip(record.dates, sealed, strict=True) if kept),
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s",
-        rmse_baseline=tuple(base.tolist()), rmse_augmented=tuple(end.tolist()),
+        rmse_baseline=tuple(base.tolist()), rmse_augmented=tuple(forecast.tolist()),
         rmse_floor=None if floor is None else tuple(floor), closed=closed, closed_forecast=closed_forecast,
         steps=tuple(steps),
     )  # fmt: skip

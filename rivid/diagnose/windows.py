@@ -76,7 +76,8 @@ def chance_of(
     left = s - np.where(inside, s[inside].sum() / q[inside].sum(), 0.0) * q
     labels, block = np.unique(blocks, return_inverse=True)
     sums = np.bincount(block, left, len(labels))
-    inflation = max(float((sums**2).sum() / q.sum()), 1.0)
+    longest = float(np.bincount(block).max())  # no more than if the days of a block were one
+    inflation = float(np.clip((sums**2).sum() / q.sum(), 1.0, 2.0 * longest))
     windows = library * days * (days + 1) / 2 * max(n * (n - 1), 1)
     return float(min(1.0, windows * np.exp(-gain / (2.0 * inflation))))
 

@@ -26,8 +26,13 @@ from rivid.diagnose.trials import Trial, pool_trials
 from rivid.effects import Effect
 
 MOST_EFFECTS = 4
+DAYS_A_KNOT, MOST_KNOTS = 7, 20
+"""Of a size that varies with the date."""
 RECODINGS = 2
 """Times that events are looked for again once they are in."""
+TRIM = {"pool": 0.0, "river": 0.4}
+"""Share of days left out of the first calibration: nothing else holds a river's gain near one while a
+release is missing; the equations of a pool cannot bend as far."""
 FEWEST_DAYS = 15
 """One cycle of blocks."""
 Report = Callable[[str], None]
@@ -141,9 +146,10 @@ def look(
     model = Model(
         response, None, record.usual_output, record.usual_flow, gauge_floor, tuple(start), ((),) * len(start)
     )
+    trim = TRIM[record.kind]
     if len(fit) >= 12:
-        model = calibrate(model, record.take(fit[::3]), report=report)
-    model = calibrate(model, record.take(fit), report=report)
+        model = calibrate(model, record.take(fit[::3]), trim=trim, report=report)
+    model = calibrate(model, record.take(fit), trim=trim, report=report)
     first, first_linear = model, model.linear(record, dealt)
     evaluation = first_evaluation = evaluate(first_linear)
     linear = first_linear
@@ -163,6 +169,7 @@ def look(
             r.choice and r.choice.proposal.events and "down" in r.choice.proposal.name for r in rounds
         )
         found += happenings(linear, evaluation, classes, kernels, taken, pulses)
+        found = [p for p in found if not _echoes(p, model.effects, record)]
         found.sort(key=lambda p: -p.gain_select)
         choice = choose(found, linear, evaluation, len(rounds), taken) if len(rounds) < most else None
         if choice is None or choice.proposal.effect is None:
@@ -172,6 +179,7 @@ def look(
         model = added(model, choice.proposal, record.take(fit), report)
         linear = model.linear(record, dealt)
         after = evaluate(linear)
+        model, linear, after = varied(model, linear, after, record.take(fit), report)
         if choice.proposal.events is not None:
             model, choice, linear, after = recoded(
                 model, choice, linear, after, kernels, record.take(fit), report
@@ -204,6 +212,43 @@ def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Mode
         noise=proposal.evaluation.noise,
     )  # fmt: skip
     return calibrate(larger, fit, steps=5, report=report)
+
+
+def _echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
+    """Whether events are but what a dated release leaves of itself: all in its season."""
+    if proposal.events is None:
+        return False
+    days = np.array([record.dates[e.day].toordinal() for e in proposal.events.events])
+    inside = np.zeros(len(days), bool)
+    share = 0.0
+    for effect in effects:
+        if effect.dates is not None and effect.family == "flow":
+            first, last = (d.toordinal() for d in effect.dates)
+            inside |= (days >= first) & (days <= last)
+            share += np.mean([first <= d.toordinal() <= last for d in record.dates])
+    return bool(share < 0.7 and inside.mean() > 0.8)
+
+
+def varied(
+    model: Model, linear: Linear, after: Evaluation, fit: Record, report: Report
+) -> tuple[Model, Linear, Evaluation]:
+    """Let the size of the last effect vary with the date, if the selecting days are for it."""
+    effect = model.effects[-1] if model.effects else None
+    key = next((k for k in ("size", "inflow") if effect is not None and hasattr(effect, k)), None)
+    if effect is None or key is None or effect.dates is None or not model.free[-1]:
+        return model, linear, after
+    knots = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
+    if knots < 2:
+        return model, linear, after
+    report(f"{effect.name}: a size that varies with the date")
+    sizes = (float(getattr(effect, key)),) * knots
+    larger = replace(model, effects=(*model.effects[:-1], replace(effect, **{key: sizes})))
+    larger = calibrate(larger, fit, steps=3, report=report)
+    other = larger.linear(linear.record, linear.split)
+    told = evaluate(other)
+    select = linear.split.select
+    gain = (told.likelihood - after.likelihood)[select].sum()
+    return (larger, other, told) if gain > 2.0 * knots else (model, linear, after)
 
 
 def recoded(
