@@ -114,7 +114,7 @@ def least_squares(
     root = np.sqrt(weights[rows])[:, None]
     X = (noise.whiten(C[:, rows], like=z[rows]) * root).reshape(len(C), -1)
     r = (noise.whiten(z[rows]) * root).ravel()
-    scale = np.sqrt((X * X).mean(axis=1)) + 1e-300
+    scale = np.maximum(np.sqrt((X * X).mean(axis=1)), 1e-9)  # a column may do nothing on these days
     X /= scale[:, None]
     G, g = X @ X.T, X @ r
     prior = 1.0 / (model.prior_sd * scale[:p]) ** 2
@@ -139,6 +139,7 @@ def evaluate(
     *,
     level_noise: bool | None = None,
     walk_limit: float | None = None,
+    thorough: bool = False,
 ) -> Evaluation:
     """Refit response, columns and noise on the fitting days, and look at all days.
 
@@ -151,6 +152,9 @@ def evaluate(
         Another noise than the model's.
     walk_limit : float, optional
         Upper limit of the level's random walk [m per sample].
+    thorough : bool
+        Whether the noise is fitted from all starts: a candidate that is a slow flow may leave a noise that
+        is far from the one that had to stand for it.
 
     Returns
     -------
@@ -162,13 +166,13 @@ def evaluate(
     weights = np.ones(record.days)  # a candidate may be what makes a day noisy
     if columns is None:
         weights = day_weights(noise.whiten(model.used(model.residual)))
-    for _ in range(REFITS):
+    for turn in range(REFITS):
         *_, left = least_squares(model, columns, noise, weights)
         seen = model.used(left)
         noise = fit_noise(
             seen[fit], record.sample_time, noise.surface_area, weights=weights[fit], level=level,
             gauge_floor=model.gauge_floor, starts=(noise,), walk_limit=walk_limit,
-            alone=level == model.level_noise and walk_limit is None,
+            alone=(turn == 0 or not thorough) and level == model.level_noise and walk_limit is None,
         )  # fmt: skip
         weights = day_weights(noise.whiten(seen))
     b, error, left = least_squares(model, columns, noise, weights)

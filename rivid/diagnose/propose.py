@@ -21,6 +21,10 @@ from rivid.effects.base import DAY
 
 LOOK = 0.05
 """Candidates with a smaller family-wise p are looked at closely."""
+PROMISING = 4.0
+"""Likelihood gain of a trial as a whole [nats] from which it is measured."""
+DATES_PRICE = 12.0
+"""What dates have to gain against none [nats]."""
 CLEAR = 15.0
 """Or those whose window gains as many nats."""
 MOST_USUAL = 4.0
@@ -170,43 +174,85 @@ def proposals(
     ]
     result = []
     free_of = _projected(r, nuisance, split.fit | split.select)
-    dated = sum(t.dates != "all" for t in trials)
+    dated, blocks_of = len(trials), split.block[rows]
+    shown = (rows, free_of, blocks_of, dated)
     for trial, c, w, p_flips in zip(trials, columns, whitened, p_family, strict=True):
+        whole = Span(0, len(rows) - 1, None, 0.0)
         span = _span(trial, w, free_of, rows)
-        if p_flips > LOOK and span.gain < CLEAR:
+        if trial.hourly:
+            # all day long it would be a lateral inflow or an outflow's gain
+            spans = [span] if span.hours is not None and span.gain >= CLEAR else []
+        elif trial.dates == "all":
+            spans = [whole]
+        else:  # beside the best window always the whole season: a slow noise hides it from the search
+            spans = [whole, span] if _window(record, rows, span, trial)[1] else [whole]
+        if p_flips > LOOK and span.gain < CLEAR and not _promising(w, free_of, rows):
             continue
-        if trial.hourly and span.hours is None:
-            continue  # all day long: a lateral inflow or an outflow's gain
-        window, used = _window(record, rows, span, trial)
-        tried = _inside(trial, c, record, window)
-        if not np.abs(tried[:, split.fit]).any() or not np.abs(tried[:, split.select]).any():
-            continue  # nothing to fit it to, or to confirm it with
-        after = evaluate(model, tried)
-        fit, select, score_t, better, blocks_active = compared(
-            model, before, after, np.zeros(record.days), np.abs(tried).max(axis=(0, 2))
-        )
-        if trial.sign and trial.sign * after.coefficients[0] <= 0:
-            continue
-        p_value = p_flips
-        if span.gain > 0.0:
-            sums = _sums(w, free_of, rows)
-            if len(w) > 1 and not trial.hourly:
-                sums = combined(*sums, span)
-            chance = chance_of(*sums, span, split.block[rows], dated, max(fit + select, 0.0))
-            p_value = min(p_value, chance)
-        if p_value > LOOK:
-            continue
-        effect = trial.make(after.coefficients)
-        effect = (
-            replace(effect, dates=window[0] or effect.dates, hours=window[1] or effect.hours)
-            if used
-            else effect
-        )
-        result.append(
-            Proposal(trial.name, trial.label, effect, trial.free, window, p_value, after, tried,
-                     fit, select, score_t, better, blocks_active)
-        )  # fmt: skip
+        found_ = [_measured(model, before, trial, c, w, one_span, p_flips, shown) for one_span in spans]
+        result += sorted((f for f in found_ if f is not None), key=_worth)[-1:]
     return sorted(result, key=lambda p: -p.gain_select)
+
+
+def _worth(proposal: Proposal) -> float:
+    """Of two windows the one that gains more; dates have to gain their price."""
+    return proposal.gain_fit + proposal.gain_select - (DATES_PRICE if proposal.window[0] else 0.0)
+
+
+def _promising(w: Floats, r: Floats, rows: np.ndarray) -> bool:
+    """Whether the columns as a whole gain enough to be looked at."""
+    score, information = _sums(w, r, rows)
+    s, q = score.sum(axis=1), information.sum(axis=2)
+    return bool(0.5 * float(s @ np.linalg.lstsq(q, s, rcond=None)[0]) > PROMISING)
+
+
+def _measured(
+    model: Linear,
+    before: Evaluation,
+    trial: Trial,
+    c: Floats,
+    w: Floats,
+    span: Span,
+    p_flips: float,
+    shown: tuple[np.ndarray, Floats, np.ndarray, int],
+) -> Proposal | None:
+    """A trial in a window, with all its gains; None where it cannot be told or is likely chance."""
+    record, split = model.record, model.split
+    rows, free_of, blocks, dated = shown
+    window, used = _window(record, rows, span, trial)
+    tried = _inside(trial, c, record, window)
+    if not np.abs(tried[:, split.fit]).any() or not np.abs(tried[:, split.select]).any():
+        return None  # nothing to fit it to, or to confirm it with
+    after = evaluate(model, tried, thorough=trial.dates != "all")
+    if trial.sign and trial.sign * after.coefficients[0] <= 0:
+        return None
+    fit, select, t, better, active = compared(
+        model, before, after, np.zeros(record.days), np.abs(tried).max(axis=(0, 2))
+    )
+    sums = _sums(w, free_of, rows)
+    if len(w) > 1 and not trial.hourly:
+        sums = combined(*sums, span)
+    chance = chance_of(*sums, span, blocks, dated, max(fit + select, 0.0))
+    p_value = min(p_flips, chance)
+    if p_value > LOOK:
+        return None
+    effect = trial.make(after.coefficients)
+    if used:
+        effect = replace(effect, dates=window[0] or effect.dates, hours=window[1] or effect.hours)
+    return Proposal(
+        trial.name,
+        trial.label,
+        effect,
+        trial.free,
+        window,
+        p_value,
+        after,
+        tried,
+        fit,
+        select,
+        t,
+        better,
+        active,
+    )
 
 
 def _projected(r: Floats, X: Floats, days: np.ndarray) -> Floats:
