@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -51,6 +51,18 @@ accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
 
 glen-canyon-page: setup  ## the measured river beside what is known of it, written to docs/glen_canyon.md
 	$(BIN)/python -m benchmarks.glen_canyon
+
+hydraulic-page: setup  ## travel times and Table VI on the hydraulic truth, written to docs/hydraulic.md
+	$(BIN)/python -m benchmarks.hydraulic
+
+exam: setup  ## effects hidden in many simulated seasons, written to docs/exam.md; goes on where it was stopped
+	$(BIN)/python -m benchmarks.exam
+
+exam-quick: setup  ## the same with two seeds of each
+	$(BIN)/python -m benchmarks.exam --seeds 2 --nothing 10
+
+diagnose-real: setup  ## the hidden bypass of Glen Canyon Dam, written to docs/diagnose_real.md
+	$(BIN)/python -m benchmarks.diagnose_real
 
 figures: run  ## redraw the figures of the sample year from its stored results
 	$(BIN)/rivid figures $(OUT)/basse_isere

@@ -225,7 +225,7 @@ def _echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bo
         if effect.dates is not None and effect.family == "flow":
             first, last = (d.toordinal() for d in effect.dates)
             inside |= (days >= first) & (days <= last)
-            share += np.mean([first <= d.toordinal() <= last for d in record.dates])
+            share += float(np.mean([first <= d.toordinal() <= last for d in record.dates]))
     return bool(share < 0.7 and inside.mean() > 0.8)
 
 
@@ -242,7 +242,7 @@ def varied(
         return model, linear, after
     report(f"{effect.name}: a size that varies with the date")
     sizes = (float(getattr(effect, key)),) * knots
-    larger = replace(model, effects=(*model.effects[:-1], replace(effect, **{key: sizes})))
+    larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
     larger = calibrate(larger, fit, steps=3, report=report)
     other = larger.linear(linear.record, linear.split)
     told = evaluate(other)

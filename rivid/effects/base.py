@@ -3,7 +3,7 @@
 import datetime as dt
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -184,6 +184,10 @@ class Effect(ABC):
         ):
             raise ConfigError(f"{cls.name}: hours = {table['hours']!r}: expected [from, to] in hours")
         return cls(**given)
+
+    def with_values(self, **values: Any) -> Self:
+        """The same effect with other values of some parameters."""
+        return replace(self, **values)
 
     def to_table(self) -> dict[str, Any]:
         """The keys that give this effect again, for a configuration."""
