@@ -12,6 +12,7 @@ Answers are kept in build/exam: a second call goes on where the first was stoppe
 import argparse
 import json
 import math
+import os
 from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
@@ -149,6 +150,8 @@ def main() -> None:
         t for i, t in enumerate(tasks(said.seeds, said.nothing, said.only))
         if i % shards == mine and not (KEPT / key(*t)).exists()
     ]  # fmt: skip
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # for the processes to come: two side by side, one thread each
     if todo and not said.page_only:
         with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
             waiting = {pool.submit(case, *t): t for t in todo}

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.measure import PYTHON, functions_in_turn, in_turn, machine, median, process, table
+from benchmarks.saint_venant import sections
 from rivid.core import lanes
 from rivid.core.jmap import jmap
 from rivid.logs.write import write_day
@@ -137,6 +138,7 @@ def main() -> None:
         work = Path(directory)
         parts = [core(season), year(season, work, 2 if quick else 7)]
         parts.append(scale(season, work, [1, 2] if quick else [1, 10, 100]))
+        parts.append(sections())
     text = (
         "# Performance\n\nWritten by `make bench`. Ratios are medians of pairs measured in turn in one run; "
         f"absolute times are of this machine: {machine()}, numpy {np.__version__}.\n\n" + "\n".join(parts)

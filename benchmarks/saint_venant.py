@@ -3,13 +3,20 @@
 Usage: python -m benchmarks.saint_venant
 """
 
+import resource
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.exam import answered, recorded
 from benchmarks.measure import functions_in_turn, machine, median, table
 from rivid.reach.saint_venant import Channel, Flow, simulate
+from rivid.scenario import load_scenario
+from rivid.simulate import simulate as closed
+
+ROOT = Path(__file__).parent.parent
 
 T_S = 133.0
 PER_DAY = 650
@@ -78,6 +85,48 @@ def by_samples(channel: Channel, *day: NDArray[np.float64]) -> None:
         state = simulate(channel, time[two], inflow[two], outflow[two], state).end
 
 
+def closed_loop() -> str:
+    """Whole seasons of `rivid simulate`: people and water together, growth with cells and days."""
+    plain = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml")
+    rows = []
+    for cells, days in ((32, 60), (32, 332), (32, 664), (24, 332), (64, 332), (96, 332)):
+        assert plain.channel is not None
+        said = plain.model_copy(
+            update={
+                "days": days,
+                "missing_days": 0,
+                "channel": plain.channel.model_copy(update={"cells": cells}),
+            }
+        )
+        took = median(functions_in_turn({"season": lambda s=said: closed(s)}, 3)["season"])
+        rows.append([str(cells), str(days), f"{took:.2f} s", f"{days / took:,.0f}"])
+    return table(["cells", "days", "season in closed loop", "simulated days a second"], rows)
+
+
+def diagnoses() -> str:
+    """`rivid diagnose` on 60 and on 332 days of the uneven reach, one core, with what it needs of memory."""
+    base = load_scenario(ROOT / "configs" / "scenarios" / "effects" / "diurnal_inflow.toml")
+    rows = []
+    for days in (60, 332):
+        record = recorded(closed(base.model_copy(update={"days": days}), 1))
+        took = functions_in_turn({"diagnose": lambda r=record: answered(r)}, 1)["diagnose"][0]
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        rows.append([str(days), f"{took:.0f} s", f"{peak:.0f} MB"])
+    return table(["days", "diagnosis", "memory of the process at most"], rows)
+
+
+def sections() -> str:
+    """What `make bench` says of the simulated world and of the diagnosis."""
+    return (
+        "## The simulated world\n\nOpen loop, nudged, one core:\n\n"
+        + measured({f"{cells} cells": (cells, 60) for cells in (24, 48, 96)})
+        + "\n"
+        + closed_loop()
+        + "\n## The diagnosis\n\n"
+        + diagnoses()
+    )
+
+
 def main() -> None:
     """Run all and print."""
     print(
@@ -86,6 +135,8 @@ def main() -> None:
     print(measured({f"{cells} cells": (cells, 60) for cells in (24, 32, 48, 64, 96)}))
     print(measured({f"{days} days": (32, days) for days in (30, 120, 332)}))
     print(batch())
+    print(closed_loop())
+    print(diagnoses())
 
 
 if __name__ == "__main__":
