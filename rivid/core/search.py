@@ -1,0 +1,332 @@
+"""Delay by exhaustive search in the paper's simple models (Table IV): the direct and the indirect approach.
+
+For every candidate d the parameters are those of least squares, and the delay is the d of the smallest sum
+of squares. In both models one column of the regression depends on d alone, the filtered inflow at lag
+d + 1. So the other columns are projected out of everything once, and each candidate is one projection on
+what is left of its column. Residuals are formed sample by sample, never as a difference of sums of squares:
+filtered signals grow like ramps, and the differences between candidates are small against them.
+
+Days are lanes (:mod:`rivid.core.lanes`): a day's bits do not depend on its neighbours.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.core import lanes
+from rivid.errors import ConfigError, RividError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Strings = NDArray[np.str_]
+
+MIN_INDEPENDENCE = 1e-16
+"""A column of which the others leave no larger part (of its squared length) counts as their combination: at
+1e-16 its coefficient keeps eight digits, at 1e-32 none. Days of hydropeaking leave 3e-7 or more."""
+_NO_INFLOW = "the inflow never moves"
+
+DIRECT_PARAMETERS = ("alpha_i", "alpha_o")
+"""theta of (12): K_i T_s / A and K_o T_s / A [m per m3/s]."""
+
+INDIRECT_PARAMETERS = ("K_h alpha_o + 1", "-K_Q alpha_o", "alpha_i")
+"""theta of (14): [-], then [m per m3/s] twice."""
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Which delays are tried.
+
+    Parameters
+    ----------
+    d_min, d_max : int
+        Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
+
+    Raises
+    ------
+    ConfigError
+        For bounds in the wrong order, or below 1: at d = 0 two columns of (14) are the same.
+    """
+
+    d_min: int = 1
+    d_max: int = 15
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.d_min <= self.d_max:
+            raise ConfigError(
+                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
+            )
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """Delay of each day by exhaustive search; a leading axis of days, or none for a single day.
+
+    Attributes
+    ----------
+    delay : ndarray, shape (days,)
+        d [samples], the smallest of equals; NaN where the day is not identifiable.
+    candidates : ndarray of int, shape (K,)
+        The delays tried [samples].
+    criterion : ndarray, shape (days, K)
+        J of (11) [m2] or of (14) [m2: the filter is a plain sum].
+    parameters : ndarray, shape (days, P)
+        theta at the delay that was found, in the order of `names`.
+    names : tuple of str
+        :data:`DIRECT_PARAMETERS` or :data:`INDIRECT_PARAMETERS`.
+    noise_variance : ndarray, shape (days,)
+        Mean square of the residual v at that delay, 2 J [m2].
+    reason : ndarray of str, shape (days,)
+        Why a day is not identifiable; empty where it is.
+    """
+
+    delay: Floats
+    candidates: Ints
+    criterion: Floats
+    parameters: Floats
+    names: tuple[str, ...]
+    noise_variance: Floats
+    reason: Strings
+
+    @property
+    def identifiable(self) -> NDArray[np.bool_]:
+        """Whether (13) or (15) has one solution for every candidate, shape (days,)."""
+        return np.asarray(self.reason == "")
+
+    @property
+    def status(self) -> Strings:
+        """ "ok" or "unidentifiable", shape (days,)."""
+        return np.where(self.identifiable, "ok", "unidentifiable")
+
+
+def direct(
+    inflow: ArrayLike,
+    outflow: ArrayLike,
+    level: ArrayLike,
+    settings: SearchSettings | None = None,
+    **changes: Any,
+) -> SearchResult:
+    """The direct approach: the reach (8) fitted as if its outflow were not decided by people.
+
+    ``h_L[k] = alpha_i u_Qi^f[k-1-d] - alpha_o u_Qo^f[k-1] + v[k]``, where f is the integrator filter
+    ``x^f[k] = x^f[k-1] + x[k]``.
+
+    Parameters
+    ----------
+    inflow, outflow : array_like, shape (N,) or (days, N)
+        u_Qi and u_Qo [m3/s].
+    level : array_like, same shape
+        h_L [m].
+    settings : SearchSettings, optional
+        The paper's bounds, 1 and 15, by default.
+    **changes
+        Single settings to change, ``direct(u, o, h, d_max=20)``.
+
+    Returns
+    -------
+    SearchResult
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or too few samples for the longest delay.
+
+    Notes
+    -----
+    Source: (8), (11)-(13), Table IV. Readings where the paper leaves a choice:
+
+    - Delta x is x less the day's first sample, and zero before it ("initial condition and stationary point",
+      Table III); deviations come out of it unchanged. What is out of balance at the first sample, and the
+      gauge's error in it, so stay in v.
+    - The filter starts from zero at the first sample.
+    - All N rows count for every candidate, as the sums of (11) say; all candidates fit the same samples.
+    - No sign is asked of theta, and no interval: a delay at d_min or d_max may lie beyond.
+    - A day is not identifiable if (13) is singular for any candidate, since then not all of D is compared.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> u, o = np.cumsum(rng.normal(size=(2, 300)), axis=1)
+    >>> late = np.r_[np.zeros(8), np.cumsum(u - u[0])[:-8]]
+    >>> h = 2e-4 * (late - np.r_[0.0, np.cumsum(o - o[0])[:-1]])
+    >>> found = direct(u, o, h)
+    >>> found.delay, found.parameters.round(9).tolist()
+    (np.float64(7.0), [0.0002, 0.0002])
+    """
+    settings = replace(settings or SearchSettings(), **changes)
+    columns = {"inflow": inflow, "outflow": outflow, "level": level}
+    (u, o, h), single = _as_days(columns, settings.d_max + 1 + len(DIRECT_PARAMETERS))
+    still = [(h, "the level never moves"), (u, _NO_INFLOW), (o, "the outflow never moves")]
+    found = _search(h, [-_filtered(o)], u, DIRECT_PARAMETERS, still, settings)
+    # the candidate's column, last there, is first in (12)
+    found = replace(found, parameters=found.parameters[:, ::-1].copy())
+    return _only_day(found) if single else found
+
+
+def indirect(
+    inflow: ArrayLike, level: ArrayLike, settings: SearchSettings | None = None, **changes: Any
+) -> SearchResult:
+    """The indirect approach: reach and people together (10), from the inflow to the level.
+
+    ``h_L^f[k] = (K_h alpha_o + 1) h_L^f[k-1] - K_Q alpha_o u_Qi^f[k-1] + alpha_i u_Qi^f[k-d-1] + v[k]``: (10)
+    divided by ``1 - q^-1``, so that what is left over is v itself.
+
+    Parameters
+    ----------
+    inflow : array_like, shape (N,) or (days, N)
+        u_Qi [m3/s].
+    level : array_like, same shape
+        h_L [m].
+    settings, **changes
+        As for :func:`direct`.
+
+    Returns
+    -------
+    SearchResult
+
+    Raises
+    ------
+    RividError
+        As for :func:`direct`.
+
+    Notes
+    -----
+    Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
+    noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be told apart.
+    """
+    settings = replace(settings or SearchSettings(), **changes)
+    columns = {"inflow": inflow, "level": level}
+    (u, h), single = _as_days(columns, settings.d_max + 1 + len(INDIRECT_PARAMETERS))
+    still = [(h, "the level never moves"), (u, _NO_INFLOW)]
+    h_f = _filtered(h)
+    found = _search(h_f, [h_f, _filtered(u)], u, INDIRECT_PARAMETERS, still, settings)
+    return _only_day(found) if single else found
+
+
+def _search(
+    target: Floats,
+    shared: list[Floats],
+    u: Floats,
+    names: tuple[str, ...],
+    still: list[tuple[Floats, str]],
+    settings: SearchSettings,
+) -> SearchResult:
+    """Table IV for signals of shape (days, N); theta has the candidate's column last.
+
+    The regression's columns are `shared` at lag 1 and the filtered u at lag d + 1. `still` holds the signals
+    that must move, each with what to say where it does not.
+    """
+    n, candidates = len(u), np.arange(settings.d_min, settings.d_max + 1)
+    J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
+    least = np.empty(n)
+    signals = [target, *shared, _filtered(u)]
+    for days, take in lanes.blocks(n):
+        here = slice(0, days.stop - days.start)
+        of_block = _fit([x[take].T.copy() for x in signals], candidates)
+        J[days], theta[days], least[days] = (values[..., here].T for values in of_block)
+    last = settings.d_max + 1
+    why = [(~x.any(axis=1), words) for x, words in still]
+    why += [
+        (~u[:, :-last].any(axis=1), f"the inflow moves in the last d_max + 1 = {last} samples only"),
+        (~(least > MIN_INDEPENDENCE), "the regression's columns move as one: no unique solution"),
+    ]
+    reason = np.select([mask for mask, _ in why], [words for _, words in why], "")
+    bad = reason != ""
+    J[bad], theta[bad] = np.nan, np.nan
+    best = np.where(bad, 0, np.argmin(J, axis=1))
+    return SearchResult(
+        delay=np.where(bad, np.nan, candidates[best]),
+        candidates=candidates,
+        criterion=J,
+        parameters=theta[np.arange(n), best],
+        names=names,
+        noise_variance=2 * J[np.arange(n), best],
+        reason=reason,
+    )
+
+
+def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Floats]:
+    """(13) or (15) and J for every candidate, by modified Gram-Schmidt; the signals are (N, lanes).
+
+    Gives J (K, lanes), theta (P, K, lanes), and the least part of a column that those before it leave.
+    """
+    target, *shared, u_f = signals
+    (N, n_lanes), P = target.shape, len(shared) + 1
+    J, theta = np.empty((len(candidates), n_lanes)), np.empty((P, len(candidates), n_lanes))
+    least = np.ones(n_lanes)
+    with np.errstate(invalid="ignore", divide="ignore"):  # columns that never move
+        basis: list[Floats] = []
+        R = np.zeros((P, P, n_lanes))  # column j is what is left of it, plus the basis times R[:, j]
+        for j, x in enumerate(shared):
+            column = _lagged(x, 1)
+            R[:j, j], rest = _project(column, basis)
+            least = np.minimum(least, _dot(rest, rest) / _dot(column, column))
+            basis.append(rest)
+        on_basis, left = _project(target, basis)
+        for i, d in enumerate(candidates):
+            column = _lagged(u_f, d + 1)
+            R[:-1, -1], rest = _project(column, basis)
+            length = _dot(rest, rest)
+            least = np.minimum(least, length / _dot(column, column))
+            theta[:-1, i], theta[-1, i] = on_basis, _dot(rest, left) / length
+            v = left - theta[-1, i] * rest
+            J[i] = 0.5 * _dot(v, v) / N
+            for j in range(P - 1, 0, -1):
+                theta[:j, i] -= R[:j, j] * theta[j, i]
+    return J, theta, least
+
+
+def _as_days(columns: dict[str, ArrayLike], needed: int) -> tuple[list[Floats], bool]:
+    """Check the columns and give their deviations from the first sample, (days, N); tells a single day."""
+    days = [np.asarray(values, float) for values in columns.values()]
+    shapes = [values.shape for values in days]
+    if len(set(shapes)) > 1 or len(shapes[0]) not in (1, 2):
+        told = ", ".join(f"{name} {shape}" for name, shape in zip(columns, shapes, strict=True))
+        raise RividError(f"shapes {told}: expected the same for all, (N,) or (days, N)")
+    single = len(shapes[0]) == 1
+    days = [np.atleast_2d(values) for values in days]
+    if days[0].shape[1] <= needed:
+        raise RividError(
+            f"{days[0].shape[1]} samples a day: this d_max needs more than {needed}, lower d_max or join days"
+        )
+    for name, values in zip(columns, days, strict=True):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise RividError(
+                f"{name} is not finite everywhere on {len(bad)} days, first on row {bad[0]}: mask them"
+            )
+    return [values - values[:, :1] for values in days], single
+
+
+def _only_day(found: SearchResult) -> SearchResult:
+    """The result of a single day, without the axis of days."""
+    names = ("delay", "criterion", "parameters", "noise_variance", "reason")
+    return replace(found, **{name: getattr(found, name)[0] for name in names})
+
+
+def _filtered(x: Floats) -> Floats:
+    """``x^f = x / (1 - q^-1)``, shape (days, N)."""
+    return np.cumsum(x, axis=1)
+
+
+def _lagged(x: Floats, lag: int) -> Floats:
+    """``x[k - lag]``, zero before the first sample, shape (N, lanes)."""
+    late = np.zeros(x.shape)
+    late[lag:] = x[:-lag]
+    return late
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Inner product of each lane."""
+    return np.asarray(np.einsum("nb,nb->b", a, b))
+
+
+def _project(column: Floats, basis: list[Floats]) -> tuple[Floats, Floats]:
+    """Coefficients of the column on the orthogonal basis, and what the basis leaves of it."""
+    rest = column.copy()
+    on = np.empty((len(basis), column.shape[1]))
+    for j, direction in enumerate(basis):
+        on[j] = _dot(direction, rest) / _dot(direction, direction)
+        rest -= on[j] * direction
+    return on, rest

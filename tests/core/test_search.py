@@ -1,0 +1,262 @@
+"""Table IV against plain loops with numpy's least squares, and against reaches whose delay is known."""
+
+import time
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from rivid.core.search import SearchSettings, direct, indirect
+from rivid.errors import ConfigError, RividError
+from rivid.reach.response import integrator_delay, theoretical_fir
+from rivid.scenario import Scenario
+from rivid.simulate import simulate
+
+ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
+
+
+def programme(rng, shape):
+    """Flows that step now and then, as hydropeaking does [m3/s]."""
+    moves = (rng.random(shape) < 0.15) * rng.normal(scale=12.0, size=shape)
+    return 300.0 + np.cumsum(moves, axis=-1)
+
+
+def open_loop(d, seed, noise, n=3, N=300):
+    """(8) with an outflow that knows nothing of the level."""
+    rng = np.random.default_rng([seed, d])
+    u, o = programme(rng, (n, N)), programme(rng, (n, N))
+    h = integrator_delay(u - u[:, :1], o - o[:, :1], d, ALPHA_I, ALPHA_O)
+    v = noise * rng.normal(size=(n, N))
+    return u, o, 118.0 + h + v - v[:, :1]
+
+
+def regulated(d, seed, noise, n=3, N=300):
+    """(10): reach and people together, v shaped as there."""
+    rng = np.random.default_rng([seed, d])
+    u = programme(rng, (n, N))
+    h = theoretical_fir(N, d, ALPHA_I, ALPHA_O, K_Q, K_H)
+    level = np.stack([np.convolve(row, h)[:N] for row in u - u[:, :1]])
+    v = noise * rng.normal(size=(n, N))
+    v[:, 0] = 0.0
+    return u, 118.0 + level + lfilter([1.0, -1.0], [1.0, -(K_H * ALPHA_O + 1.0)], v)
+
+
+def before(x, k):
+    """x[k] of a signal that is zero before its first sample."""
+    return x[k] if k >= 0 else 0.0
+
+
+def integrated(x):
+    """x^f, sample by sample."""
+    x_f, total = [], 0.0
+    for value in x:
+        total += value - x[0]
+        x_f.append(total)
+    return x_f
+
+
+def plain(target, phi, N, delays):
+    """Table IV: J and theta of every candidate; phi(k, d) gives the row."""
+    J, theta = [], []
+    for d in delays:
+        rows = np.array([phi(k, d) for k in range(N)])
+        scale = np.sqrt((rows**2).sum(axis=0))
+        solution = np.linalg.lstsq(rows / scale, np.array(target))[0] / scale
+        J.append(np.mean([0.5 * (target[k] - rows[k] @ solution) ** 2 for k in range(N)]))
+        theta.append(solution)
+    return np.array(J), np.array(theta)
+
+
+def plain_direct(u, o, h, delays):
+    u_f, o_f = integrated(u), integrated(o)
+    return plain(
+        h - h[0], lambda k, d: [before(u_f, k - 1 - d), -before(o_f, k - 1)], len(h), delays
+    )  # fmt: skip
+
+
+def plain_indirect(u, h, delays):
+    u_f, h_f = integrated(u), integrated(h)
+    return plain(
+        h_f, lambda k, d: [before(h_f, k - 1), before(u_f, k - 1), before(u_f, k - d - 1)], len(h), delays
+    )
+
+
+@pytest.fixture(scope="module")
+def season():
+    return simulate(Scenario(days=40, seed=3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_searches_are_the_plain_loops_with_least_squares(seed):
+    d = 3 + 2 * seed
+    u, o, h = open_loop(d, seed, noise=0.003, n=2, N=200)
+    found, delays = direct(u, o, h, d_max=12), range(1, 13)
+    for i in range(2):
+        J, theta = plain_direct(u[i], o[i], h[i], delays)
+        np.testing.assert_allclose(found.criterion[i], J, rtol=1e-8)
+        assert found.delay[i] == delays[np.argmin(J)]
+        np.testing.assert_allclose(found.parameters[i], theta[np.argmin(J)], rtol=1e-8)
+        assert found.noise_variance[i] == pytest.approx(2 * J.min(), rel=1e-8)
+    u, h = regulated(d, seed, noise=0.003, n=2, N=200)
+    found = indirect(u, h, d_max=12)
+    for i in range(2):
+        J, theta = plain_indirect(u[i], h[i], delays)
+        np.testing.assert_allclose(found.criterion[i], J, rtol=1e-7)
+        assert found.delay[i] == delays[np.argmin(J)]
+        np.testing.assert_allclose(found.parameters[i], theta[np.argmin(J)], rtol=1e-6)
+
+
+def test_they_are_so_on_days_of_a_managed_reach_too(season):
+    u, o, h = season.inflow[:3], season.outflow[:3], season.level[:3]
+    one, other = direct(u, o, h), indirect(u, h)
+    for i in range(3):
+        J, theta = plain_direct(u[i], o[i], h[i], range(1, 16))
+        np.testing.assert_allclose(one.criterion[i], J, rtol=1e-8)
+        np.testing.assert_allclose(one.parameters[i], theta[np.argmin(J)], rtol=1e-6)
+        J, theta = plain_indirect(u[i], h[i], range(1, 16))
+        np.testing.assert_allclose(other.criterion[i], J, rtol=1e-7)
+        np.testing.assert_allclose(other.parameters[i], theta[np.argmin(J)], rtol=1e-5)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.0005])
+def test_the_direct_search_finds_every_delay_of_the_open_loop(noise):
+    for d in range(2, 15):
+        for seed in range(5):
+            found = direct(*open_loop(d, seed, noise))
+            assert found.delay.tolist() == [d] * 3, (d, seed)
+            if noise == 0.0:
+                np.testing.assert_allclose(found.parameters, [[ALPHA_I, ALPHA_O]] * 3, rtol=1e-9)
+                assert (found.noise_variance < 1e-20).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.0005])
+def test_the_indirect_search_finds_every_delay_of_the_regulated_reach(noise):
+    for d in range(2, 15):
+        for seed in range(5):
+            found = indirect(*regulated(d, seed, noise))
+            assert found.delay.tolist() == [d] * 3, (d, seed)
+            if noise == 0.0:
+                theta = [K_H * ALPHA_O + 1, -K_Q * ALPHA_O, ALPHA_I]
+                np.testing.assert_allclose(found.parameters, [theta] * 3, rtol=1e-7)
+
+
+def test_the_direct_parameters_scatter_as_least_squares_says():
+    # theta - truth ~ N(0, sigma2 (X'X)^-1): its square, weighed so, has mean 2 and variance 4
+    N, sigma, n = 300, 0.002, 400
+    rng = np.random.default_rng(8)
+    u, o = programme(rng, N), programme(rng, N)
+    u_f, o_f = np.cumsum(u - u[0]), np.cumsum(o - o[0])
+    X = np.stack([np.r_[np.zeros(7), u_f[:-7]], -np.r_[0.0, o_f[:-1]]], axis=1)
+    v = sigma * rng.normal(size=(n, N))
+    v[:, 0] = 0.0  # Delta h_L is zero at the first sample
+    found = direct(np.tile(u, (n, 1)), np.tile(o, (n, 1)), X @ [ALPHA_I, ALPHA_O] + v, d_min=6, d_max=6)
+    error = found.parameters - [ALPHA_I, ALPHA_O]
+    squares = np.einsum("ni,ij,nj->n", error, X.T @ X, error) / sigma**2
+    assert abs(squares.mean() - 2.0) < 4 * 2.0 / np.sqrt(n)
+    expected = sigma**2 * (N - 3) / N  # N - 1 rows with noise, two parameters
+    assert abs(found.noise_variance.mean() / expected - 1) < 4 * np.sqrt(2 / (N - 3) / n)
+
+
+def test_where_the_answers_fall_on_managed_days_is_measured(season, record_property):
+    # nothing is asked of the shares: what the paper found on its year is a finding, not a rule
+    for name, found in (
+        ("direct", direct(season.inflow, season.outflow, season.level)),
+        ("indirect", indirect(season.inflow, season.level)),
+    ):
+        counts = np.bincount(found.delay.astype(int), minlength=16)[1:]
+        right = (found.delay == season.delay) | (found.delay == season.delay_other)
+        record_property(f"{name}: days at d = 1..15", counts.tolist())
+        record_property(f"{name}: share of right days", float(right.mean()))
+        assert found.identifiable.all() and counts.sum() == 40
+        chosen = found.criterion[np.arange(40), found.delay.astype(int) - 1]
+        assert (chosen == found.criterion.min(axis=1)).all()
+
+
+@pytest.mark.parametrize("size", [1, 7, 200])
+def test_a_days_bits_do_not_depend_on_its_neighbours(size, season):
+    u, o, h = (np.tile(x, (9, 1))[:340] for x in (season.inflow, season.outflow, season.level))
+    order = np.random.default_rng(size).permutation(340)
+    for whole, part in (
+        (direct(u, o, h), lambda i: direct(u[i], o[i], h[i])),
+        (indirect(u, h), lambda i: indirect(u[i], h[i])),
+    ):
+        for days in (order[:size], order[-size:]):
+            again = part(days)
+            for f in fields(whole):
+                if f.name not in ("candidates", "names"):
+                    np.testing.assert_array_equal(getattr(again, f.name), getattr(whole, f.name)[days])
+
+
+def test_days_without_motion_say_so_and_leave_the_others_alone():
+    u, o, h = open_loop(5, 1, 0.001, n=6)
+    alone = direct(u[5], o[5], h[5])
+    h[0], u[1], o[2] = 118.0, 300.0, 250.0
+    u[3, :-16] = 300.0
+    o[4] = 300.0 + 0.7 * np.r_[np.full(3, u[4, 0]), u[4, :-3]]
+    found = direct(u, o, h)
+    words = ["level never", "inflow never", "outflow never", "last d_max + 1 = 16 samples", "move as one", ""]
+    assert all(w in reason for w, reason in zip(words, found.reason, strict=True)), found.reason
+    assert found.status.tolist() == ["unidentifiable"] * 5 + ["ok"]
+    for values in (found.delay, found.criterion, found.parameters, found.noise_variance):
+        assert np.isnan(values[:5]).all() and np.isfinite(values[5]).all()
+    assert found.delay[5] == alone.delay
+    reasons = indirect(u, h).reason
+    assert [bool(r) for r in reasons] == [True, True, False, True, False, False]
+
+
+def test_an_outflow_that_follows_the_inflow_at_one_candidates_delay_is_found_out():
+    u, _, h = open_loop(5, 2, 0.001, n=1)
+    for d in range(1, 16):
+        o = np.r_[np.full(d, u[0, 0]), u[0, :-d]][None]
+        assert "move as one" in direct(u, o, h).reason[0]
+    o = np.r_[np.full(20, u[0, 0]), u[0, :-20]][None]
+    assert direct(u, o, h).identifiable.all()
+
+
+def test_a_level_kept_exactly_still_is_not_identifiable():
+    u = programme(np.random.default_rng(0), (1, 200))
+    assert indirect(u, np.full((1, 200), 118.0)).status.tolist() == ["unidentifiable"]
+
+
+def test_one_day_comes_without_an_axis_of_days_and_deviations_are_as_good_as_readings():
+    u, o, h = open_loop(4, 3, 0.0005)
+    found, days = direct(u[0] - u[0, 0], o[0] - o[0, 0], h[0] - h[0, 0]), direct(u, o, h)
+    assert found.delay.shape == () and found.criterion.shape == (15,) and found.parameters.shape == (2,)
+    assert found.status == "ok" and found.identifiable
+    np.testing.assert_array_equal(found.criterion, days.criterion[0])
+    assert indirect(u[0], h[0]).parameters.shape == (3,)
+
+
+def test_no_days_give_no_days():
+    nothing = np.empty((0, 100))
+    assert direct(nothing, nothing, nothing).criterion.shape == (0, 15)
+    assert indirect(nothing, nothing).parameters.shape == (0, 3)
+
+
+def test_a_year_takes_well_under_a_second(season):
+    u, o, h = (np.tile(x, (9, 1))[:332] for x in (season.inflow, season.outflow, season.level))
+    start = time.process_time()
+    direct(u, o, h)
+    indirect(u, h)
+    assert time.process_time() - start < 0.5
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 15), (5, 4), (-1, -1)])
+def test_bounds_in_the_wrong_order_are_told(low, high):
+    with pytest.raises(ConfigError, match=f"d_min = {low} and d_max = {high}"):
+        SearchSettings(d_min=low, d_max=high)
+
+
+@pytest.mark.parametrize(
+    ("u", "h", "words"),
+    [
+        (np.zeros(50), np.zeros(49), r"inflow \(50,\), level \(49,\)"),
+        (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "expected the same"),
+        (np.zeros(19), np.zeros(19), "needs more than 19"),
+        (np.full((2, 50), np.nan), np.zeros((2, 50)), "inflow is not finite everywhere on 2 days"),
+    ],
+)
+def test_input_that_does_not_fit_is_told(u, h, words):
+    with pytest.raises(RividError, match=words):
+        indirect(u, h)
