@@ -24,7 +24,7 @@ Strings = NDArray[np.str_]
 
 MIN_INDEPENDENCE = 1e-16
 """A column of which the others leave no larger part (of its squared length) counts as their combination: at
-1e-16 its coefficient keeps eight digits, at 1e-32 none. Days of hydropeaking leave 3e-7 or more."""
+1e-16 its coefficient keeps eight digits, at 1e-32 none. Days of the sample year leave 3e-7 or more."""
 _NO_INFLOW = "the inflow never moves"
 
 DIRECT_PARAMETERS = ("alpha_i", "alpha_o")
