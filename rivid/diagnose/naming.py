@@ -11,6 +11,8 @@ from rivid.diagnose.propose import Proposal
 LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""
 LEAST_T = 2.0
+SURE, LEAST_SURE = 1e-6, 12.0
+"""p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter."""
 FEW_BLOCKS = 3
 """With fewer blocks of selecting days on which it acts, t says little, and the gain alone decides."""
 MATERIAL = (0.06, 0.08, 0.20)
@@ -62,7 +64,8 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
         return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and bool(
             (proposal.improvement >= MATERIAL[: len(proposal.improvement)]).any()
         )
-    if proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
+    sure = proposal.p_value <= SURE and proposal.gain_select > LEAST_SURE and proposal.t >= 1.0
+    if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False
     if proposal.name == "sensor_step":
         return proposal.gain_fit > LEAST_STEP

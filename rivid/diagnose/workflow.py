@@ -186,6 +186,10 @@ def look(
             )
         rounds.append(Round(evaluation, tuple(found), choice, after))
         evaluation = after
+    if patched(rounds):
+        report("releases at several hours of every day: no schedule, but a course that has no name here")
+        rounds = [replace(rounds[0], choice=None, after=None)]
+        model, linear, evaluation = first, first_linear, first_evaluation
     return Study(
         record,
         dealt,
@@ -198,6 +202,17 @@ def look(
         tuple(rounds),
         kernels,
     )
+
+
+def patched(rounds: Sequence[Round]) -> bool:
+    """Whether releases at several hours of every day stand in for something else.
+
+    One schedule a dam is a release; a second one at other hours all the season long is a patch on a course
+    that releases cannot follow.
+    """
+    chosen = [r.choice.proposal for r in rounds if r.choice is not None]
+    daily = [p for p in chosen if "release" in p.name and p.window[0] is None and p.window[1] is not None]
+    return len(daily) >= 2
 
 
 def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Model:
