@@ -120,6 +120,147 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Regime:
+    """The gap while the reach is in one state; see :mod:`rivid.diagnose.regimes`.
+
+    Attributes
+    ----------
+    name : str
+        Canonical, say ``inflow_low``.
+    words : str
+        The state in words, with its numbers.
+    rmse_baseline, rmse_augmented : tuple of float
+        At each horizon, of forecasts that end in this state; NaN where there are none.
+    targets : tuple of int
+        How many forecasts that is at each horizon.
+    """
+
+    name: str
+    words: str
+    rmse_baseline: tuple[float, ...]
+    rmse_augmented: tuple[float, ...]
+    targets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Operators:
+    """How the outflow command answers, identified from the logs; see :mod:`rivid.diagnose.operator_law`.
+
+    Attributes
+    ----------
+    feedforward : float
+        Outflow for inflow [-].
+    lag_s : float
+        How long after the inflow command [s].
+    level_gain : float
+        Outflow for each metre of level above the band about the set point [m2/s].
+    trim_time_s : float or None
+        Time in which a lasting deviation adds as much again [s]; None where it never does.
+    dead_band : float
+        Deviation of the level that nobody acts on [m].
+    set_point : float
+        Level aimed at, on a usual day [m].
+    look_s : float
+        Longest time between two looks [s].
+    notice : float
+        Move of the inflow that makes them look at once [m3/s].
+    quantum : float
+        Step of the command [m3/s]; 0 where none is seen.
+    r2 : float
+        Share of the hourly changes of the outflow that the law explains on the selecting days [-].
+    r2_inflow : float
+        The same without the level.
+    change, left : float
+        Root mean square of those changes, and of what the law leaves of them [m3/s].
+    """
+
+    feedforward: float
+    lag_s: float
+    level_gain: float
+    trim_time_s: float | None
+    dead_band: float
+    set_point: float
+    look_s: float
+    notice: float
+    quantum: float
+    r2: float
+    r2_inflow: float
+    change: float
+    left: float
+
+
+@dataclass(frozen=True)
+class LoopErrors:
+    """A simulation beside the measurement, over the days kept apart.
+
+    Attributes
+    ----------
+    open_level : float
+        RMSE of the level with the logged outflow [m].
+    level, outflow : float
+        RMSE of level [m] and outflow command [m3/s] with the operator model in the loop.
+    spread : float
+        Standard deviation of the simulated level about each day's mean, in the loop [m].
+    """
+
+    open_level: float
+    level: float
+    outflow: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class LoopDay:
+    """One day in closed loop, for the picture; all of length n, with NaN where nothing counts.
+
+    Attributes
+    ----------
+    date : datetime.date
+    hour : tuple of float
+        [h].
+    inflow : tuple of float
+        Logged [m3/s].
+    level, outflow : tuple of tuple of float
+        Measured, simulated without, and with the named effects [m], [m3/s].
+    """
+
+    date: dt.date
+    hour: tuple[float, ...]
+    inflow: tuple[float, ...]
+    level: tuple[tuple[float, ...], ...]
+    outflow: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """The reach with its operators, driven by the logged inflow alone.
+
+    Attributes
+    ----------
+    operators : Operators or None
+        None where the logs do not move enough to see any.
+    reason : str
+        Why there is no loop; empty where there is one.
+    days : int
+        Days kept apart that were simulated to their end.
+    spread_measured : float or None
+        Standard deviation of the measured level about each day's mean [m].
+    baseline, augmented : LoopErrors or None
+        Without and with the named effects; None where the operators cannot be modelled.
+    shown : LoopDay or None
+        Not part of diagnosis.json.
+    """
+
+    operators: Operators | None
+    reason: str
+    days: int = 0
+    spread_measured: float | None = None
+    baseline: LoopErrors | None = None
+    augmented: LoopErrors | None = None
+    shown: LoopDay | None = None
+
+
+@dataclass(frozen=True)
 class Gap:
     """Error of the simulation on days that nothing was fitted to or chosen by.
 
@@ -136,6 +277,8 @@ class Gap:
     closed, closed_forecast : float or None
         Share of the gap that is closed: with events timed on the day itself, and without.
     steps : tuple of Step
+    by_regime : tuple of Regime
+        The gap by the state of the reach, events as known beforehand.
     """
 
     heldout_dates: tuple[dt.date, ...]
@@ -147,6 +290,7 @@ class Gap:
     closed: float | None
     closed_forecast: float | None
     steps: tuple[Step, ...]
+    by_regime: tuple[Regime, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -168,6 +312,8 @@ class Diagnosis:
         The noise model, SI units.
     notes : tuple of str
         What the reader must know: parameters at limits, days left out, what was held fixed.
+    closed_loop : ClosedLoop or None
+        None for a river reach, which has no operators below.
     """
 
     verdict: Verdict
@@ -179,10 +325,14 @@ class Diagnosis:
     gap: Gap | None = None
     noise: dict[str, float] | None = None
     notes: tuple[str, ...] = ()
+    closed_loop: ClosedLoop | None = None
 
     def to_json(self) -> str:
         """The text of diagnosis.json; numbers that are not finite become null."""
-        return json.dumps(_plain(asdict(self)), indent=1, allow_nan=False) + "\n"
+        told = asdict(self)
+        if told["closed_loop"] is not None:
+            del told["closed_loop"]["shown"]
+        return json.dumps(_plain(told), indent=1, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:
