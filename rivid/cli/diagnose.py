@@ -50,7 +50,7 @@ def command(
     from rivid.config import load_config
     from rivid.diagnose.augmented import read_effects, write_model
     from rivid.diagnose.days import read_record
-    from rivid.diagnose.setting import gauge_floor_of, library_of, response_of
+    from rivid.diagnose.setting import gauge_floor_of, library_of, responses_of
     from rivid.diagnose.table import summary
     from rivid.diagnose.workflow import diagnose
     from rivid.diagnose.writing import write_diagnosis
@@ -73,7 +73,7 @@ def command(
     )  # fmt: skip
     record = logs.record
     answer, evidence = diagnose(
-        record, response_of(settings, record), classes, gauge_floor=gauge_floor_of(settings, record),
+        record, responses_of(settings, record), classes, gauge_floor=gauge_floor_of(settings, record),
         start=start, most=settings.diagnose.most_effects, report=report,
     )  # fmt: skip
     if logs.failed:

@@ -40,3 +40,12 @@ def step_response(response: Response, record: Record, place: float) -> Floats:
     more = Changes(added=(AddedFlow(place, later),))
     answer = response.simulate(still, more) - response.simulate(still, Changes())
     return np.asarray(answer[0, 1:] / TRIAL)
+
+
+def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
+    """Step responses: an inflow at the upper dam and in the middle, a release at the lower dam."""
+    return {
+        "up": step_response(response, record, 0.0),
+        "middle": step_response(response, record, 0.5),
+        "down": -step_response(response, record, 1.0),
+    }

@@ -6,17 +6,42 @@ from rivid.config import Config
 from rivid.core.hydraulics import travel_bounds
 from rivid.diagnose.data import Record
 from rivid.diagnose.hydraulic_response import HydraulicResponse
+from rivid.diagnose.linear_response import Fronts, LinearPool
 from rivid.diagnose.response import Response
 from rivid.diagnose.river_response import RiverResponse
 from rivid.effects import Effect, effect_classes
 from rivid.errors import ConfigError
 
+FALLBACKS: tuple[Fronts, ...] = ("none", "zero", "fir")
 SPREAD = 0.3
 """Of a river's arrivals, first guess, as a share of its delay."""
 
 
+def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
+    """Nominal responses of the configured reach, in order of preference.
+
+    A pool: Saint-Venant, the integrator with its delay, the same with fronts, FIRs on both flows. A river: a
+    diffusive wave.
+
+    Raises
+    ------
+    ConfigError
+        Where the geometry gives none.
+    """
+    first = response_of(config, record)
+    if record.kind == "river":
+        return (first,)
+    reach = config.reach
+    bounds = travel_bounds(record.usual_flow, length=reach.length, width=reach.width, depth=reach.depth)
+    rest = [
+        LinearPool.nominal(record, fronts, surface_area=reach.surface_area, delay=bounds.gravity)
+        for fronts in FALLBACKS
+    ]
+    return (first, *rest)
+
+
 def response_of(config: Config, record: Record) -> Response:
-    """The nominal response of the configured reach: Saint-Venant for a pool, a diffusive wave for a river."""
+    """The first of them: Saint-Venant for a pool, a diffusive wave for a river."""
     reach, flow = config.reach, record.usual_flow
     if reach.kind == "river":
         bounds = travel_bounds(flow, length=reach.length, width=reach.width, depth=reach.depth)

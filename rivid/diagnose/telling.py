@@ -28,7 +28,7 @@ from rivid.effects import Effect
 
 if TYPE_CHECKING:
     from rivid.diagnose.fit import Model
-    from rivid.diagnose.workflow import Round, Study
+    from rivid.diagnose.study import Round, Study
 
 Z_95 = 1.959964
 WORSE = 1.01
@@ -62,7 +62,7 @@ def tell(
     floor : sequence of float, optional
         RMSE at each horizon of the model that knows the truth.
     """
-    named = tuple(r for r in study.rounds if r.choice is not None)
+    named = study.named
     gap = _gap(study, named, floor)
     evidence = _evidence(study)
     unknown = _unknown(study, evidence)

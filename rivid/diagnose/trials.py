@@ -14,10 +14,20 @@ import numpy as np
 
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.score import Dates
-from rivid.effects import Effect
+from rivid.effects import CATALOGUE, Effect
 from rivid.effects.base import DAY
 
 HOURS_A_DAY = 24
+RIVER = {
+    "lateral_inflow",
+    "diurnal_inflow",
+    "unlogged_upstream_release",
+    "inflow_gain_error",
+    "clock_offset",
+    "flow_dependent_delay",
+    "wave_attenuation",
+}
+"""Effects of the catalogue that make sense without an outflow and a level."""
 Window = tuple[tuple[dt.date, dt.date] | None, tuple[float, float] | None]
 
 
@@ -244,3 +254,11 @@ def columns_of(trial: Trial, baseline: Callable[[Sequence[Effect]], Floats], bef
             for effect, size in zip(trial.effects, trial.sizes, strict=True)
         ]
     )
+
+
+def trials_of(classes: dict[str, type[Effect]], record: Record) -> list[Trial]:
+    """Trials that make sense for a record: a river reach has no outflow and no level."""
+    found = pool_trials(classes, record.sample_time)
+    if record.kind == "pool":
+        return found
+    return [t for t in found if t.name in RIVER or t.name not in CATALOGUE]

@@ -1,0 +1,157 @@
+"""A named effect in the simulator: added, refitted, its events coded again, dropped when it is needless."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rivid.diagnose.data import Floats, Record
+from rivid.diagnose.fit import Model, calibrate
+from rivid.diagnose.happenings import as_effect, lock, rain, search
+from rivid.diagnose.linear import Evaluation, Linear, evaluate
+from rivid.diagnose.naming import Choice
+from rivid.diagnose.propose import Proposal
+from rivid.diagnose.study import Round
+from rivid.effects import Effect
+
+DAYS_A_KNOT, MOST_KNOTS = 7, 20
+"""Of a size that varies with the date."""
+RECODINGS = 2
+"""Times that events are looked for again once they are in."""
+NEEDED = 4.0
+"""What an effect must still gain on the selecting days once others are in [nats]."""
+Report = Callable[[str], None]
+
+
+def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Model:
+    """The model with a proposal in the simulator, all parameters fitted together again."""
+    assert proposal.effect is not None
+    if proposal.level_noise:  # the noise carries it; the effect is its name and size
+        return calibrate(
+            replace(model, noise=proposal.evaluation.noise, level_noise=True), fit, steps=2, report=report
+        )
+    larger = replace(
+        model, effects=(*model.effects, proposal.effect), free=(*model.free, proposal.free),
+        noise=proposal.evaluation.noise,
+    )  # fmt: skip
+    return calibrate(larger, fit, steps=5, report=report)
+
+
+def varied(
+    model: Model, linear: Linear, after: Evaluation, fit: Record, report: Report
+) -> tuple[Model, Linear, Evaluation]:
+    """Let the size of the last effect vary with the date, if the selecting days are for it."""
+    effect = model.effects[-1] if model.effects else None
+    key = next((k for k in ("size", "inflow") if effect is not None and hasattr(effect, k)), None)
+    if effect is None or key is None or effect.dates is None or not model.free[-1]:
+        return model, linear, after
+    knots = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
+    if knots < 2:
+        return model, linear, after
+    report(f"{effect.name}: a size that varies with the date")
+    sizes = (float(getattr(effect, key)),) * knots
+    larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
+    larger = calibrate(larger, fit, steps=3, report=report)
+    other = larger.linear(linear.record, linear.split)
+    told = evaluate(other)
+    select = linear.split.select
+    gain = (told.likelihood - after.likelihood)[select].sum()
+    return (larger, other, told) if gain > 2.0 * knots else (model, linear, after)
+
+
+def recoded(
+    model: Model,
+    choice: Choice,
+    linear: Linear,
+    after: Evaluation,
+    kernels: dict[str, Floats],
+    fit: Record,
+    report: Report,
+) -> tuple[Model, Choice, Linear, Evaluation]:
+    """Look for the events again with the refitted response and noise, until they no longer change."""
+    effect = model.effects[-1]
+    kind = rain(kernels) if effect.name == "rain_inflow" else lock(kernels)
+    proposal = choice.proposal
+    for _ in range(RECODINGS):
+        report(f"coding the events of {effect.name} again")
+        without = replace(model, effects=model.effects[:-1], free=model.free[:-1])
+        bare = linear.record.output - without.baseline(linear.record)
+        events = search(linear, replace(after, residual=bare + (after.residual - linear.residual)), kind)
+        if not events.events:
+            break
+        effect = as_effect(type(effect), events, linear.record)
+        model = calibrate(replace(model, effects=(*model.effects[:-1], effect)), fit, steps=2, report=report)
+        before = after
+        linear = model.linear(linear.record, linear.split)
+        after = evaluate(linear)
+        proposal = replace(proposal, effect=effect, events=events, columns=events.coded[None])
+        if after.likelihood.sum() < before.likelihood.sum() + len(events.events):
+            break
+    return model, replace(choice, proposal=proposal), linear, after
+
+
+def dropped(
+    model: Model, linear: Linear, after: Evaluation, rounds: Sequence[Round], fit: Record, report: Report
+) -> tuple[Model, Linear, Evaluation, list[Round]]:
+    """Take out what later effects have made needless.
+
+    An effect that was named while another was missing may have stood in for it. Each but the last is left out
+    once, the rest refitted; it goes if the selecting days miss it by less than :data:`NEEDED`.
+    """
+    kept = list(rounds)
+    first = len(model.effects) - sum(_in_the_simulator(r) for r in kept)
+    place = first
+    for r in list(kept)[:-1]:
+        if not _in_the_simulator(r):
+            continue
+        without = replace(
+            model,
+            effects=model.effects[:place] + model.effects[place + 1 :],
+            free=model.free[:place] + model.free[place + 1 :],
+        )
+        without = calibrate(without, fit, steps=2, report=report)
+        other = without.linear(linear.record, linear.split)
+        told = evaluate(other)
+        missed = float((after.likelihood - told.likelihood)[linear.split.select].sum())
+        if missed < NEEDED:
+            report(f"{model.effects[place].name} is no longer needed")
+            model, linear, after = without, other, told
+            kept.remove(r)
+        else:
+            place += 1
+    return model, linear, after, kept
+
+
+def _in_the_simulator(turn: Round) -> bool:
+    """Whether a round added an effect to the simulator; a noise is none."""
+    return (
+        turn.choice is not None
+        and turn.choice.proposal.effect is not None
+        and not (turn.choice.proposal.level_noise)
+    )
+
+
+def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
+    """Whether events are but what a dated release leaves of itself: all in its season."""
+    if proposal.events is None:
+        return False
+    days = np.array([record.dates[e.day].toordinal() for e in proposal.events.events])
+    inside = np.zeros(len(days), bool)
+    share = 0.0
+    for effect in effects:
+        if effect.dates is not None and effect.family == "flow":
+            first, last = (d.toordinal() for d in effect.dates)
+            inside |= (days >= first) & (days <= last)
+            share += float(np.mean([first <= d.toordinal() <= last for d in record.dates]))
+    return bool(share < 0.7 and inside.mean() > 0.8)
+
+
+def patched(rounds: Sequence[Round]) -> bool:
+    """Whether releases at several hours of every day stand in for something else.
+
+    One schedule a dam is a release; a second one at other hours all the season long is a patch on a course
+    that releases cannot follow.
+    """
+    chosen = [r.choice.proposal for r in rounds if r.choice is not None]
+    daily = [p for p in chosen if "release" in p.name and p.window[0] is None and p.window[1] is not None]
+    return len(daily) >= 2

@@ -1,0 +1,65 @@
+"""What a diagnosis came by: its rounds, and the models before and after."""
+
+from dataclasses import dataclass, field
+
+from rivid.diagnose.blocks import Split
+from rivid.diagnose.data import Floats, Record
+from rivid.diagnose.fit import Model
+from rivid.diagnose.linear import Evaluation, Linear
+from rivid.diagnose.naming import Choice
+from rivid.diagnose.propose import Proposal
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One turn: what stood to choose from, and what was chosen.
+
+    Attributes
+    ----------
+    before : Evaluation
+    proposals : tuple of Proposal
+    choice : Choice or None
+    after : Evaluation or None
+        With the chosen effect in the simulator.
+    """
+
+    before: Evaluation
+    proposals: tuple[Proposal, ...]
+    choice: Choice | None
+    after: Evaluation | None
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """All that a diagnosis came by, for the telling.
+
+    Attributes
+    ----------
+    record : Record
+    split : Split
+    first, last : Model
+        Calibrated without and with the named effects.
+    first_linear, last_linear : Linear
+    first_evaluation, last_evaluation : Evaluation
+    rounds : tuple of Round
+    kernels : dict of str to ndarray
+        Step responses by place; see :func:`rivid.diagnose.kernel.kernels_of`.
+    notes : tuple of str
+    """
+
+    record: Record
+    split: Split
+    first: Model
+    last: Model
+    first_linear: Linear
+    last_linear: Linear
+    first_evaluation: Evaluation
+    last_evaluation: Evaluation
+    rounds: tuple[Round, ...]
+    kernels: dict[str, Floats]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def named(self) -> tuple[Round, ...]:
+        """The rounds that named something."""
+        return tuple(r for r in self.rounds if r.choice is not None)
