@@ -21,8 +21,8 @@ from rivid.diagnose.fit import Model, calibrate
 from rivid.diagnose.linear import evaluate
 from rivid.diagnose.result import closed_share
 from rivid.diagnose.setting import gauge_floor_of, library_of, response_of
-from rivid.diagnose.telling import tell
 from rivid.diagnose.study import Study
+from rivid.diagnose.telling import tell
 from rivid.diagnose.workflow import TRIM, look
 from rivid.diagnose.writing import write_diagnosis
 

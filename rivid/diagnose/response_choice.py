@@ -99,8 +99,8 @@ def choose_response(
     taken, first = chosen.model.reach.name, done[0].model.reach.name
     return replace(
         chosen,
-        note=f"{taken} describes the selecting days better than {first}, by {gains[best] - gains[0]:.0f} nats "
-        "a day: check the reach's geometry",
+        note=f"{taken} describes the selecting days better than {first}, by {gains[best] - gains[0]:.0f} "
+        "nats a day: check the reach's geometry",
     )
 
 

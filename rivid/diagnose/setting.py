@@ -34,7 +34,7 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
     reach = config.reach
     bounds = travel_bounds(record.usual_flow, length=reach.length, width=reach.width, depth=reach.depth)
     rest = [
-        LinearPool.nominal(record, fronts, surface_area=reach.surface_area, delay=bounds.gravity)
+        LinearPool.nominal(record, fronts, surface_area=reach.surface_area, delay=float(bounds.gravity))
         for fronts in FALLBACKS
     ]
     return (first, *rest)
