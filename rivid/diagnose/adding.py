@@ -26,6 +26,8 @@ Report = Callable[[str], None]
 def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Model:
     """The model with a proposal in the simulator, all parameters fitted together again."""
     assert proposal.effect is not None
+    if proposal.name == "seiche":  # the noise model has no swing: it is named beside it
+        return model
     if proposal.level_noise:  # the noise carries it; the effect is its name and size
         return calibrate(
             replace(model, noise=proposal.evaluation.noise, level_noise=True), fit, steps=2, report=report

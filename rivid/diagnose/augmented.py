@@ -10,6 +10,8 @@ import numpy as np
 
 from rivid.atomic import write_text
 from rivid.config import Config, read_toml
+from rivid.core.hydraulics import GRAVITY
+from rivid.diagnose.data import Record
 from rivid.diagnose.evidence import Evidence
 from rivid.diagnose.result import Diagnosis
 from rivid.effects import Effect, build, effect_classes
@@ -45,6 +47,9 @@ def write_model(
     tables["reach"] = {"name": reach.name, "kind": reach.kind, "sample_time": reach.sample_time}
     tables["reach"]["length"] = found.get("length", reach.length)
     tables["reach"]["width"] = found.get("width", reach.width)
+    if record.kind == "pool" and "surface_area" in found:  # a pool without hydraulics
+        tables["reach"] |= {"surface_area": found["surface_area"], "inflow_gain": found["inflow_gain"]}
+        tables["reach"] |= {"depth": reach.depth, "wave_depth": _wave_depth(config, record, found["delay"])}
     if record.kind == "pool" and "length" in found:
         modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
         end_wave = sum(mode * (-1) ** j for j, mode in enumerate(modes["bed"], start=1))
@@ -75,6 +80,13 @@ def write_model(
     for effect in [e.to_table() for e in start] + [e.table for e in diagnosis.effects]:
         lines += ["", "[[effects]]", *(f"{key} = {_value(value)}" for key, value in effect.items())]
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _wave_depth(config: Config, record: Record, delay: float) -> float:
+    """Depth at which a wave takes `delay` [s] at the usual flow [m]."""
+    reach = config.reach
+    celerity = reach.length / delay - record.usual_flow / (reach.width * reach.depth)
+    return max(celerity, 0.1) ** 2 / GRAVITY
 
 
 def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:

@@ -1,4 +1,4 @@
-"""Proposals that are no columns: events found one by one, jumps of the gauge, and a level noise (wind)."""
+"""Proposals that are no columns: events found one by one, jumps of the gauge, and noises (wind, a seiche)."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from rivid.diagnose.events import PRICE, PULSES, RECESSIONS, Events, Kind, find_
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.noise import WALK_LIMIT
 from rivid.diagnose.propose import Proposal, compared
+from rivid.diagnose.seiche import seiche
 from rivid.diagnose.timetable import sizes, timetable
 from rivid.effects import Effect
 from rivid.effects.base import DAY
@@ -62,6 +63,8 @@ def happenings(
     found = [_of_events(model, before, kind, classes[kind.name]) for kind in kinds]
     if "sensor_step" in classes and record.kind == "pool" and "sensor_step" not in names:
         found.append(_of_steps(model, before, classes["sensor_step"]))
+    if "seiche" in classes and record.kind == "pool" and "seiche" not in names:
+        found.append(seiche(model, before, classes["seiche"]))
     if "wind_setup" in classes and record.kind == "pool" and not model.level_noise:
         found.append(_of_wind(model, before, classes["wind_setup"]))
     return sorted((f for f in found if f is not None), key=lambda f: -f.gain_select)

@@ -5,7 +5,7 @@ and on those that select, and the simulation's error on these.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,7 +64,9 @@ class Proposal:
     events : Events or None
         Events, as found one by one.
     level_noise : bool
-        Whether the proposal is a level noise (wind).
+        Whether the proposal is a noise of the level (wind, a seiche).
+    spreads : dict of str to float
+        Standard errors of a noise's parameters, where they are known.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Proposal:
     blocks: int
     events: Events | None = None
     level_noise: bool = False
+    spreads: dict[str, float] = field(default_factory=dict)
 
 
 def compared(

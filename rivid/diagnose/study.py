@@ -8,6 +8,7 @@ from rivid.diagnose.fit import Model
 from rivid.diagnose.linear import Evaluation, Linear
 from rivid.diagnose.naming import Choice
 from rivid.diagnose.propose import Proposal
+from rivid.effects import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,8 @@ class Study:
     kernels : dict of str to ndarray
         Step responses by place; see :func:`rivid.diagnose.kernel.kernels_of`.
     notes : tuple of str
+    noises : tuple of Effect
+        Noises (wind, a seiche) that were known from the start.
     """
 
     record: Record
@@ -58,8 +61,15 @@ class Study:
     rounds: tuple[Round, ...]
     kernels: dict[str, Floats]
     notes: tuple[str, ...] = field(default=())
+    noises: tuple[Effect, ...] = ()
 
     @property
     def named(self) -> tuple[Round, ...]:
         """The rounds that named something."""
         return tuple(r for r in self.rounds if r.choice is not None)
+
+    def swings(self) -> tuple[float, ...]:
+        """Periods of the seiches that are known or named [s]."""
+        named = (r.choice.proposal.effect for r in self.named if r.choice is not None)
+        periods = (getattr(e, "period", None) for e in (*self.noises, *named) if e is not None)
+        return tuple(float(p) for p in periods if p is not None)

@@ -145,7 +145,7 @@ def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=choice.tied,
                 runner_up=runner.name if runner else None, margin=choice.margin,
-                parameters=_parameters(effect, index, errors), where=_where(effect, study.record),
+                parameters=_parameters(effect, index, errors, proposal.spreads), where=_where(effect, study.record),
                 breaker=breaker(effect.name, effect.family, choice.tied), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
             )
@@ -163,7 +163,10 @@ def _tail(study: "Study") -> list[float]:
 
 
 def _parameters(
-    effect: Effect, index: int | None, errors: dict[tuple[int, str, int | None], float]
+    effect: Effect,
+    index: int | None,
+    errors: dict[tuple[int, str, int | None], float],
+    spreads: dict[str, float],
 ) -> tuple[Estimate, ...]:
     found = []
     for name, said in effect.parameters().items():
@@ -179,6 +182,8 @@ def _parameters(
             error = errors.get(
                 (index if index is not None else -1, name, k if isinstance(value, tuple) else None)
             )
+            if index is None:
+                error = spreads.get(name)
             label = f"{name}[{k}]" if len(values) > 1 else name
             spread = Z_95 * error if error is not None else np.nan
             found.append(Estimate(label, float(one), said.unit, float(one - spread), float(one + spread)))
@@ -258,7 +263,8 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
         unit=unit,
     )  # fmt: skip
     said = []
-    if seen.rhythm:
+    known = any(0.7 < seen.peak_period / period < 1.4 for period in study.swings())
+    if seen.rhythm and not known:
         said.append(f"a swing with a period of {seen.peak_period / 60:.0f} min")
     if place is not None and place.p_value <= SPEAKS and abs(place.size) > 0.5 * last.noise.inflow_sd:
         said.append(place.text)
@@ -266,7 +272,9 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
         return None
     size = float(np.sqrt(np.mean(w[record.used] ** 2)))
     dates = place.windows[0] if place is not None and place.windows else None
-    return Unknown(Where(dates=dates), size, tuple(said), seen.peak_period if seen.rhythm else None)
+    return Unknown(
+        Where(dates=dates), size, tuple(said), seen.peak_period if seen.rhythm and not known else None
+    )
 
 
 def _evidence(study: "Study") -> Evidence:

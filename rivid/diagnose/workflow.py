@@ -19,7 +19,7 @@ from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.naming import Choice, choose
 from rivid.diagnose.propose import Proposal, proposals
 from rivid.diagnose.response import Response
-from rivid.diagnose.response_choice import as_candidates, choose_response
+from rivid.diagnose.response_choice import Calibrated, as_candidates, choose_response
 from rivid.diagnose.result import Diagnosis
 from rivid.diagnose.study import Round, Study
 from rivid.diagnose.telling import tell, too_few
@@ -27,6 +27,8 @@ from rivid.diagnose.trials import Trial, trials_of
 from rivid.effects import Effect
 
 MOST_EFFECTS = 4
+NOISES = ("wind_setup", "seiche")
+"""Effects without a course of their own that a model could hold."""
 TRIM = {"pool": 0.0, "river": 0.4}
 """Share of days left out of the first calibration: nothing else holds a river's gain near one while a
 release is missing; the equations of a pool cannot bend as far."""
@@ -91,27 +93,28 @@ def look(
 ) -> Study:
     """All steps but the telling; see :func:`diagnose`."""
     dealt = split(record.dates)
+    noises = tuple(e for e in start if e.name in NOISES)
+    start = tuple(e for e in start if e.name not in NOISES)
+    windy = any(e.name == "wind_setup" for e in noises)
     nominal = [
         Model(
-            one, None, record.usual_output, record.usual_flow, gauge_floor, tuple(start), ((),) * len(start)
+            one, None, record.usual_output, record.usual_flow, gauge_floor, start, ((),) * len(start), windy
         )
         for one in as_candidates(response)
     ]
     chosen = choose_response(record, dealt, nominal, TRIM[record.kind], report)
-    search = _Search(record, dealt, classes, chosen.model, chosen.linear, chosen.evaluation, report)
+    search = _Search(record, dealt, classes, chosen, tuple(e.name for e in noises), report)
     while search.turn(most):
         pass
     rounds, last = search.rounds, (search.model, search.linear, search.evaluation)
     notes = [chosen.note] if chosen.note else []
     if patched(rounds):
-        notes.append(
-            "releases at several hours of every day: no schedule, but a course that has no name here"
-        )
+        notes.append("releases at several hours of every day: no schedule, but a course without a name here")
         rounds = [replace(rounds[0], choice=None, after=None)]
         last = (chosen.model, chosen.linear, chosen.evaluation)
     return Study(
         record, dealt, chosen.model, last[0], chosen.linear, last[1], chosen.evaluation, last[2],
-        tuple(rounds), search.kernels, tuple(notes),
+        tuple(rounds), search.kernels, tuple(notes), noises,
     )  # fmt: skip
 
 
@@ -123,14 +126,16 @@ class _Search:
         record: Record,
         dealt: Split,
         classes: dict[str, type[Effect]],
-        model: Model,
-        linear: Linear,
-        evaluation: Evaluation,
+        start: Calibrated,
+        noises: tuple[str, ...],
         report: Report,
     ) -> None:
         self.record, self.dealt, self.classes, self.report = record, dealt, classes, report
-        self.model, self.linear, self.evaluation = model, linear, evaluation
-        self.kernels = kernels_of(model.reach, record)
+        self.model: Model = start.model
+        self.linear: Linear = start.linear
+        self.evaluation: Evaluation = start.evaluation
+        self.noises = noises
+        self.kernels = kernels_of(start.model.reach, record)
         self.trials: list[Trial] = trials_of(classes, record)
         self.rounds: list[Round] = []
         self.count = 0
@@ -166,7 +171,8 @@ class _Search:
         return sorted(found, key=lambda p: -p.gain_select)
 
     def _taken(self) -> tuple[str, ...]:
-        return tuple(effect.name for effect in self.model.effects)
+        named = (r.choice.proposal.name for r in self.rounds if r.choice is not None)
+        return (*self.noises, *(effect.name for effect in self.model.effects), *named)
 
     def _chosen(self, found: list[Proposal]) -> Choice | None:
         """What to name, once the guard has nothing against it."""
