@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from rivid.diagnose.data import Floats
@@ -17,6 +18,7 @@ from rivid.diagnose.noise import NoiseModel
 from rivid.diagnose.propose import Proposal, compared
 from rivid.effects import Effect
 
+Bools = NDArray[np.bool_]
 SHORTEST, LONGEST = 8, 0.25
 """Period: samples at least, and days at most."""
 LEAST_DAMPING = 5e-5
@@ -58,12 +60,13 @@ class Swing:
     tried: int
 
 
-def periodograms(innovations: Floats, used: Floats) -> Floats:
+def periodograms(innovations: Floats, used: Bools) -> Floats:
     """Of each day, at the Fourier frequencies of a row but 0 and the highest, 1 on average where white.
 
     Parameters
     ----------
-    innovations, used : ndarray, shape (days, n)
+    innovations : ndarray, shape (days, n)
+    used : ndarray of bool, shape (days, n)
 
     Returns
     -------
@@ -76,7 +79,7 @@ def periodograms(innovations: Floats, used: Floats) -> Floats:
 
 
 def through_filter(noise: NoiseModel, n: int) -> Floats:
-    """Squared gain of the whitening filter at the same frequencies, from a level [m]; shape ((n - 1) // 2,)."""
+    """Squared gain of the whitening filter from a level [m] at the same frequencies, ((n - 1) // 2,)."""
     impulse = np.zeros((1, 2 * n))
     impulse[0, n] = 1.0
     answer = noise.whiten(impulse)[0, n:]  # the filter has forgotten its start
@@ -92,9 +95,7 @@ def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
     return np.asarray(law.innovation**2 / np.abs(1.0 - a1 * turn - a2 * turn**2) ** 2)
 
 
-def find_swing(
-    power: Floats, gain: Floats, fit: np.ndarray, effect: type[Effect], T_s: float, n: int
-) -> Swing:
+def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int) -> Swing:
     """The swing that explains the periodograms of some days best.
 
     Parameters
@@ -141,23 +142,24 @@ def find_swing(
     def cost(S: Floats) -> float:
         return float((seen / S + np.log(S)).sum())
 
-    base = minimize(lambda p: cost(white(p)), [np.log(seen.mean()), 0.0], method="Nelder-Mead").x
-    starts = [
-        [np.log(period), np.log(damping), np.log(amplitude), *base]
+    base, _ = _lowest(lambda p: cost(white(p)), np.array([np.log(seen.mean()), 0.0]))
+    found = [
+        _lowest(lambda q: cost(spectra(q)), np.array([np.log(period), np.log(damping), np.log(size), *base]))
         for damping in (SLOWEST, 3e-5, 2e-4)
-        for amplitude in (0.003, 0.03)
+        for size in (0.003, 0.03)
     ]
-    fits = [
-        minimize(
-            lambda p: cost(spectra(p)), at, method="Nelder-Mead", options={"maxiter": 3000, "fatol": 1e-6}
-        )
-        for at in starts
-    ]
-    p = min(fits, key=lambda f: float(f.fun)).x
+    p = min(found, key=lambda f: f[1])[0]
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
     days = int(fit.sum())
     return Swing(*limited(p), _spreads(lambda q: days * cost(spectra(q)), p)[:3], gains, tried)
+
+
+def _lowest(cost: Callable[[Floats], float], start: Floats) -> tuple[Floats, float]:
+    """The minimum of a cost, by Nelder and Mead, and its value."""
+    options = {"maxiter": 3000, "fatol": 1e-6}
+    end = minimize(lambda p: float(cost(np.asarray(p))), start, method="Nelder-Mead", options=options)
+    return np.asarray(end.x, float), float(end.fun)
 
 
 def _spreads(cost: Callable[[Floats], float], p: Floats) -> Floats:

@@ -145,7 +145,8 @@ def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=choice.tied,
                 runner_up=runner.name if runner else None, margin=choice.margin,
-                parameters=_parameters(effect, index, errors, proposal.spreads), where=_where(effect, study.record),
+                parameters=_parameters(effect, index, errors, proposal.spreads),
+                where=_where(effect, study.record),
                 breaker=breaker(effect.name, effect.family, choice.tied), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
             )
