@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.noise import NoiseModel, day_weights, fit_noise
+from rivid.diagnose.operator_moves import last_move, late, looks, moves, step_of
 from rivid.diagnose.result import Operators
 from rivid.errors import RividError
 
@@ -35,8 +36,6 @@ FEWEST_DAYS = 6
 """From which a set point that follows the flow can be seen."""
 FEWEST_MOVES = 100
 """Below, there is no law to see."""
-PROMPT = 0.5
-"""Chance of a move at a sample from which the inflow's move is said to ask for it."""
 ROUNDS = 3
 """Times that noise and law are fitted in turn."""
 HOUR = 3600.0
@@ -121,7 +120,7 @@ def identify(record: Record) -> Law | None:
         return None
     rows = _Rows.of(moved)
     command = rows.pick(record.outflow)
-    inflows = np.stack([rows.pick(_late(record.inflow, lag)) for lag in range(record.lead + 1)])
+    inflows = np.stack([rows.pick(late(record.inflow, lag)) for lag in range(record.lead + 1)])
     quantum = step_of(record.outflow[record.used])
     noise = _noise(command - inflows[0], quantum, None)
     aims = _Aims.of([(aim, band) for aim in set_points(record) for band in BANDS], record, rows)
@@ -165,7 +164,7 @@ def judged(law: Law, record: Record) -> Operators:
     A change is from the move that was in force an hour before to a move: when they look is their own.
     """
     n = max(round(HOUR / record.sample_time), 1)
-    last = _last_move(record)
+    last = last_move(record)
     pairs = moves(record)[:, n:] & (last[:, :-n] > 0)
     e = beyond(record, law.set_point, law.dead_band)
 
@@ -174,7 +173,7 @@ def judged(law: Law, record: Record) -> Operators:
         return np.asarray((held[:, n:] - held[:, :-n])[pairs])
 
     asked = change(record.outflow)
-    by_inflow = law.feedforward * change(_late(record.inflow, law.lag))
+    by_inflow = law.feedforward * change(late(record.inflow, law.lag))
     by_level = law.level_gain * (change(e) + change(_volume(e, record)) / law.trim_time)
     total, left, plain = (
         float(np.mean(x**2)) if x.size else 0.0
@@ -189,11 +188,6 @@ def judged(law: Law, record: Record) -> Operators:
         r2_inflow=1.0 - plain / total if total > 0.0 else 0.0, change=float(np.sqrt(total)),
         left=float(np.sqrt(left)),
     )  # fmt: skip
-
-
-def moves(record: Record) -> Bools:
-    """Samples at which the outflow command is new and the level known, shape (days, n)."""
-    return np.asarray(_new(record) & record.used & np.isfinite(record.output))
 
 
 def set_points(record: Record) -> list[SetPoint]:
@@ -228,49 +222,6 @@ def beyond(record: Record, aim: SetPoint, band: float) -> Floats:
     """Deviation of the level from the set point beyond a dead-band [m], shape (days, n); 0 where unknown."""
     off = record.output - aim.at(day_flow(record))[:, None]
     return np.where(np.isfinite(off), np.copysign(np.maximum(np.abs(off) - band, 0.0), off), 0.0)
-
-
-def looks(record: Record, lag: int) -> tuple[float, float]:
-    """Longest time between looks [s], and the move of the inflow that asks for one at once [m3/s].
-
-    Where there is something to answer, the chance of a move at a sample has two values, below and above
-    the notice: the notice is where they tell the logs' moves best, infinite where what lies above is no
-    prompt answer either. Moves below it are looks that were due: their usual distance is the time.
-    """
-    sample, last = np.arange(record.time.shape[1]), _last_move(record)
-    before = np.concatenate([last[:, :1], last[:, :-1]], axis=1)
-    seen = _late(record.inflow, lag)
-    waiting = np.abs(seen - np.take_along_axis(seen, before, axis=1))[record.used]
-    acted, age = moves(record)[record.used], (sample - before)[record.used]
-    some = waiting > 0.0
-    best, notice = -np.inf, np.inf
-    for limit in np.unique(np.quantile(waiting[some], np.linspace(0.0, 0.98, 50))) if some.any() else ():
-        above, below = some & (waiting > limit), some & (waiting <= limit)
-        told = _nats(acted[above]) + _nats(acted[below])
-        if told > best and above.any():
-            best, notice = told, float(limit) if acted[above].mean() > PROMPT else np.inf
-    due = acted & (waiting <= notice)
-    return float(np.median(age[due if due.any() else acted])) * record.sample_time, notice
-
-
-def step_of(values: Floats) -> float:
-    """The step that values come in; 0 where they come in none.
-
-    Examples
-    --------
-    >>> step_of(np.array([130.01, 130.04, 130.02])), step_of(np.array([1.0, 2.5, 1.3])), step_of(np.ones(3))
-    (0.01, 0.1, 0.0)
-    """
-    there = np.unique(values[np.isfinite(values)])
-    if len(there) < 2:
-        return 0.0
-    smallest = float(np.diff(there).max())
-    for digits in range(-3, 5):
-        for part in (5.0, 2.0, 1.0):
-            step = part * 10.0**-digits
-            if step <= smallest * (1 + 1e-9) and np.allclose(there, np.round(there / step) * step, atol=1e-6):
-                return round(step, 9)
-    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,23 +307,6 @@ def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseM
         return NoiseModel(floor, floor, 0.0, 100.0, 0.0, 100.0, 1.0, 1.0) if start is None else replace(start)
 
 
-def _late(values: Floats, lag: int) -> Floats:
-    """Values some samples before; a row's first holds before it."""
-    if lag == 0:
-        return values
-    return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
-
-
-def _new(record: Record) -> Bools:
-    return np.asarray(np.diff(record.outflow, axis=1, prepend=record.outflow[:, :1]) != 0.0)
-
-
-def _last_move(record: Record) -> NDArray[np.intp]:
-    """Sample of the last new command in the row, shape (days, n); 0 before the first."""
-    sample = np.arange(record.time.shape[1])
-    return np.asarray(np.maximum.accumulate(np.where(_new(record), sample, 0), axis=1))
-
-
 def _volume(values: Floats, record: Record) -> Floats:
     """Integral over time from the row's first sample, each value held to the next; shape (days, n)."""
     passed = np.zeros_like(values)
@@ -386,10 +320,3 @@ def _day_means(values: Floats, record: Record) -> Floats:
     number = kept.sum(axis=1)
     total = np.where(kept, values, 0.0).sum(axis=1)
     return np.asarray(np.divide(total, number, out=np.full(len(values), np.nan), where=number > 0))
-
-
-def _nats(happened: Bools) -> float:
-    """Largest log-likelihood of a chance that is the same for all."""
-    n = len(happened)
-    p = happened.mean() if n else 0.0
-    return float(n * (p * np.log(p) + (1 - p) * np.log1p(-p))) if 0.0 < p < 1.0 else 0.0

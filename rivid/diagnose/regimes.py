@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.drivers import SINCE, since_step
 from rivid.diagnose.gap import DayErrors, day_errors
 from rivid.diagnose.result import Regime
 
@@ -15,8 +14,10 @@ if TYPE_CHECKING:
     from rivid.diagnose.workflow import Study
 
 Bools = NDArray[np.bool_]
-AFTER = 1.0
-"""A sample is after a step for so many hours; an edge of :data:`rivid.diagnose.drivers.SINCE`."""
+STEP = 0.15
+"""A step is a change of the outflow by this share of its 5-95 % range, within :data:`RISE`."""
+RISE, AFTER = 1800.0, 3600.0
+"""Time in which a step is made, and time after its end that counts as after it [s]."""
 NIGHT = (22.0, 6.0)
 """Hours of the night."""
 
@@ -46,8 +47,8 @@ def regimes(study: "Study") -> tuple[Regime, ...]:
     Returns
     -------
     tuple of Regime
-        Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. What
-        never occurs is left out. Events count as known beforehand, as in the gap itself.
+        Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A
+        state that is always or never there is left out. Events count as known beforehand, as in the gap itself.
     """
     record = study.record
     first, last = study.first_evaluation, study.last_evaluation
@@ -85,19 +86,34 @@ def states(record: Record) -> tuple[State, ...]:
             State("inflow_middle", f"inflow {low:.0f} to {high:.0f} m³/s", (u >= low) & (u < high)),
             State("inflow_high", f"inflow of {high:.0f} m³/s or more", u >= high),
         ]
-    driver = since_step("", record.outflow, record.sample_time) if record.kind == "pool" else None
-    if driver is not None:
-        after = (driver.bin >= 0) & (driver.bin < SINCE.index(AFTER))
+    if record.kind == "pool":
+        after, size = after_step(record)
         found += [
-            State("after_step", "in the hour after a step of the outflow", after),
-            State("calm", "an hour or more after the last step", ~after),
+            State("after_step", f"in the hour after a step of the outflow of {size:.0f} m³/s or more", after),
+            State("calm", "longer after such a step", ~after),
         ]
     night = (record.hour >= NIGHT[0]) | (record.hour < NIGHT[1])
     found += [
         State("night", f"by night, {NIGHT[0]:.0f} to {NIGHT[1]:.0f} h", night),
         State("day", f"by day, {NIGHT[1]:.0f} to {NIGHT[0]:.0f} h", ~night),
     ]
-    return tuple(state for state in found if (state.samples & record.used).any())
+    return tuple(state for state in found if 0 < (state.samples & record.used).sum() < record.used.sum())
+
+
+def after_step(record: Record) -> tuple[Bools, float]:
+    """Samples during a step of the outflow and in the hour after it, shape (days, n), and its size [m3/s].
+
+    A step is of a size that an operator would remember; by some m3/s the outflow moves all the time.
+    """
+    rise, after = (max(round(t / record.sample_time), 1) for t in (RISE, AFTER))
+    low, high = np.quantile(record.outflow[record.used], [0.05, 0.95])
+    size = max(STEP * float(high - low), 1e-9)
+    u = record.outflow
+    step = np.zeros(u.shape, bool)
+    step[:, rise:] = np.abs(u[:, rise:] - u[:, :-rise]) >= size
+    sample = np.arange(u.shape[1])
+    last = np.maximum.accumulate(np.where(step, sample, -after - 1), axis=1)
+    return np.asarray(sample - last <= after), size
 
 
 def only(record: Record, samples: Bools) -> Record:

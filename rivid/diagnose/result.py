@@ -162,8 +162,8 @@ class Operators:
         Level aimed at, on a usual day [m].
     look_s : float
         Longest time between two looks [s].
-    notice : float
-        Move of the inflow that makes them look at once [m3/s].
+    notice : float or None
+        Move of the inflow that makes them look at once [m3/s]; None where none does.
     quantum : float
         Step of the command [m3/s]; 0 where none is seen.
     r2 : float
@@ -181,7 +181,7 @@ class Operators:
     dead_band: float
     set_point: float
     look_s: float
-    notice: float
+    notice: float | None
     quantum: float
     r2: float
     r2_inflow: float
