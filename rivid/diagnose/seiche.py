@@ -157,8 +157,7 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
 
 def _lowest(cost: Callable[[Floats], float], start: Floats) -> tuple[Floats, float]:
     """The minimum of a cost, by Nelder and Mead, and its value."""
-    options = {"maxiter": 3000, "fatol": 1e-6}
-    end = minimize(lambda p: float(cost(np.asarray(p))), start, method="Nelder-Mead", options=options)
+    end = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 3000, "fatol": 1e-6})
     return np.asarray(end.x, float), float(end.fun)
 
 
