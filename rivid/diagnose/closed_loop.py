@@ -26,7 +26,7 @@ from rivid.reach.response import LinearReach
 
 if TYPE_CHECKING:
     from rivid.diagnose.fit import Model
-    from rivid.diagnose.workflow import Study
+    from rivid.diagnose.study import Study
 
 LEAST_R2 = 0.5
 """A law that explains less of the hourly changes of the outflow is not put into a loop."""
@@ -87,8 +87,8 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     if told.r2 < LEAST_R2:
         return ClosedLoop(
             told,
-            f"Inflow and level explain {max(told.r2, 0.0):.0%} of the hourly changes of the outflow: expected "
-            f"{LEAST_R2:.0%} or more to put the operators into the loop.",
+            f"Inflow and level explain {max(told.r2, 0.0):.0%} of the hourly changes of the outflow: "
+            f"expected {LEAST_R2:.0%} or more to put the operators into the loop.",
         )
     rows = np.flatnonzero(study.split.sealed & record.used.any(axis=1))
     models = (study.first, study.last)

@@ -11,7 +11,7 @@ from rivid.diagnose.gap import DayErrors, day_errors
 from rivid.diagnose.result import Regime
 
 if TYPE_CHECKING:
-    from rivid.diagnose.workflow import Study
+    from rivid.diagnose.study import Study
 
 Bools = NDArray[np.bool_]
 STEP = 0.15
@@ -48,12 +48,12 @@ def regimes(study: "Study") -> tuple[Regime, ...]:
     -------
     tuple of Regime
         Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A
-        state that is always or never there is left out. Events count as known beforehand, as in the gap itself.
+        state that is always or never there is left out. Events count as known beforehand, as in the gap.
     """
     record = study.record
     first, last = study.first_evaluation, study.last_evaluation
     coded = np.zeros(record.time.shape)
-    for turn in study.rounds:
+    for turn in study.named:
         if turn.choice is not None and turn.choice.proposal.events is not None:
             coded = coded + turn.choice.proposal.events.coded
     found = []

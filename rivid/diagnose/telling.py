@@ -1,16 +1,18 @@
 """From a study to an answer: verdict, intervals, the gap on the sealed days, and what is left."""
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rivid.diagnose.breakers import breaker
+from rivid.diagnose.closed_loop import closed_loop
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.evidence import Evidence
 from rivid.diagnose.gap import HOURS, DayErrors, day_errors
 from rivid.diagnose.linear import Evaluation
+from rivid.diagnose.regimes import regimes
 from rivid.diagnose.result import (
     Diagnosis,
     Estimate,
@@ -63,7 +65,7 @@ def tell(
         RMSE at each horizon of the model that knows the truth.
     """
     named = study.named
-    gap = _gap(study, named, floor)
+    gap = replace(_gap(study, named, floor), by_regime=regimes(study))
     evidence = _evidence(study)
     unknown = _unknown(study, evidence)
     effects = _named(study, named)
@@ -74,6 +76,7 @@ def tell(
             verdict, reason, study.last.reach.name, _estimates(study), effects,
             unknown if verdict in ("unknown", "partly_explained") else None, gap,
             {f.name: v for f in fields(noise) if (v := getattr(noise, f.name)) is not None}, _notes(study),
+            closed_loop(study),
         ),
         evidence,
     )  # fmt: skip
