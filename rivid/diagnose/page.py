@@ -3,6 +3,7 @@
 import base64
 import datetime as dt
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,9 +12,10 @@ from typing import Any
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.diagnose.evidence import Evidence
-from rivid.diagnose.result import Diagnosis, Gap, NamedEffect
+from rivid.diagnose.result import ClosedLoop, Diagnosis, Gap, NamedEffect, Regime
 from rivid.diagnose.spelling import (
     aside,
+    capital,
     error_words,
     estimate_words,
     name_words,
@@ -23,7 +25,15 @@ from rivid.diagnose.spelling import (
     scale_of,
     when_words,
 )
-from rivid.diagnose.wording import LABELS, MAY_NOT_SAY, gap_sentences, headline, sure_words, unknown_words
+from rivid.diagnose.wording import (
+    LABELS,
+    MAY_NOT_SAY,
+    gap_sentences,
+    headline,
+    operators_words,
+    sure_words,
+    unknown_words,
+)
 from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
 from rivid.figures import FigureFile
@@ -90,6 +100,7 @@ def _context(
     classes: Mapping[str, type[Effect]],
 ) -> dict[str, Any]:
     record = evidence.record if evidence is not None else None
+    named, loop = bool(diagnosis.effects), diagnosis.closed_loop
     river = record is not None and record.kind == "river"
     return {
         "reach": reach or ("River reach" if river else "Reach"),
@@ -104,7 +115,8 @@ def _context(
         "sentences": [_tight(said) for said in (*gap_sentences(diagnosis), diagnosis.reason)],
         "effects": [_card(e, classes, record.dates[0] if record else None) for e in diagnosis.effects],
         "unknown": None if diagnosis.unknown is None else unknown_words(diagnosis.unknown),
-        "gap": None if diagnosis.gap is None else _gap(diagnosis.gap),
+        "gap": None if diagnosis.gap is None else _gap(diagnosis.gap, named),
+        "loop": None if loop is None else _loop(loop, named),
         "figures": [(f, _data_uri(f.path)) for f in figures],
         "notes": diagnosis.notes,
         "may_not_say": MAY_NOT_SAY[diagnosis.verdict],
@@ -167,8 +179,8 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.da
     }
 
 
-def _gap(gap: Gap) -> dict[str, Any]:
-    """The table of the gap: a row for each simulation."""
+def _gap(gap: Gap, named: bool) -> dict[str, Any]:
+    """The table of the gap, a row for each simulation, and that by regime."""
     factor, unit = scale_of(gap)
 
     def cells(values: Sequence[float]) -> list[str]:
@@ -190,7 +202,38 @@ def _gap(gap: Gap) -> dict[str, Any]:
         "described": any(row["kind"] == "described" for row in rows),
         "days": count(len(gap.heldout_dates), "day"),
         "dates": [str(date) for date in gap.heldout_dates],
+        "regimes": [(capital(r.words), _ends(r, factor, named)) for r in gap.by_regime],
+        "named": named,
     }
+
+
+def _ends(regime: Regime, factor: float, named: bool) -> list[str]:
+    """Cells of a regime: the error before and, where something was named, after."""
+    cells = []
+    for before, after in zip(regime.rmse_baseline, regime.rmse_augmented, strict=True):
+        ends = [error_words(v, factor) for v in ((before, after) if named else (before,))]
+        cells.append("–" if set(ends) == {"–"} else " → ".join(ends))
+    return cells
+
+
+def _loop(loop: ClosedLoop, named: bool) -> dict[str, Any]:
+    """The table of the closed loop, in mm and m3/s."""
+    rows = []
+    if loop.baseline is not None and loop.augmented is not None:
+        rows = [("Without any effect", loop.baseline), ("With the named effects", loop.augmented)]
+        rows = rows if named else [("Simulated", loop.baseline)]
+    spread = loop.spread_measured
+    return {
+        "reason": loop.reason,
+        "operators": "" if loop.operators is None else _tight(operators_words(loop.operators)),
+        "days": count(loop.days, "day"),
+        "measured": error_words(math.nan if spread is None else spread, 1000.0),
+        "rows": [
+            (name, [error_words(e.open_level, 1e3), error_words(e.level, 1e3), error_words(e.outflow),
+                    error_words(e.spread, 1e3)])
+            for name, e in rows
+        ],
+    }  # fmt: skip
 
 
 def _tight(text: str) -> str:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnose.evidence import Evidence
-from rivid.diagnose.result import Diagnosis, Gap
+from rivid.diagnose.result import ClosedLoop, Diagnosis, Gap, LoopDay
 from rivid.diagnose.spelling import name_words, scale_of
+from rivid.diagnose.wording import loop_words
 from rivid.figures import FigureFile
 from rivid.figures.diagnosis import KINDS
 from rivid.figures.words import count
@@ -41,6 +42,9 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
     with style.styled():
         if diagnosis.gap is not None and np.isfinite(diagnosis.gap.rmse_baseline).any():
             files.append(_gap(folder, diagnosis.gap))
+        loop = diagnosis.closed_loop
+        if loop is not None and loop.shown is not None:
+            files.append(_loop(folder, loop, loop.shown, bool(diagnosis.effects)))
         if evidence is None or not evidence.record.used.any():
             return files
         r, named = evidence.record, bool(diagnosis.effects)
@@ -92,4 +96,15 @@ def _gap(folder: Path, gap: Gap) -> FigureFile:
     return draw(
         folder, rows=rows, hours=gap.horizon_h, floor=told(gap.rmse_floor) if gap.rmse_floor else None,
         unit=unit, days=count(len(gap.heldout_dates), "day"),
+    )  # fmt: skip
+
+
+def _loop(folder: Path, loop: ClosedLoop, day: LoopDay, named: bool) -> FigureFile:
+    from rivid.figures.diagnosis.loop import draw
+
+    curves = 3 if named else 2
+    return draw(
+        folder, date=day.date, hour=np.array(day.hour), inflow=np.array(day.inflow),
+        level=[np.array(v) for v in day.level[:curves]], outflow=[np.array(v) for v in day.outflow[:curves]],
+        words=loop_words(loop, named),
     )  # fmt: skip

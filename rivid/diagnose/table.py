@@ -15,7 +15,7 @@ from rivid.diagnose.spelling import (
     scale_of,
     when_words,
 )
-from rivid.diagnose.wording import FORECAST_APART, headline, main_parameter, unknown_words
+from rivid.diagnose.wording import FORECAST_APART, headline, loop_words, main_parameter, unknown_words
 from rivid.figures.words import listed
 
 WIDTH = 80
@@ -43,6 +43,9 @@ def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
         if effect.breaker:
             lines += _entry("To tell", effect.breaker)
     lines += _gap(diagnosis)
+    if diagnosis.closed_loop is not None:
+        loop = diagnosis.closed_loop
+        lines += _entry("Loop", loop.reason or loop_words(loop, bool(diagnosis.effects)))
     if diagnosis.unknown is not None:
         lines += _entry("Unknown", unknown_words(diagnosis.unknown))
     if page is not None:

@@ -6,7 +6,17 @@ Every sentence carries its numbers, and none says more than the days allow.
 import math
 from collections.abc import Sequence
 
-from rivid.diagnose.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Unknown, Where
+from rivid.diagnose.result import (
+    VERDICTS,
+    ClosedLoop,
+    Diagnosis,
+    Estimate,
+    Gap,
+    NamedEffect,
+    Operators,
+    Unknown,
+    Where,
+)
 from rivid.diagnose.spelling import (
     capital,
     closed_words,
@@ -157,6 +167,45 @@ def unknown_words(unknown: Unknown, unit: str = "m³/s") -> str:
     if unknown.drivers:
         parts.append(f"going with {listed([printable(d) for d in unknown.drivers])}")
     return ", ".join(parts)
+
+
+def loop_words(loop: ClosedLoop, named: bool) -> str:
+    """What the days kept apart say with the operators in the loop, in a line; empty where there is none."""
+    before, after = loop.baseline, loop.augmented
+    if before is None or after is None:
+        return ""
+
+    def told(one: float, other: float, factor: float, unit: str) -> str:
+        ends = [error_words(v, factor) for v in ((one, other) if named else (one,))]
+        return f"{' to '.join(ends)} {unit}"
+
+    off = "off by" if not named else "off by, without and with the named effects,"
+    return (
+        f"{count(loop.days, 'day')}: the level is {off} {told(before.level, after.level, 1000.0, 'mm')}, "
+        f"the outflow by {told(before.outflow, after.outflow, 1.0, 'm³/s')}"
+    )
+
+
+def operators_words(o: Operators) -> str:
+    """How the operators act, in sentences."""
+    when = "at once" if o.lag_s == 0.0 else f"{period_words(o.lag_s)} later"
+    said = f"They pass on {100 * o.feedforward:.0f} % of a change of the inflow, {when}"
+    if o.level_gain > 0.0:
+        said += f", and let out {o.level_gain:.0f} m³/s more for each metre of level"
+        said += f" beyond {100 * o.dead_band:.1f} cm" if o.dead_band > 0.0 else ""
+        said += f" about {o.set_point:.2f} m"
+        if o.trim_time_s is not None:
+            said += f", and as much again for each {period_words(o.trim_time_s)} that it lasts"
+    else:
+        said += "; no answer to the level is seen"
+    said += f". They look every {period_words(o.look_s)}"
+    if o.notice is not None:
+        said += f", and when the inflow moves by more than {o.notice:.3g} m³/s"
+    return (
+        f"{said}. This explains {100 * o.r2:.1f} % of the hourly changes of the outflow on days that it was "
+        f"not fitted to, the inflow alone {100 * max(o.r2_inflow, 0.0):.1f} %, and leaves "
+        f"{error_words(o.left)} of {error_words(o.change)} m³/s."
+    )
 
 
 def headline(diagnosis: Diagnosis) -> str:
