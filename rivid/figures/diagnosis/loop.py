@@ -4,14 +4,15 @@ import datetime as dt
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from rivid.figures import FigureFile, style
 from rivid.figures.diagnosis.panels import AFTER, BEFORE, Floats, heading, hour_axis, panel
 
 LEFT, RIGHT, BOTTOM, TOP = 0.82, 0.3, 0.55, 0.9
-PANEL, BETWEEN = 1.6, 0.42
-HEIGHT = TOP + 2 * PANEL + BETWEEN + BOTTOM
+PANEL, LOWEST, BETWEEN = 1.6, 1.0, 0.42
+HEIGHT = TOP + 2 * (PANEL + BETWEEN) + LOWEST + BOTTOM
 
 
 def draw(
@@ -41,32 +42,51 @@ def draw(
     )  # fmt: skip
     page.axes.remove()
     width = style.WIDTH - LEFT - RIGHT
-    upper = panel(page, LEFT, BOTTOM + PANEL + BETWEEN, width, PANEL)
-    lower = panel(page, LEFT, BOTTOM, width, PANEL)
+    bottom = BOTTOM + LOWEST + BETWEEN
+    upper = panel(page, LEFT, bottom + PANEL + BETWEEN, width, PANEL)
+    lower = panel(page, LEFT, bottom, width, PANEL)
+    lowest = panel(page, LEFT, BOTTOM, width, LOWEST)
     two = len(level) > 2
     names = ("measured", "simulated without the named effects" if two else "simulated", "with them")
     looks = (
         {"color": style.INK, "lw": 1.6}, {"color": BEFORE, "lw": 1.4, "ls": (0, (5, 2))},
         {"color": AFTER, "lw": 1.4},
     )  # fmt: skip
-    lower.plot(hour, inflow, color=style.LIGHT, lw=1.1, label="inflow")
-    for axes, curves in ((upper, level), (lower, outflow)):
-        for name, look, curve in zip(names, looks, curves, strict=False):
-            axes.plot(hour, curve, label=name if axes is upper else None, **look)  # type: ignore[arg-type]
+    lower.plot(hour, inflow, color=style.LIGHT, lw=1.1)
+    for name, look, high, flow in zip(names, looks, level, outflow, strict=False):
+        upper.plot(hour, high, label=name, **look)  # type: ignore[arg-type]
+        lower.plot(hour, flow, **look)  # type: ignore[arg-type]
+    lowest.axhline(0, color=style.INK, lw=1.0)
+    for look, flow in zip(looks[1:], outflow[1:], strict=False):
+        lowest.plot(hour, hourly(flow - outflow[0], hour), **look)  # type: ignore[arg-type]
+    for axes in (upper, lower, lowest):
         hour_axis(axes, 3)
         axes.grid(True)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
         axes.ticklabel_format(axis="y", useOffset=False)
+        axes.tick_params(axis="x", labelbottom=axes is lowest)
     upper.set_ylabel("level at the dam [m]")
     lower.set_ylabel("outflow [m³/s]")
-    lower.set_xlabel("hour of the day")
-    upper.tick_params(axis="x", labelbottom=False)
+    lowest.set_ylabel("[m³/s]")
+    lowest.set_xlabel("hour of the day")
     upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1 + 0.06 / PANEL), ncols=3)
     heading(lower, "grey: the logged inflow, all that the simulation is told", color=style.GREY)
+    heading(lowest, "outflow, simulated less measured, mean of an hour", color=style.GREY)
     path = folder / "diagnosis_loop.png"
     style.save(page.figure, path)
     title = f"With the operators in the loop: {date}"
     return style.figure_file(page, "diagnosis_loop", "", path, title, _CAPTION)
+
+
+def hourly(values: Floats, hour: Floats) -> Floats:
+    """Mean of the hour about each sample, shape (n,); NaN where a sample counts for nothing."""
+    there = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(there, values, 0.0))])
+    number = np.concatenate([[0], np.cumsum(there)])
+    low = np.searchsorted(hour, hour - 0.5, side="left")
+    high = np.searchsorted(hour, hour + 0.5, side="right")
+    mean = (total[high] - total[low]) / np.maximum(number[high] - number[low], 1)
+    return np.where(there, mean, np.nan)
 
 
 _CAPTION = (
