@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.noise import NoiseModel, day_weights, fit_noise
-from rivid.diagnose.operator_moves import last_move, late, looks, moves, step_of
+from rivid.diagnose.operator_moves import last_move, late, looks, lowest_of, moves, step_of
 from rivid.diagnose.result import Operators
 from rivid.errors import RividError
 
@@ -145,7 +145,7 @@ def identify(record: Record) -> Law | None:
     return Law(
         feedforward=feedforward, lag=fit.lag, level_gain=gain,
         trim_time=gain / trim if trim > 0.0 else np.inf, dead_band=band, set_point=aim, look=look,
-        notice=notice, quantum=quantum, lowest=float(record.outflow[record.used].min()),
+        notice=notice, quantum=quantum, lowest=lowest_of(record.outflow[record.used]),
         gauge_quantum=step_of(record.output[record.used]),
     )  # fmt: skip
 

@@ -9,6 +9,9 @@ Bools = NDArray[np.bool_]
 PROMPT = 0.5
 """Chance of a move at a sample from which the inflow's move is said to ask for it."""
 
+OFTEN = 0.02
+"""Share of the samples at the smallest command from which that is a limit."""
+
 
 def moves(record: Record) -> Bools:
     """Samples at which the outflow command is new and the level known, shape (days, n)."""
@@ -62,6 +65,18 @@ def step_of(values: Floats) -> float:
             if step <= smallest * (1 + 1e-9) and np.allclose(there, np.round(there / step) * step, atol=1e-6):
                 return round(step, 9)
     return 0.0
+
+
+def lowest_of(values: Floats) -> float:
+    """The smallest command, if it is given so often that it must be a limit; else 0, or none that is less.
+
+    Examples
+    --------
+    >>> lowest_of(np.array([40.0, 40.0, 57.0, 63.0])), lowest_of(np.linspace(40.0, 90.0, 100))
+    (40.0, 0.0)
+    """
+    smallest = float(values.min())
+    return smallest if np.mean(values == smallest) > OFTEN else min(smallest, 0.0)
 
 
 def late(values: Floats, lag: int) -> Floats:
