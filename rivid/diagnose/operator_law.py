@@ -124,9 +124,12 @@ def identify(record: Record) -> Law | None:
     quantum = step_of(record.outflow[record.used])
     noise = _noise(command - inflows[0], quantum, None)
     aims = _Aims.of([(aim, band) for aim in set_points(record) for band in BANDS], record, rows)
+    weights = np.ones(record.days)
     for _ in range(ROUNDS):
-        fit = _least_squares(command, inflows, aims, noise)
-        noise = _noise(command - fit.value(inflows, aims), quantum, noise)
+        fit = _least_squares(command, inflows, aims, noise, weights)
+        left = command - fit.value(inflows, aims)
+        noise = _noise(left, quantum, noise)
+        weights = day_weights(noise.whiten(left))
     for step in FINER:
         aim, band = aims.tried[fit.aim]
         near = [
@@ -135,7 +138,7 @@ def identify(record: Record) -> Law | None:
             for j in (-1, 0, 1)
         ]
         aims = _Aims.of(near, record, rows)
-        fit = _least_squares(command, inflows, aims, noise)
+        fit = _least_squares(command, inflows, aims, noise, weights)
     feedforward, gain, trim = fit.coefficients.tolist()
     gain, trim = max(gain, 0.0), max(trim, 0.0)
     if trim > 0.0:  # what only ever trims is a gain that acts within the shortest time
@@ -275,11 +278,10 @@ class _Fit:
         return np.asarray(q * inflows[self.lag] + g * aims.levels[self.aim] + i * aims.trims[self.aim])
 
 
-def _least_squares(command: Floats, inflows: Floats, aims: _Aims, noise: NoiseModel) -> _Fit:
+def _least_squares(command: Floats, inflows: Floats, aims: _Aims, noise: NoiseModel, weights: Floats) -> _Fit:
     """Whitened least squares for each lag and each aim with its band; the pair that leaves least."""
     white = noise.whiten(np.concatenate([command[None], inflows, aims.levels, aims.trims]), like=command)
-    root = np.sqrt(day_weights(white[0]))[:, None]
-    white = (white * root).reshape(len(white), -1)
+    white = (white * np.sqrt(weights)[:, None]).reshape(len(white), -1)
     G = white @ white.T
     n, m = len(inflows), len(aims.levels)
     best, least = _Fit(0, 0, np.zeros(3)), np.inf
