@@ -302,11 +302,12 @@ def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseM
     """White and walk and slow drift, in moves for time; the area is one, so that a drift is a rate."""
     try:
         return fit_noise(
-            residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,)
-        )
+            residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,),
+            alone=start is not None,
+        )  # fmt: skip
     except RividError:  # nothing is left: the law is exact
         floor = max(quantum, 1e-6)
-        return NoiseModel(floor, floor, 0.0, 100.0, 0.0, 100.0, 1.0, 1.0) if start is None else replace(start)
+        return NoiseModel(floor, floor, 0.0, 100.0, 0.0, 100.0, 1.0, 1.0) if start is None else start
 
 
 def _volume(values: Floats, record: Record) -> Floats:

@@ -62,7 +62,8 @@ def step_of(values: Floats) -> float:
     for digits in range(-3, 5):
         for part in (5.0, 2.0, 1.0):
             step = part * 10.0**-digits
-            if step <= smallest * (1 + 1e-9) and np.allclose(there, np.round(there / step) * step, atol=1e-6):
+            off = np.abs(there - np.round(there / step) * step)
+            if step <= smallest * (1 + 1e-6) and off.max() < 1e-6:
                 return round(step, 9)
     return 0.0
 
