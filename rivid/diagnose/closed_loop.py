@@ -87,8 +87,8 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     if told.r2 < LEAST_R2:
         return ClosedLoop(
             told,
-            f"Inflow and level explain {max(told.r2, 0.0):.0%} of the hourly changes of the outflow: "
-            f"expected {LEAST_R2:.0%} or more to put the operators into the loop.",
+            f"Inflow and level explain {100 * max(told.r2, 0.0):.0f} % of the hourly changes of the outflow: "
+            f"expected {100 * LEAST_R2:.0f} % or more to put the operators into the loop.",
         )
     rows = np.flatnonzero(study.split.sealed & record.used.any(axis=1))
     models = (study.first, study.last)

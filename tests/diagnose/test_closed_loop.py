@@ -348,7 +348,7 @@ def test_operators_who_follow_nothing_seen_are_not_put_into_a_loop():
     shuffled = record.outflow[rng.permutation(record.days)]
     told = closed_loop(study_of(dataclasses.replace(record, outflow=np.roll(shuffled, 200, axis=1)), None))
     assert told.baseline is None and told.shown is None and told.operators.r2 < 0.5
-    assert "% of the hourly changes of the outflow: expected 50% or more" in told.reason
+    assert " % of the hourly changes of the outflow: expected 50 % or more" in told.reason
 
 
 def test_an_outflow_that_hardly_moves_shows_no_operators():

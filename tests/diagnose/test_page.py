@@ -10,13 +10,14 @@ from html.parser import HTMLParser
 import pytest
 
 from rivid.diagnose.page import write_page
-from rivid.diagnose.result import VERDICTS, Estimate, Unknown, Where
+from rivid.diagnose.result import VERDICTS, ClosedLoop, Estimate, Unknown, Where
 from rivid.diagnose.wording import LABELS, MAY_NOT_SAY
 from rivid.diagnose.writing import write_diagnosis
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.figures import FigureFile
 from tests.diagnose.answers import BYPASS, DIURNAL, LOCKS, diagnosis, evidence_of, gap_of, record_of
+from tests.diagnose.loops import OPERATORS, REGIMES, loop_of, with_loop
 
 EVIDENCE = evidence_of()
 RIVER = evidence_of(record_of(kind="river"), amplitude=40.0)
@@ -139,6 +140,60 @@ def test_the_gap_table_has_a_row_for_each_step_and_for_events_timed_on_the_day(w
         "With events timed on the day itself, 97 % of the gap is closed; by what is known beforehand, 31"
         in said
     )
+
+
+def test_the_gap_by_regime_shows_before_and_after_and_a_dash_where_nothing_ends(tmp_path):
+    gap = dataclasses.replace(gap_of(EVIDENCE, (DIURNAL,)), by_regime=REGIMES)
+    said = page(tmp_path, "explained", gap=gap).words
+    assert "By regime" in said and "without any effect → with the named ones" in said
+    assert "Inflow below 153 m³/s 15.6 → 8.0 79 → 27 286 → 137" in said
+    assert "Longer after a step 11.6 → 6.9 59 → 22 –" in said
+    gap = dataclasses.replace(gap_of(EVIDENCE), by_regime=REGIMES)
+    said = page(tmp_path, "no_gap", gap=gap).words
+    assert "Inflow below 153 m³/s 15.6 79 286" in said and "→" not in said
+    assert "By regime" not in page(tmp_path, "no_gap").words
+
+
+def test_the_closed_loop_has_its_table_its_day_and_the_operators_in_words(tmp_path):
+    answer = with_loop(diagnosis("explained", EVIDENCE), EVIDENCE.record)
+    path = write_diagnosis(tmp_path, answer, EVIDENCE)
+    seen = Page(path.read_text(encoding="utf-8"))
+    said = seen.words.replace("\u00a0", " ")
+    assert "With the operators in the loop" in said and "Over 12 days kept apart" in said
+    assert "Measured 56 Without any effect 144 49 6.1 40 With the named effects 65 32 3.5 45" in said
+    assert (
+        "They pass on 95 % of a change of the inflow, at once, and let out 131 m³/s more for each metre of "
+        "level beyond 1.2 cm about 130.01 m, and as much again for each 3.93 h that it lasts. They look "
+        "every 17.7 min, and when the inflow moves by more than 4 m³/s. This explains 98.7 % of the hourly changes"
+    ) in said
+    assert "the inflow alone 96.7 %, and leaves 3.0 of 26 m³/s." in said
+    shown = [attrs["alt"] for tag, attrs in seen.tags if tag == "img"]
+    assert len(shown) == 5 and sum(alt.startswith("With the operators in the loop") for alt in shown) == 1
+    assert {"href": "#loop"} in [attrs for tag, attrs in seen.tags if tag == "a"]
+
+
+def test_operators_who_answer_no_level_and_look_by_the_clock_are_told_so(tmp_path):
+    slow = dataclasses.replace(
+        OPERATORS, level_gain=0.0, trim_time_s=None, notice=None, lag_s=532.0, r2_inflow=-0.1, dead_band=0.0
+    )
+    loop = dataclasses.replace(loop_of(EVIDENCE.record), operators=slow)
+    said = page(tmp_path, "no_gap", closed_loop=loop).words.replace("\u00a0", " ")
+    assert "of the inflow, 8.87 min later; no answer to the level is seen. They look every 17.7 min." in said
+    assert "the inflow alone 0.0 %" in said and "Simulated 144 49 6.1 40" in said
+    assert "Without any effect 144" not in said
+
+
+def test_where_there_is_no_closed_loop_the_reason_stands(tmp_path):
+    loop = ClosedLoop(
+        OPERATORS, "Inflow and level explain 31 % of the hourly changes: expected 50 % or more."
+    )
+    said = page(tmp_path, "no_gap", closed_loop=loop).words
+    assert "There is no closed loop here. Inflow and level explain 31 % of" in said
+    assert "root mean square:" not in said and "The operators, by the logs" in said
+    loop = ClosedLoop(None, "The outflow hardly moves.")
+    said = page(tmp_path, "no_gap", closed_loop=loop).words
+    assert "The outflow hardly moves." in said and "by the logs" not in said
+    assert "operators in the loop" not in page(tmp_path, "no_gap", RIVER).words
 
 
 def test_a_tie_shows_all_its_names_and_the_measurement_that_would_tell(tmp_path):

@@ -11,8 +11,9 @@ from PIL import Image
 from rivid.diagnose.pictures import draw_pictures, drop_pictures
 from rivid.errors import RividError
 from rivid.figures import style
-from rivid.figures.diagnosis import KINDS, binned, heat, one_day, season
+from rivid.figures.diagnosis import KINDS, binned, heat, loop, one_day, season
 from tests.diagnose.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of, record_of
+from tests.diagnose.loops import loop_of, with_loop
 
 EVIDENCE = evidence_of()
 RIVER = evidence_of(record_of(kind="river"), amplitude=40.0)
@@ -25,6 +26,8 @@ CASES = {
     "a river": (diagnosis("partly_explained", RIVER), RIVER),
     "a river without a name": (diagnosis("unknown", RIVER), RIVER),
     "thirteen months": (diagnosis("partly_explained", LONG), LONG),
+    "a closed loop": (with_loop(diagnosis("explained"), EVIDENCE.record), EVIDENCE),
+    "a closed loop without a name": (with_loop(diagnosis("no_gap"), EVIDENCE.record), EVIDENCE),
     "three days": (diagnosis("explained"), evidence_of(record_of(days=3))),
     "one hundred days": (diagnosis("explained"), evidence_of(record_of(days=100, n=48))),
     "a long name": (
@@ -223,6 +226,36 @@ def test_a_river_speaks_of_discharge_and_has_no_outflow(tmp_path, monkeypatch):
     said = " ".join(words)
     assert "discharge at the lower end [m³/s]" in said and "error [m³/s]" in said
     assert "level" not in said and "outflow" not in said and "mm" not in said
+
+
+def test_the_closed_loop_is_drawn_from_its_day_with_two_or_three_curves(tmp_path, monkeypatch):
+    seen = []
+    save = style.save
+
+    def look(figure, path):
+        save(figure, path)
+        if path.name == "diagnosis_loop.png":
+            seen.append(figure)
+
+    monkeypatch.setattr(style, "save", look)
+    day = loop_of(EVIDENCE.record).shown
+    for name, curves in (("a closed loop", 3), ("a closed loop without a name", 2)):
+        files = draw_pictures(tmp_path, *CASES[name])
+        assert [f.kind for f in files][:2] == ["diagnosis_gap", "diagnosis_loop"]
+        upper, lower, lowest = seen[-1].axes
+        assert [len(axes.lines) for axes in (upper, lower, lowest)] == [curves, curves + 1, curves]
+        for line, values in zip(upper.lines, day.level, strict=False):
+            assert np.array_equal(line.get_ydata(), values, equal_nan=True)
+        assert np.array_equal(lower.lines[0].get_ydata(), day.inflow, equal_nan=True)
+        assert ("with the named effects" in " ".join(t.get_text() for t in seen[-1].texts)) == (curves == 3)
+    (off, hour) = (np.array(v) for v in (day.outflow[1], day.hour))
+    off = off - np.array(day.outflow[0])
+    mean = loop.hourly(off, hour)
+    for k in (0, 40, len(off) - 1):
+        near = np.abs(hour - hour[k]) <= 0.5
+        assert mean[k] == pytest.approx(np.nanmean(off[near]))
+    off[40] = np.nan
+    assert np.isnan(loop.hourly(off, hour)[40]) and np.isfinite(loop.hourly(off, hour)[41])
 
 
 def test_pictures_of_an_earlier_diagnosis_go_and_others_stay(tmp_path):

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rivid.diagnose.result import VERDICTS, Estimate, Unknown, Where
+from rivid.diagnose.result import VERDICTS, ClosedLoop, Estimate, Unknown, Where
 from rivid.diagnose.table import WIDTH, summary
 from rivid.diagnose.wording import LABELS, MAY_NOT_SAY, sure_words
 from tests.diagnose.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
+from tests.diagnose.loops import loop_of
 
 EVIDENCE = evidence_of()
 RIVER = evidence_of(record_of(kind="river"), amplitude=40.0)
@@ -101,6 +102,19 @@ def test_numbers_that_are_not_there_are_dashes_and_never_nan():
     said = words("explained", effects=(effect,), gap=gap, unknown=Unknown(Where(), nan, (), nan))
     assert "nan" not in said.lower()
     assert "without any effect 10.0 - -" in said
+
+
+def test_the_closed_loop_is_told_in_a_line_or_the_reason_why_there_is_none():
+    loop = loop_of(EVIDENCE.record)
+    assert (
+        "Loop 12 days: the level is off by, without and with the named effects, 49 to 32 mm, the outflow by "
+        "6.1 to 3.5 m3/s"
+    ) in words("explained", closed_loop=loop)
+    assert "Loop 12 days: the level is off by 49 mm, the outflow by 6.1 m3/s" in words(
+        "no_gap", closed_loop=loop
+    )
+    assert "Loop Nobody moves." in words("no_gap", closed_loop=ClosedLoop(None, "Nobody moves."))
+    assert "Loop" not in words("no_gap")
 
 
 def test_text_that_steers_a_terminal_is_shown_as_words():
