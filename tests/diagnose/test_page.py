@@ -164,7 +164,7 @@ def test_the_closed_loop_has_its_table_its_day_and_the_operators_in_words(tmp_pa
     assert (
         "They pass on 95 % of a change of the inflow, at once, and let out 131 m³/s more for each metre of "
         "level beyond 1.2 cm about 130.01 m, and as much again for each 3.93 h that it lasts. They look "
-        "every 17.7 min, and when the inflow moves by more than 4 m³/s. This explains 98.7 % of the hourly changes"
+        "every 17.7 min, and when the inflow moves by more than 4 m³/s. This explains 98.7 % of the hourly "
     ) in said
     assert "the inflow alone 96.7 %, and leaves 3.0 of 26 m³/s." in said
     shown = [attrs["alt"] for tag, attrs in seen.tags if tag == "img"]
