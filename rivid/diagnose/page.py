@@ -202,7 +202,7 @@ def _gap(gap: Gap, named: bool) -> dict[str, Any]:
         "described": any(row["kind"] == "described" for row in rows),
         "days": count(len(gap.heldout_dates), "day"),
         "dates": [str(date) for date in gap.heldout_dates],
-        "regimes": [(capital(r.words), _ends(r, factor, named)) for r in gap.by_regime],
+        "regimes": [(_tight(capital(r.words)), _ends(r, factor, named)) for r in gap.by_regime],
         "named": named,
     }
 

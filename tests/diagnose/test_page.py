@@ -189,7 +189,7 @@ def test_where_there_is_no_closed_loop_the_reason_stands(tmp_path):
     )
     said = page(tmp_path, "no_gap", closed_loop=loop).words
     assert "There is no closed loop here. Inflow and level explain 31 % of" in said
-    assert "root mean square:" not in said and "The operators, by the logs" in said
+    assert "root mean square errors" not in said and "The operators, by the logs" in said
     loop = ClosedLoop(None, "The outflow hardly moves.")
     said = page(tmp_path, "no_gap", closed_loop=loop).words
     assert "The outflow hardly moves." in said and "by the logs" not in said
