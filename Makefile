@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -58,8 +58,11 @@ hydraulic-page: setup  ## travel times and Table VI on the hydraulic truth, writ
 exam: setup  ## effects hidden in many simulated seasons, written to docs/exam.md; goes on where it was stopped
 	$(BIN)/python -m benchmarks.exam
 
-exam-quick: setup  ## the same with two seeds of each
-	$(BIN)/python -m benchmarks.exam --seeds 2 --nothing 10
+exam-quick: setup  ## one season of a few of its cases, in minutes
+	$(BIN)/python -m benchmarks.exam --quick
+
+exam-mutations: setup  ## parts of the diagnosis taken out one by one: the exam must fail each time
+	$(BIN)/python -m benchmarks.exam.mutations
 
 diagnose-real: setup  ## the hidden bypass of Glen Canyon Dam, written to docs/diagnose_real.md
 	$(BIN)/python -m benchmarks.diagnose_real
