@@ -37,11 +37,11 @@ def driven_level(record: Record) -> Floats:
 
     Notes
     -----
-    Least squares of the level that counts on a constant and three leaky means of the inflow, with memories of
-    1, 4 and 12 hours; each row's means begin at its first inflow.
+    Least squares of the level that counts on a constant, the day's mean inflow and three leaky means of it
+    with memories of 1, 4 and 12 hours; each row's means begin at its first inflow.
     """
     inflow = record.inflow - record.usual_flow
-    parts = [np.ones_like(inflow)]
+    parts = [np.ones_like(inflow), np.broadcast_to(inflow.mean(axis=1, keepdims=True), inflow.shape)]
     for memory in MEMORIES:
         keep = math.exp(-record.sample_time / memory)
         start = keep * inflow[:, :1]
@@ -51,17 +51,13 @@ def driven_level(record: Record) -> Floats:
     return np.asarray(np.tensordot(b, np.stack(parts), 1))
 
 
-def guard(
-    effect: Effect, column: Floats, model: Linear, evaluation: Evaluation, simulated: Simulated
-) -> float:
+def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: Simulated) -> float:
     """How clearly an effect of the level shows through the instrument: t over blocks of days.
 
     Parameters
     ----------
-    effect : Effect
-        As it would be named.
-    column : ndarray, shape (days, n)
-        What it does to the output.
+    proposal : Proposal
+        Of an effect with one column.
     model : Linear
     evaluation : Evaluation
         The model without the effect.
@@ -75,12 +71,14 @@ def guard(
         instrument without what the response's parameters do, r the whitened residual without the same and
         s_b = z'r of a block: t = sign(z'x) sum s_b / sqrt(sum s_b^2).
     """
-    record = model.record
+    record, effect = model.record, proposal.effect
+    assert effect is not None
+    column = proposal.evaluation.coefficients[0] * proposal.columns[0]
     rows = np.flatnonzero(model.split.fit | model.split.select)
     clean = replace(record, output=driven_level(record))
     moved = simulated(clean, (effect,)) - simulated(clean, ())
     like = model.used(evaluation.residual)[rows]
-    noise = evaluation.noise
+    noise = proposal.evaluation.noise  # of the model with the effect: without, the noise stands for it
     r = noise.whiten(like)
     z = noise.whiten(moved[rows][None], like=like)[0]
     X = noise.whiten(model.columns[:, rows], like=like).reshape(len(model.columns), -1)
@@ -106,5 +104,4 @@ def guarded(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated
         return True
     if effect.name in CATALOGUE and effect.name not in OF_THE_LEVEL:
         return True
-    column = proposal.evaluation.coefficients[0] * proposal.columns[0]
-    return guard(effect, column, model, evaluation, simulated) > LEAST
+    return guard(proposal, model, evaluation, simulated) > LEAST

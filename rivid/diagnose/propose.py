@@ -18,6 +18,7 @@ from rivid.diagnose.trials import HOURS_A_DAY, Trial, Window, columns_of, hour_c
 from rivid.diagnose.windows import Span, best_dates, best_span, chance_of, combined
 from rivid.effects import Effect
 from rivid.effects.base import DAY
+from rivid.errors import RividError
 
 LOOK = 0.05
 """Candidates with a smaller family-wise p are looked at closely."""
@@ -153,10 +154,15 @@ def proposals(
     noise = before.noise
     r = noise.whiten(z)
     start = baseline(())
-    columns = [
-        hour_columns(record, kernels[t.hourly]) if t.hourly else columns_of(t, baseline, start)
-        for t in trials
-    ]
+    able, columns = [], []
+    for t in trials:
+        try:
+            one = hour_columns(record, kernels[t.hourly]) if t.hourly else columns_of(t, baseline, start)
+        except RividError:  # no water, or a level below the bed: with this effect the reach cannot be
+            continue
+        able.append(t)
+        columns.append(one)
+    trials = able
     whitened = [noise.whiten(c, like=z) for c in columns]
     nuisance = noise.whiten(model.columns, like=z)
     candidates, whose = [], []

@@ -18,6 +18,8 @@ from rivid.errors import RividError
 
 AS_GOOD = 2.0
 """Nats a selecting day by which a later candidate must be ahead of one that is preferred to it."""
+PROMISE = 0.6
+"""Share of what a response is behind that one effect must promise: it is tried at one size only."""
 FEW = 12
 """Fitting days from which every third is fitted to first."""
 
@@ -31,24 +33,38 @@ class Calibrated:
     model : Model
     linear : Linear
     evaluation : Evaluation
-    note : str
-        What to say of the choice; empty where the first candidate stands.
+    behind : float
+        By how much the selecting days are less likely than under the best candidate [nats].
     """
 
     model: Model
     linear: Linear
     evaluation: Evaluation
-    note: str = ""
+    behind: float = 0.0
+
+    @property
+    def as_good(self) -> bool:
+        """Whether it is near enough to the best."""
+        return self.lacks <= 0.0
+
+    @property
+    def lacks(self) -> float:
+        """What it must gain on the selecting days to be near enough [nats]."""
+        return self.behind - AS_GOOD * max(int(self.linear.split.select.sum()), 1)
+
+    def lives_up(self, promise: float) -> bool:
+        """Whether an effect that gains so much on the selecting days [nats] makes up for what it lacks."""
+        return promise >= min(self.lacks, PROMISE * self.behind)
 
 
-def choose_response(
+def calibrated(
     record: Record,
     dealt: Split,
     candidates: Sequence[Model],
     trim: float,
     report: Callable[[str], None] = lambda _: None,
-) -> Calibrated:
-    """Calibrate the candidates and take the one that predicts.
+) -> tuple[list[Calibrated], tuple[str, ...]]:
+    """Calibrate the candidates, and say how far each is behind the best.
 
     Parameters
     ----------
@@ -62,9 +78,10 @@ def choose_response(
 
     Returns
     -------
-    Calibrated
-        The first candidate whose log-likelihood on the selecting days is within :data:`AS_GOOD` a day of the
-        best one's.
+    list of Calibrated
+        In the same order, to the first that is within :data:`AS_GOOD` a day of the best.
+    tuple of str
+        What those said that cannot be run.
 
     Raises
     ------
@@ -74,7 +91,8 @@ def choose_response(
     Notes
     -----
     By likelihood, not by the error some hours ahead: this is mostly the unknown inflow's and hardly differs
-    between a good response and a poor one.
+    between a good response and a poor one. A candidate that is behind may still be the right one, if what it
+    lacks is what the logs lack: coefficients enough take a slow gate or a late wave upon themselves.
     """
     done: list[Calibrated] = []
     refused: list[RividError] = []
@@ -83,25 +101,13 @@ def choose_response(
         try:
             done.append(_calibrated(model, record, dealt, trim, report))
         except RividError as error:
-            if len(candidates) == 1:
-                raise
             refused.append(error)
     if not done:
         raise refused[0]
-    days = max(int(dealt.select.sum()), 1)
-    gains = np.array([one.evaluation.likelihood[dealt.select].sum() for one in done]) / days
-    best = int(np.argmax(gains >= gains.max() - AS_GOOD))
-    chosen = done[best]
-    if refused and best == 0:
-        return replace(chosen, note=f"another response than the first was taken: {refused[0]}")
-    if best == 0:
-        return chosen
-    taken, first = chosen.model.reach.name, done[0].model.reach.name
-    return replace(
-        chosen,
-        note=f"{taken} describes the selecting days better than {first}, by {gains[best] - gains[0]:.0f} "
-        "nats a day: check the reach's geometry",
-    )
+    gains = np.array([one.evaluation.likelihood[dealt.select].sum() for one in done])
+    done = [replace(one, behind=float(gains.max() - gain)) for one, gain in zip(done, gains, strict=True)]
+    last = next(i for i, one in enumerate(done) if one.as_good)
+    return done[: last + 1], tuple(str(error) for error in refused)
 
 
 def _calibrated(

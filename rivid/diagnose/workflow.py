@@ -19,7 +19,7 @@ from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.naming import Choice, choose
 from rivid.diagnose.propose import Proposal, proposals
 from rivid.diagnose.response import Response
-from rivid.diagnose.response_choice import Calibrated, as_candidates, choose_response
+from rivid.diagnose.response_choice import Calibrated, as_candidates, calibrated
 from rivid.diagnose.result import Diagnosis
 from rivid.diagnose.study import Round, Study
 from rivid.diagnose.telling import tell, too_few
@@ -102,12 +102,11 @@ def look(
         )
         for one in as_candidates(response)
     ]
-    chosen = choose_response(record, dealt, nominal, TRIM[record.kind], report)
-    search = _Search(record, dealt, classes, chosen, tuple(e.name for e in noises), report)
+    search, notes = _begun(record, dealt, classes, nominal, tuple(e.name for e in noises), report)
+    chosen = search.start
     while search.turn(most):
         pass
     rounds, last = search.rounds, (search.model, search.linear, search.evaluation)
-    notes = [chosen.note] if chosen.note else []
     if patched(rounds):
         notes.append("releases at several hours of every day: no schedule, but a course without a name here")
         rounds = [replace(rounds[0], choice=None, after=None)]
@@ -116,6 +115,33 @@ def look(
         record, dealt, chosen.model, last[0], chosen.linear, last[1], chosen.evaluation, last[2],
         tuple(rounds), search.kernels, tuple(notes), noises,
     )  # fmt: skip
+
+
+def _begun(
+    record: Record,
+    dealt: Split,
+    classes: dict[str, type[Effect]],
+    nominal: Sequence[Model],
+    noises: tuple[str, ...],
+    report: Report,
+) -> tuple["_Search", list[str]]:
+    """The search about the first response that is as good as any, once the best effect is in it.
+
+    A response that is behind is not left for one that fits better before it is asked what it would be with
+    one effect: many coefficients fit a late wave or a slow gate as well, and then nothing is missing.
+    """
+    done, refused = calibrated(record, dealt, nominal, TRIM[record.kind], report)
+    notes = [f"a response was passed over: {why}" for why in refused]
+    for one in done:
+        search = _Search(record, dealt, classes, one, noises, report)
+        if one.as_good or one.lives_up(search.promises()):
+            break
+        notes.append(
+            f"{one.model.reach.name} describes the selecting days worse than {done[-1].model.reach.name}, by "
+            f"{one.behind / dealt.select.sum():.0f} nats a day, and no effect makes it as good: check the "
+            "reach's geometry"
+        )
+    return search, notes
 
 
 class _Search:
@@ -131,6 +157,9 @@ class _Search:
         report: Report,
     ) -> None:
         self.record, self.dealt, self.classes, self.report = record, dealt, classes, report
+        self.start = start
+        self.ahead: list[Proposal] | None = None
+        """What was found before the first turn."""
         self.model: Model = start.model
         self.linear: Linear = start.linear
         self.evaluation: Evaluation = start.evaluation
@@ -144,7 +173,8 @@ class _Search:
     def turn(self, most: int) -> bool:
         """One round; whether something was named."""
         self.report(f"round {len(self.rounds) + 1}: {len(self.trials)} trials, events, noises")
-        found = self._found()
+        found = self._found() if self.ahead is None else self.ahead
+        self.ahead = None
         choice = self._chosen(found) if self.count < most else None
         if choice is None or choice.proposal.effect is None:
             self.rounds.append(Round(self.evaluation, tuple(found), None, None))
@@ -152,6 +182,11 @@ class _Search:
         self._add(found, choice)
         self.count += 1
         return True
+
+    def promises(self) -> float:
+        """What the best proposal gains on the selecting days [nats]."""
+        self.ahead = self._found()
+        return max((p.gain_select for p in self.ahead), default=0.0)
 
     def _found(self) -> list[Proposal]:
         """All proposals about the model as it is, best first."""

@@ -1,0 +1,50 @@
+"""Seasons of the linear pool as records, its response, and a calibrated model: quick, and exact."""
+
+import datetime as dt
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from rivid.diagnose.blocks import split
+from rivid.diagnose.data import as_record
+from rivid.diagnose.fit import Model, calibrate
+from rivid.diagnose.linear import evaluate
+from rivid.diagnose.linear_response import LinearPool
+from rivid.scenario import load_scenario
+from rivid.simulate import simulate
+
+LINEAR = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "basse_isere.toml")
+GAUGE_FLOOR = 0.01 / np.sqrt(12.0)
+
+
+@cache
+def season(seed, days=40, effects=(), **weather):
+    """A season of the linear pool as a record."""
+    scenario = LINEAR.model_copy(
+        update={"days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1)}
+    )  # fmt: skip
+    s = simulate(scenario, seed, effects=effects)
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, delay=7)
+
+
+def nominal(record, fronts="none", **others):
+    """The response that made the seasons."""
+    return LinearPool.nominal(record, fronts, surface_area=6.7e5, delay=950.0, **others)
+
+
+def fresh(record, response, effects=()):
+    """A model that is not calibrated."""
+    return Model(
+        response, None, record.usual_output, record.usual_flow, GAUGE_FLOOR, tuple(effects),
+        ((),) * len(effects),
+    )  # fmt: skip
+
+
+@cache
+def fitted(record):
+    """The model calibrated on the fitting days, about it and what it leaves."""
+    dealt = split(record.dates)
+    model = calibrate(fresh(record, nominal(record)), record.take(dealt.fit))
+    linear = model.linear(record, dealt)
+    return model, linear, evaluate(linear)
