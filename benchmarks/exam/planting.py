@@ -128,6 +128,12 @@ def told_of(season: Season) -> tuple[Effect, ...]:
     return tuple(found)
 
 
+def sealed(case: Case, seed: int) -> tuple[Logs, dict[str, Any]]:
+    """Logs and truth of a case, fit to be sent from process to process."""
+    planted = plant(case, seed)
+    return planted.logs, planted.truth
+
+
 def floor_of(case: Case, seed: int, response: str) -> list[float]:
     """Errors on the sealed days, at each horizon, of a model that is told what was planted.
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from benchmarks.exam import answering
 from benchmarks.exam.cases import ROOT, Case, Task
-from benchmarks.exam.planting import Planted, floor_of, plant
+from benchmarks.exam.planting import floor_of, sealed
 
 KEPT = ROOT / "build" / "exam"
 MOST_TASKS = 20
@@ -51,12 +51,12 @@ def outstanding(todo: Sequence[Task], shard: tuple[int, int], kept: Path = KEPT)
 class Desks:
     """The three things that are done to a case; tests put simple ones in their place."""
 
-    plant: Callable[[Case, int], Planted]
+    plant: Callable[[Case, int], tuple[answering.Logs, dict[str, Any]]]
     answer: Callable[[answering.Logs], dict[str, Any]]
     floor: Callable[[Case, int, str], list[float]]
 
 
-DESKS = Desks(plant, answering.answer, floor_of)
+DESKS = Desks(sealed, answering.answer, floor_of)
 
 
 def run(
@@ -103,13 +103,13 @@ def run(
             if deadline is not None and time.monotonic() > deadline:
                 return
             case, seed = task
-            planted = examiners.submit(desks.plant, case, seed).result()
-            said = candidates.submit(desks.answer, planted.logs).result()
+            logs, truth = examiners.submit(desks.plant, case, seed).result()
+            said = candidates.submit(desks.answer, logs).result()
             floor = None
             if case.expected and said.get("effects"):  # a gap was closed, or not
                 floor = examiners.submit(desks.floor, case, seed, said["reach_response"]).result()
             result = {
-                "case": case.name, "seed": seed, "revision": revision, "truth": planted.truth,
+                "case": case.name, "seed": seed, "revision": revision, "truth": truth,
                 "answer": said, "floor": floor,
             }  # fmt: skip
             keep(result, place_of(task, kept))
