@@ -7,13 +7,18 @@ import numpy as np
 
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.fit import Model, calibrate
+from rivid.diagnose.gap import residual_of
 from rivid.diagnose.happenings import as_effect, lock, rain, search
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.naming import Choice
+from rivid.diagnose.noise import day_weights
 from rivid.diagnose.propose import Proposal
+from rivid.diagnose.response import vector_of
 from rivid.diagnose.study import Round
 from rivid.effects import Effect
 
+STEPWISE, MOST_STEPS = ("band",), 40
+"""Parameters in which the output is not smooth, and how many values of one are tried."""
 DAYS_A_KNOT, MOST_KNOTS = 7, 20
 """Of a size that varies with the date."""
 RECODINGS = 2
@@ -23,20 +28,67 @@ NEEDED = 4.0
 Report = Callable[[str], None]
 
 
-def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> Model:
-    """The model with a proposal in the simulator, all parameters fitted together again."""
+def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tuple[Model, dict[str, float]]:
+    """The model with a proposal in the simulator, all parameters fitted together again.
+
+    Returns
+    -------
+    Model
+    dict of str to float
+        Standard errors of parameters that are not fitted with the others.
+    """
     assert proposal.effect is not None
     if proposal.name == "seiche":  # the noise model has no swing: it is named beside it
-        return model
+        return model, proposal.spreads
     if proposal.level_noise:  # the noise carries it; the effect is its name and size
-        return calibrate(
-            replace(model, noise=proposal.evaluation.noise, level_noise=True), fit, steps=2, report=report
-        )
+        windy = replace(model, noise=proposal.evaluation.noise, level_noise=True)
+        return calibrate(windy, fit, steps=2, report=report), proposal.spreads
+    steps = tuple(name for name in proposal.free if name in STEPWISE)
+    free = tuple(name for name in proposal.free if name not in STEPWISE)
+    p = len(model.reach.parameters)
+    shift = proposal.evaluation.shift
+    values = model.values() + shift[p:] if len(shift) > p else model.values()
+    moved = replace(model, reach=model.reach.with_parameters(vector_of(model.reach) + shift[:p])).with_values(
+        values
+    )
     larger = replace(
-        model, effects=(*model.effects, proposal.effect), free=(*model.free, proposal.free),
+        moved, effects=(*moved.effects, proposal.effect), free=(*model.free, free),
         noise=proposal.evaluation.noise,
     )  # fmt: skip
-    return calibrate(larger, fit, steps=5, report=report)
+    larger = calibrate(larger, fit, steps=5, report=report)
+    spreads = dict(proposal.spreads)
+    for name in steps:
+        larger, spreads[name] = stepped(larger, name, fit)
+        larger = calibrate(larger, fit, steps=2, report=report)
+    return larger, spreads
+
+
+def stepped(model: Model, name: str, fit: Record) -> tuple[Model, float]:
+    """The last effect with the best value of a parameter that acts in steps, and its standard error.
+
+    Commands are whole numbers of something, and a band between two of them does what the larger one does:
+    the likelihood is flat but for jumps. All values half-way between commands are tried.
+    """
+    assert model.noise is not None
+    effect = model.effects[-1]
+    moves = np.abs(np.diff(fit.outflow, axis=1))
+    step = float(np.quantile(moves[moves > 1e-6], 0.02)) if (moves > 1e-6).any() else 1.0
+    now = float(getattr(effect, name))
+    values = (np.arange(min(int(2.5 * now / step) + 2, MOST_STEPS)) + 0.5) * step
+    noise = model.noise
+    weights = day_weights(noise.whiten(np.where(fit.used, residual_of(fit, model.baseline(fit)), np.nan)))
+
+    def at(value: float) -> Model:
+        return replace(model, effects=(*model.effects[:-1], effect.with_values(**{name: value})))
+
+    costs = []
+    for value in values.tolist():
+        left = np.where(fit.used, residual_of(fit, at(value).baseline(fit)), np.nan)
+        costs.append(0.5 * float((weights[:, None] * noise.whiten(left) ** 2).sum()))
+    cost = np.array(costs)
+    near = values[cost <= cost.min() + 2.0]
+    half = 0.5 * (near.max() - near.min() + step)
+    return at(float(0.5 * (near.max() + near.min()))), half / 1.96
 
 
 def varied(

@@ -21,6 +21,8 @@ ALIKE = 0.75
 """Releases are alike: their sizes vary by less than this share, rain's by more or less."""
 SCHEDULED = 0.002
 """p of a timetable from which events are somebody's."""
+MOST_PULSE, MOST_RAIN = 3.0, 10.0
+"""Times the usual event: of one that midnight cuts off only the start is seen, and its size is a guess."""
 STEP_PRICE = 30.0
 """Of a jump of the gauge [nats]."""
 LEAST_WIND = 0.005
@@ -121,7 +123,9 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     """The effect with its events, as hours since the first day's midnight."""
     number = record.day_number
     starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
-    size = tuple(abs(float(e.size)) for e in events.events)
+    sizes_ = np.array([abs(float(e.size)) for e in events.events])
+    most = (MOST_RAIN if effect.name == "rain_inflow" else MOST_PULSE) * float(np.median(sizes_))
+    size = tuple(np.minimum(sizes_, most).tolist())
     if effect.name == "rain_inflow":
         table = {"starts": starts, "peak": size, "rise": 0.1, "recession": events.events[0].duration_s / HOUR}
     else:
@@ -179,4 +183,5 @@ def _of_wind(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposa
     return Proposal(
         "wind_setup", "level noise", made, (), (None, None), _chance(fit), after,
         np.empty((0, *model.record.time.shape)), fit, select, t, better, blocks, level_noise=True,
+        gains=after.likelihood - before.likelihood,
     )  # fmt: skip

@@ -25,6 +25,8 @@ A_DAY = 2.5
 gains up to 1.3."""
 LEAST_EVENTS = 20.0
 """What events must gain beyond their price, on the fitting and on the selecting days [nats]."""
+LEAST_OFFSET = 2.0
+"""Samples that a clock must be off where it always was."""
 LEAST_STEP = 50.0
 """What a jump of the gauge must gain, once [nats]."""
 SAME = 0.95
@@ -61,19 +63,28 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     days = model.split.fit.sum(), model.split.select.sum()
     gains = proposal.gain_fit / days[0], proposal.gain_select / days[1]
     if proposal.events is not None:  # rare by nature, and each has paid its price
-        return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and bool(
-            (proposal.improvement >= MATERIAL[: len(proposal.improvement)]).any()
-        )
+        return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and is_material(proposal)
     sure = proposal.p_value <= SURE and proposal.gain_select > LEAST_SURE and proposal.t >= 1.0
+    sure = sure and proposal.name not in ABSORBED
     if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False
+    if proposal.name == "clock_offset" and proposal.window[0] is None:
+        # a clock that was always off is a longer way for the wave: only a large offset is no geometry
+        offset = abs(float(getattr(proposal.effect, "offset", 0.0)))
+        if offset < LEAST_OFFSET * model.record.sample_time:
+            return False
     if proposal.name == "sensor_step":
         return proposal.gain_fit > LEAST_STEP
     if proposal.level_noise:
         return bool(min(gains) > A_DAY)
-    if bool((proposal.improvement >= MATERIAL[: len(proposal.improvement)]).any()):
+    if is_material(proposal):
         return proposal.gain_select > 6.0
     return proposal.name in ABSORBED and bool(min(gains) > A_DAY)
+
+
+def is_material(proposal: Proposal) -> bool:
+    """Whether it takes enough from the error on the selecting days, at one horizon or more."""
+    return bool((proposal.improvement >= MATERIAL[: len(proposal.improvement)]).any())
 
 
 def choose(

@@ -30,6 +30,8 @@ CLEAR = 15.0
 """Or those whose window gains as many nats."""
 MOST_USUAL = 4.0
 """A day counts for at most so many times the usual day's gain."""
+CONTENDER = 0.15
+"""Share of the best window's gain from which another is kept in mind."""
 ALWAYS = 0.9
 """A window that holds this share of the days is no window."""
 Baseline = Callable[[Sequence[Effect]], Floats]
@@ -68,6 +70,10 @@ class Proposal:
         Whether the proposal is a noise of the level (wind, a seiche).
     spreads : dict of str to float
         Standard errors of a noise's parameters, where they are known.
+    other : Proposal or None
+        The same effect in another window, which may turn out better in the simulator.
+    gains : ndarray of shape (days,), or None
+        Of a noise: what each day gains by it [nats].
     """
 
     name: str
@@ -86,6 +92,8 @@ class Proposal:
     events: Events | None = None
     level_noise: bool = False
     spreads: dict[str, float] = field(default_factory=dict)
+    other: "Proposal | None" = None
+    gains: Floats | None = None
 
 
 def compared(
@@ -198,11 +206,14 @@ def proposals(
         if p_flips > LOOK and span.gain < CLEAR and not _promising(w, free_of, rows):
             continue
         found_ = [_measured(model, before, trial, c, w, one_span, p_flips, shown) for one_span in spans]
-        result += sorted((f for f in found_ if f is not None), key=_worth)[-1:]
+        ranked = sorted((f for f in found_ if f is not None), key=worth)
+        if len(ranked) > 1 and worth(ranked[0]) > CONTENDER * worth(ranked[1]):
+            ranked[1] = replace(ranked[1], other=ranked[0])
+        result += ranked[-1:]
     return sorted(result, key=lambda p: -p.gain_select)
 
 
-def _worth(proposal: Proposal) -> float:
+def worth(proposal: Proposal) -> float:
     """Of two windows the one that gains more; dates have to gain their price."""
     return proposal.gain_fit + proposal.gain_select - (DATES_PRICE if proposal.window[0] else 0.0)
 

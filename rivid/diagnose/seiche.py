@@ -212,7 +212,7 @@ def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal 
     chance = min(swing.tried * float(np.exp(-max(fit, 0.0))), 1.0)
     return Proposal(
         "seiche", "swing", made, (), (None, None), chance, after, np.empty((0, *record.time.shape)), fit,
-        select, t, np.zeros(len(before.errors.squares)), blocks, level_noise=True,
+        select, t, np.zeros(len(before.errors.squares)), blocks, level_noise=True, gains=gains,
         spreads={
             name: float(getattr(swing, name) * spread)
             for name, spread in zip(("period", "damping", "amplitude"), swing.spreads, strict=True)

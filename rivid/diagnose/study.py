@@ -48,6 +48,8 @@ class Study:
     notes : tuple of str
     noises : tuple of Effect
         Noises (wind, a seiche) that were known from the start.
+    contradicted : Proposal or None
+        Where nothing was named: what fits the fitting days well, and the selecting days not.
     """
 
     record: Record
@@ -62,6 +64,7 @@ class Study:
     kernels: dict[str, Floats]
     notes: tuple[str, ...] = field(default=())
     noises: tuple[Effect, ...] = ()
+    contradicted: Proposal | None = None
 
     @property
     def named(self) -> tuple[Round, ...]:

@@ -20,11 +20,11 @@ from rivid.diagnose.result import (
     NamedEffect,
     Step,
     Unknown,
-    Verdict,
     Where,
     closed_share,
 )
 from rivid.diagnose.spectrum import spectrum
+from rivid.diagnose.verdict import verdict_of
 from rivid.diagnose.where import as_scores, drivers, strongest
 from rivid.effects import Effect
 
@@ -32,11 +32,6 @@ if TYPE_CHECKING:
     from rivid.diagnose.fit import Model
     from rivid.diagnose.study import Round, Study
 
-Z_95 = 1.959964
-WORSE = 1.01
-"""A name does not hold where the sealed error grows by more than this factor at every horizon."""
-HELD = 0.25
-"""Or where less than this share of what it gained on the selecting days is found on the sealed ones."""
 SPEAKS = 0.01
 """p of the place of what is left, from which it speaks."""
 
@@ -69,7 +64,7 @@ def tell(
     evidence = _evidence(study)
     unknown = _unknown(study, evidence)
     effects = _named(study, named)
-    verdict, reason = _verdict(study, named, gap, unknown)
+    verdict, reason = verdict_of(study, gap, unknown)
     noise = study.last_evaluation.noise
     return (
         Diagnosis(
@@ -82,54 +77,10 @@ def tell(
     )  # fmt: skip
 
 
-def _verdict(
-    study: "Study", named: tuple["Round", ...], gap: Gap, unknown: Unknown | None
-) -> tuple[Verdict, str]:
-    base, end = np.array(gap.rmse_baseline), study.last_evaluation.errors.rmse(study.split.sealed)
-    unit = gap.unit
-    if not named:
-        if unknown is None:
-            return "no_gap", "No candidate stands out, and what is left shows neither rhythm nor place."
-        return "unknown", f"Something is left that no known effect explains: {unknown.drivers[0]}."
-    names = ", ".join(r.choice.proposal.name for r in named if r.choice is not None)
-    shown = f"{base[1]:.3g} {unit} to {end[1]:.3g} {unit} after 4 h"
-    if _fails(named, study, base, end):
-        return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
-    first = named[0].choice
-    if first is not None and first.tied:
-        others = ", ".join(first.tied)
-        return (
-            "cannot_tell",
-            f"{first.proposal.name} or {others}: these data cannot tell. The error: {shown}.",
-        )
-    if unknown is not None:
-        return "partly_explained", f"{names} is named; {unknown.drivers[0]} is left. The error: {shown}."
-    return "explained", f"{names}. On days kept apart the error goes from {shown}."
-
-
-def _fails(named: tuple["Round", ...], study: "Study", base: Floats, end: Floats) -> bool:
-    if bool((end > WORSE * base).all()):
-        return True
-    choice = named[0].choice
-    after = named[0].after
-    assert choice is not None and after is not None
-    promised = choice.proposal.improvement
-    sealed = study.split.sealed & (np.abs(_active(choice.proposal.columns, study)) > 0)
-    if not sealed.any() or promised.max() < 0.1:
-        return False
-    found = 1.0 - after.errors.rmse(sealed) / named[0].before.errors.rmse(sealed)
-    return bool((np.nan_to_num(found) < HELD * np.maximum(promised, 0.1)).all())
-
-
-def _active(columns: Floats, study: "Study") -> Floats:
-    if not len(columns):
-        return np.ones(study.record.days)
-    return np.asarray(np.abs(columns).max(axis=(0, 2)))
-
-
 def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...]:
     found = []
     errors = dict(zip(_slots(study.last), _tail(study), strict=True))
+    quantile = _quantile(study)
     place = 0
     for r in named:
         assert r.choice is not None and r.choice.proposal.effect is not None
@@ -148,7 +99,7 @@ def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=choice.tied,
                 runner_up=runner.name if runner else None, margin=choice.margin,
-                parameters=_parameters(effect, index, errors, proposal.spreads),
+                parameters=_parameters(effect, index, errors, proposal.spreads, quantile),
                 where=_where(effect, study.record),
                 breaker=breaker(effect.name, effect.family, choice.tied), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
@@ -171,6 +122,7 @@ def _parameters(
     index: int | None,
     errors: dict[tuple[int, str, int | None], float],
     spreads: dict[str, float],
+    quantile: float,
 ) -> tuple[Estimate, ...]:
     found = []
     for name, said in effect.parameters().items():
@@ -186,12 +138,20 @@ def _parameters(
             error = errors.get(
                 (index if index is not None else -1, name, k if isinstance(value, tuple) else None)
             )
-            if index is None:
+            if error is None:
                 error = spreads.get(name)
             label = f"{name}[{k}]" if len(values) > 1 else name
-            spread = Z_95 * error if error is not None else np.nan
+            spread = quantile * error if error is not None else np.nan
             found.append(Estimate(label, float(one), said.unit, float(one - spread), float(one + spread)))
     return tuple(found)
+
+
+def _quantile(study: "Study") -> float:
+    """Standard errors in half an interval of 95 %: Student's, for they come from few blocks."""
+    from scipy.stats import t
+
+    blocks = len(np.unique(study.split.block[study.split.fit]))
+    return float(t.ppf(0.975, max(blocks - 1, 1)))
 
 
 def _where(effect: Effect, record: Record) -> Where:
@@ -200,9 +160,9 @@ def _where(effect: Effect, record: Record) -> Where:
 
 def _estimates(study: "Study") -> tuple[Estimate, ...]:
     found = []
-    errors = study.last_evaluation.shift_errors
+    errors, quantile = study.last_evaluation.shift_errors, _quantile(study)
     for free, error in zip(study.last.reach.parameters, errors, strict=False):
-        low, high = free.value - Z_95 * error, free.value + Z_95 * error
+        low, high = free.value - quantile * error, free.value + quantile * error
         found.append(
             Estimate(free.name, free.natural, free.unit, free.to_natural(low), free.to_natural(high))
         )

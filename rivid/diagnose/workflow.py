@@ -24,6 +24,15 @@ from rivid.diagnose.result import Diagnosis
 from rivid.diagnose.study import Round, Study
 from rivid.diagnose.telling import tell, too_few
 from rivid.diagnose.trials import Trial, trials_of
+from rivid.diagnose.trying import (
+    Tried,
+    can_be_tried,
+    contradicted,
+    exchanged,
+    in_simulator,
+    rivals,
+    worth_trying,
+)
 from rivid.effects import Effect
 
 MOST_EFFECTS = 4
@@ -113,7 +122,7 @@ def look(
         last = (chosen.model, chosen.linear, chosen.evaluation)
     return Study(
         record, dealt, chosen.model, last[0], chosen.linear, last[1], chosen.evaluation, last[2],
-        tuple(rounds), search.kernels, tuple(notes), noises,
+        tuple(rounds), search.kernels, tuple(notes), noises, search.contradicted,
     )  # fmt: skip
 
 
@@ -157,6 +166,7 @@ class _Search:
         report: Report,
     ) -> None:
         self.record, self.dealt, self.classes, self.report = record, dealt, classes, report
+        self.fit = record.take(dealt.fit)
         self.start = start
         self.ahead: list[Proposal] | None = None
         """What was found before the first turn."""
@@ -164,6 +174,7 @@ class _Search:
         self.linear: Linear = start.linear
         self.evaluation: Evaluation = start.evaluation
         self.noises = noises
+        self.contradicted: Proposal | None = None
         self.kernels = kernels_of(start.model.reach, record)
         self.trials: list[Trial] = trials_of(classes, record)
         self.rounds: list[Round] = []
@@ -175,11 +186,11 @@ class _Search:
         self.report(f"round {len(self.rounds) + 1}: {len(self.trials)} trials, events, noises")
         found = self._found() if self.ahead is None else self.ahead
         self.ahead = None
-        choice = self._chosen(found) if self.count < most else None
-        if choice is None or choice.proposal.effect is None:
+        chosen = self._chosen(found) if self.count < most else None
+        if chosen is None or chosen[0].proposal.effect is None:
             self.rounds.append(Round(self.evaluation, tuple(found), None, None))
             return False
-        self._add(found, choice)
+        self._add(found, *chosen)
         self.count += 1
         return True
 
@@ -209,14 +220,31 @@ class _Search:
         named = (r.choice.proposal.name for r in self.rounds if r.choice is not None)
         return (*self.noises, *(effect.name for effect in self.model.effects), *named)
 
-    def _chosen(self, found: list[Proposal]) -> Choice | None:
-        """What to name, once the guard has nothing against it."""
+    def _chosen(self, found: list[Proposal]) -> tuple[Choice, Tried | None] | None:
+        """What to name: the best once it and its rivals were in the simulator, and the guard agrees."""
+        pool, seen = list(found), dict[int, Tried]()
         while True:
-            choice = choose(found, self.linear, self.evaluation, self.count, self._taken())
-            if choice is None or self._guarded(choice.proposal):
-                return choice
+            choice = choose(pool, self.linear, self.evaluation, self.count, self._taken())
+            if choice is None:
+                trials = worth_trying(pool, self._taken(), self.count)
+            elif can_be_tried(choice.proposal):
+                trials = [choice.proposal, *rivals(choice.proposal, pool)]
+            else:
+                trials = []
+            trials = [p for p in trials if id(p) not in seen]
+            if not trials and choice is None:
+                if not self.rounds:
+                    self.contradicted = contradicted(pool, self.linear)
+                return None
+            for p in trials:
+                one = in_simulator(self.model, self.linear, self.evaluation, p, self.fit, self.report)
+                pool, seen[id(one.proposal)] = exchanged(pool, p, one.proposal), one
+            if trials or choice is None:
+                continue
+            if self._guarded(choice.proposal):
+                return choice, seen.get(id(choice.proposal))
             self.report(f"{choice.proposal.name} does not show where the inflow alone moves the level")
-            found = [p for p in found if p.name != choice.proposal.name]
+            pool = [p for p in pool if p.name != choice.proposal.name]
 
     def _guarded(self, proposal: Proposal) -> bool:
         model = self.model
@@ -224,14 +252,16 @@ class _Search:
             proposal, self.linear, self.evaluation, lambda record, more: model.baseline(record, tuple(more))
         )
 
-    def _add(self, found: list[Proposal], choice: Choice) -> None:
+    def _add(self, found: list[Proposal], choice: Choice, tried: Tried | None) -> None:
         """The chosen effect in the simulator, all refitted, and what became needless taken out."""
-        report, fit = self.report, self.record.take(self.dealt.fit)
+        report, fit, before = self.report, self.fit, self.evaluation
         report(f"adding {choice.proposal.name}")
-        before = self.evaluation
-        model = added(self.model, choice.proposal, fit, report)
-        linear = model.linear(self.record, self.dealt)
-        after = evaluate(linear)
+        if tried is not None:
+            model, linear, after = tried.model, tried.linear, tried.after
+        else:
+            model, _ = added(self.model, choice.proposal, fit, report)
+            linear = model.linear(self.record, self.dealt)
+            after = evaluate(linear)
         model, linear, after = varied(model, linear, after, fit, report)
         if choice.proposal.events is not None:
             model, choice, linear, after = recoded(model, choice, linear, after, self.kernels, fit, report)
