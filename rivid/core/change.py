@@ -9,80 +9,21 @@ raises the alarm where g passes the threshold, and dates the change by the last 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.errors import ConfigError, RividError
+from rivid.core.settings import CusumSettings
+from rivid.errors import RividError
+
+__all__ = ["CusumResult", "CusumSettings", "cusum"]
 
 Floats = NDArray[np.float64]
 Strings = NDArray[np.str_]
-Moment = Literal["onset", "alarm"]
 
 MAD_TO_SD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
-
-
-@dataclass(frozen=True)
-class CusumSettings:
-    """What counts as a change.
-
-    The paper names the algorithm and says that it has to be tuned day by day, without a figure. The defaults
-    are the textbook's for a change of one standard deviation, and are not tuned to any season.
-
-    Parameters
-    ----------
-    threshold : float
-        g above which there is a change [standard deviations].
-    drift : float
-        Taken from g at each lag [standard deviations]; half of the smallest change that matters. It also has
-        to swallow the slow decay of h that (10) shows before the change.
-    mean_lags : int
-        The mean before the change is that of the first so many coefficients, from lag 1 on (of those there
-        are before lag k, if fewer); 0: of all coefficients from lag 1 to k - 1. Lag 0 is never counted: the
-        drop from h[0] to h[1] is the people's feed-forward, not the inflow's arrival.
-    mean : float or None
-        A known mean before the change instead [output unit per m3/s].
-    sd : float or None
-        Standard deviation of a coefficient [output unit per m3/s]. None: the day's own, from the median
-        absolute deviation of the first differences from lag 1 on, which the one jump does not move.
-    moment : {"onset", "alarm"}
-        What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late.
-    d_min, d_max : int
-        The delays that can be answered [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
-
-    Raises
-    ------
-    ConfigError
-        For values out of range.
-    """
-
-    threshold: float = 5.0
-    drift: float = 0.5
-    mean_lags: int = 3
-    mean: float | None = None
-    sd: float | None = None
-    moment: Moment = "onset"
-    d_min: int = 1
-    d_max: int = 15
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.d_min <= self.d_max:
-            raise ConfigError(
-                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
-            )
-        for name, low_fits in (("threshold", False), ("drift", True), ("sd", False)):
-            value = getattr(self, name)
-            if value is not None and not (0 < value < np.inf or (low_fits and value == 0)):
-                expected = "zero or a positive number" if low_fits else "a positive number"
-                raise ConfigError(f"{name} = {value}: expected {expected}")
-        if self.mean is not None and not np.isfinite(self.mean):
-            raise ConfigError(f"mean = {self.mean}: expected a number, or none to take it from the FIR")
-        if self.mean_lags < 0:
-            raise ConfigError(f"mean_lags = {self.mean_lags}: expected 0 (all lags before) or more")
-        if self.moment not in get_args(Moment):
-            raise ConfigError(f'moment = "{self.moment}": expected one of {", ".join(get_args(Moment))}')
 
 
 @dataclass(frozen=True)

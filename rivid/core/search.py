@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core import lanes
-from rivid.errors import ConfigError, RividError
+from rivid.core.settings import SearchSettings
+from rivid.errors import RividError
+
+__all__ = ["DIRECT_PARAMETERS", "INDIRECT_PARAMETERS", "SearchResult", "SearchSettings", "direct", "indirect"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -25,38 +28,12 @@ Strings = NDArray[np.str_]
 MIN_INDEPENDENCE = 1e-16
 """A column of which the others leave no larger part (of its squared length) counts as their combination: at
 1e-16 its coefficient keeps eight digits, at 1e-32 none. Days of the sample year leave 3e-7 or more."""
-_NO_INFLOW = "the inflow never moves"
 
 DIRECT_PARAMETERS = ("alpha_i", "alpha_o")
 """theta of (12): K_i T_s / A and K_o T_s / A [m per m3/s]."""
 
 INDIRECT_PARAMETERS = ("K_h alpha_o + 1", "-K_Q alpha_o", "alpha_i")
 """theta of (14): [-], then [m per m3/s] twice."""
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """Which delays are tried.
-
-    Parameters
-    ----------
-    d_min, d_max : int
-        Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
-
-    Raises
-    ------
-    ConfigError
-        For bounds in the wrong order, or below 1: at d = 0 two columns of (14) are the same.
-    """
-
-    d_min: int = 1
-    d_max: int = 15
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.d_min <= self.d_max:
-            raise ConfigError(
-                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
-            )
 
 
 @dataclass(frozen=True)
@@ -118,10 +95,8 @@ def direct(
         u_Qi and u_Qo [m3/s].
     level : array_like, same shape
         h_L [m].
-    settings : SearchSettings, optional
-        The paper's bounds, 1 and 15, by default.
-    **changes
-        Single settings to change, ``direct(u, o, h, d_max=20)``.
+    settings, **changes
+        The paper's bounds, 1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones.
 
     Returns
     -------
@@ -137,9 +112,8 @@ def direct(
     Source: (8), (11)-(13), Table IV. Readings where the paper leaves a choice:
 
     - Delta x is x less the day's first sample, and zero before it ("initial condition and stationary point",
-      Table III); deviations come out of it unchanged. What is out of balance at the first sample, and the
-      gauge's error in it, so stay in v.
-    - The filter starts from zero at the first sample.
+      Table III). What is out of balance at the first sample, and the gauge's error in it, so stay in v. The
+      filter starts from zero there.
     - All N rows count for every candidate, as the sums of (11) say; all candidates fit the same samples.
     - No sign is asked of theta, and no interval: a delay at d_min or d_max may lie beyond.
     - A day is not identifiable if (13) is singular for any candidate, since then not all of D is compared.
@@ -154,13 +128,12 @@ def direct(
     >>> found.delay, found.parameters.round(9).tolist()
     (np.float64(7.0), [0.0002, 0.0002])
     """
-    settings = replace(settings or SearchSettings(), **changes)
+    s = replace(settings or SearchSettings(), **changes)
     columns = {"inflow": inflow, "outflow": outflow, "level": level}
-    (u, o, h), single = _as_days(columns, settings.d_max + 1 + len(DIRECT_PARAMETERS))
-    still = [(h, "the level never moves"), (u, _NO_INFLOW), (o, "the outflow never moves")]
-    found = _search(h, [-_filtered(o)], u, DIRECT_PARAMETERS, still, settings)
-    # the candidate's column, last there, is first in (12)
-    found = replace(found, parameters=found.parameters[:, ::-1].copy())
+    (u, o, h), single = _as_days(columns, s.d_max + 1 + len(DIRECT_PARAMETERS))
+    moving = {"level": h, "inflow": u, "outflow": o}
+    found = _search(h, [-_filtered(o)], moving, DIRECT_PARAMETERS, s)
+    found = replace(found, parameters=found.parameters[:, ::-1].copy())  # in the order of (12)
     return _only_day(found) if single else found
 
 
@@ -174,10 +147,8 @@ def indirect(
 
     Parameters
     ----------
-    inflow : array_like, shape (N,) or (days, N)
-        u_Qi [m3/s].
-    level : array_like, same shape
-        h_L [m].
+    inflow, level : array_like, shape (N,) or (days, N)
+        u_Qi [m3/s] and h_L [m].
     settings, **changes
         As for :func:`direct`.
 
@@ -195,38 +166,35 @@ def indirect(
     Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
     noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be told apart.
     """
-    settings = replace(settings or SearchSettings(), **changes)
+    s = replace(settings or SearchSettings(), **changes)
     columns = {"inflow": inflow, "level": level}
-    (u, h), single = _as_days(columns, settings.d_max + 1 + len(INDIRECT_PARAMETERS))
-    still = [(h, "the level never moves"), (u, _NO_INFLOW)]
-    h_f = _filtered(h)
-    found = _search(h_f, [h_f, _filtered(u)], u, INDIRECT_PARAMETERS, still, settings)
+    (u, h), single = _as_days(columns, s.d_max + 1 + len(INDIRECT_PARAMETERS))
+    h_f, moving = _filtered(h), {"level": h, "inflow": u}
+    found = _search(h_f, [h_f, _filtered(u)], moving, INDIRECT_PARAMETERS, s)
     return _only_day(found) if single else found
 
 
 def _search(
     target: Floats,
     shared: list[Floats],
-    u: Floats,
+    moving: dict[str, Floats],
     names: tuple[str, ...],
-    still: list[tuple[Floats, str]],
     settings: SearchSettings,
 ) -> SearchResult:
-    """Table IV for signals of shape (days, N); theta has the candidate's column last.
+    """Table IV for (days, N): columns `shared` at lag 1, then the filtered u at lag d + 1, and so theta.
 
-    The regression's columns are `shared` at lag 1 and the filtered u at lag d + 1. `still` holds the signals
-    that must move, each with what to say where it does not.
+    `moving` holds the signals that must move, by name; of its "inflow", u, the candidates' columns are made.
     """
+    u = moving["inflow"]
     n, candidates = len(u), np.arange(settings.d_min, settings.d_max + 1)
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
     signals = [target, *shared, _filtered(u)]
     for days, take in lanes.blocks(n):
-        here = slice(0, days.stop - days.start)
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
-        J[days], theta[days], least[days] = (values[..., here].T for values in of_block)
+        J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
     last = settings.d_max + 1
-    why = [(~x.any(axis=1), words) for x, words in still]
+    why = [(~x.any(axis=1), f"the {name} never moves") for name, x in moving.items()]
     why += [
         (~u[:, :-last].any(axis=1), f"the inflow moves in the last d_max + 1 = {last} samples only"),
         (~(least > MIN_INDEPENDENCE), "the regression's columns move as one: no unique solution"),

@@ -4,14 +4,33 @@ This module imports nothing heavy, so that a configuration can be read without n
 """
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Literal, get_args
 
 from rivid.errors import ConfigError
 
 Prior = Literal["rayleigh", "uniform"]
-EstimatorName = Literal["ml", "map", "jmap", "jmap-uniform", "jmap-uniform-estimated", "jmap-degenerate"]
+Moment = Literal["onset", "alarm"]
+EstimatorName = Literal[
+    "ml",
+    "map",
+    "jmap",
+    "jmap-uniform",
+    "jmap-uniform-estimated",
+    "jmap-degenerate",
+    "direct",
+    "indirect",
+    "cusum-ml",
+    "cusum-map",
+]
 ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
 """Names of the estimators that `rivid run` knows."""
+
+SEARCHES = ("direct", "indirect")
+"""Those of Table IV: least squares for every delay, without an FIR."""
+
+CUSUMS = ("cusum-ml", "cusum-map")
+"""Those that look for a change in an FIR made without a delay."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +81,7 @@ class JmapSettings:
     free_start: bool = False
 
     def __post_init__(self) -> None:
-        if not 1 <= self.d_min <= self.d_max:
-            raise ConfigError(
-                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
-            )
+        _refuse_order(self.d_min, self.d_max)
         if self.d_max > self.order - 3:
             raise ConfigError(
                 f"d_max = {self.d_max} needs an FIR of order >= {self.d_max + 3}, got order = "
@@ -85,6 +101,91 @@ class JmapSettings:
             raise ConfigError(f"alpha = {self.alpha}: expected a positive number [(m3/s)^2]")
         if self.max_iterations < 2:
             raise ConfigError("max_iterations must be 2 or more: the stop test compares two rounds")
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Which delays are tried.
+
+    Parameters
+    ----------
+    d_min, d_max : int
+        Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
+
+    Raises
+    ------
+    ConfigError
+        For bounds in the wrong order, or below 1: at d = 0 two columns of (14) are the same.
+    """
+
+    d_min: int = 1
+    d_max: int = 15
+
+    def __post_init__(self) -> None:
+        _refuse_order(self.d_min, self.d_max)
+
+
+@dataclass(frozen=True)
+class CusumSettings:
+    """What counts as a change.
+
+    The paper names the algorithm and says that it has to be tuned day by day, without a figure. The defaults
+    are the textbook's for a change of one standard deviation, and are not tuned to any season.
+
+    Parameters
+    ----------
+    threshold : float
+        g above which there is a change [standard deviations].
+    drift : float
+        Taken from g at each lag [standard deviations]; half of the smallest change that matters. It also has
+        to swallow the slow decay of h that (10) shows before the change.
+    mean_lags : int
+        The mean before the change is that of the first so many coefficients, from lag 1 on (of those there
+        are before lag k, if fewer); 0: of all coefficients from lag 1 to k - 1. Lag 0 is never counted: the
+        drop from h[0] to h[1] is the people's feed-forward, not the inflow's arrival.
+    mean : float or None
+        A known mean before the change instead [output unit per m3/s].
+    sd : float or None
+        Standard deviation of a coefficient [output unit per m3/s]. None: the day's own, from the median
+        absolute deviation of the first differences from lag 1 on, which the one jump does not move.
+    moment : {"onset", "alarm"}
+        What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late.
+    d_min, d_max : int
+        The delays that can be answered [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
+
+    Raises
+    ------
+    ConfigError
+        For values out of range.
+    """
+
+    threshold: float = 5.0
+    drift: float = 0.5
+    mean_lags: int = 3
+    mean: float | None = None
+    sd: float | None = None
+    moment: Moment = "onset"
+    d_min: int = 1
+    d_max: int = 15
+
+    def __post_init__(self) -> None:
+        _refuse_order(self.d_min, self.d_max)
+        for name, low_fits in (("threshold", False), ("drift", True), ("sd", False)):
+            value = getattr(self, name)
+            if value is not None and not (0 < value < inf or (low_fits and value == 0)):
+                expected = "zero or a positive number" if low_fits else "a positive number"
+                raise ConfigError(f"{name} = {value}: expected {expected}")
+        if self.mean is not None and not isfinite(self.mean):
+            raise ConfigError(f"mean = {self.mean}: expected a number, or none to take it from the FIR")
+        if self.mean_lags < 0:
+            raise ConfigError(f"mean_lags = {self.mean_lags}: expected 0 (all lags before) or more")
+        if self.moment not in get_args(Moment):
+            raise ConfigError(f'moment = "{self.moment}": expected one of {", ".join(get_args(Moment))}')
+
+
+def _refuse_order(d_min: int, d_max: int) -> None:
+    if not 1 <= d_min <= d_max:
+        raise ConfigError(f"d_min = {d_min} and d_max = {d_max}: expected 1 <= d_min <= d_max (samples)")
 
 
 DEFAULT_ALPHA = 10_000.0
