@@ -1,29 +1,60 @@
 """``rivid figures``."""
 
 import datetime as dt
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from rivid.figures.paper.cascade import CascadeReach
+
+PATH = click.Path(path_type=Path)
+CASCADE = Path("configs", "scenarios", "cascade.toml")
+"""The cascade of Fig. 19 where none is given, here or beside the package."""
+
 
 @click.command("figures", short_help="Redraw figures and report from stored results.")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=PATH)
 @click.option(
     "--day",
     type=click.DateTime(["%Y-%m-%d"]),
     metavar="DATE",
     help="The day whose impulse responses are shown; a typical one by default.",
 )
-def command(out: Path, day: dt.datetime | None) -> int:
+@click.option("--paper", is_flag=True, help="Draw the paper's figures instead, into OUT/paper.")
+@click.option(
+    "--logs", type=PATH, metavar="DATA_DIR", help="With --paper: the run's logs, where they have been moved."
+)
+@click.option(
+    "--cascade",
+    type=PATH,
+    multiple=True,
+    metavar="PATH",
+    help="With --paper, for Fig. 19: a scenario to simulate, or OUT of a reach's run. Repeatable.",
+)
+def command(
+    out: Path, day: dt.datetime | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...]
+) -> int:
     """Redraw the figures and the report of a finished run.
 
-    OUT is the directory that `rivid run` wrote. Nothing is estimated again.
+    OUT is the directory that `rivid run` wrote. Nothing is estimated again. With --paper: the paper's
+    figures 2-7, 9, 10 and 12-19 as SVG and PNG, from the logs and settings of the run, and a page that shows
+    them, OUT/paper/index.html.
 
     \b
     Examples:
       rivid figures out
       rivid figures out --day 2008-03-14
+      rivid figures out --paper
+      rivid figures out/middle --paper --cascade out/upper --cascade out/middle --cascade out/lower
     """
+    if not paper and (logs or cascade):
+        raise click.UsageError("--logs and --cascade go with --paper")
+    if paper:
+        return _paper(out, day.date() if day else None, logs, cascade)
     import json
 
     from rivid.figures import draw_all
@@ -38,3 +69,76 @@ def command(out: Path, day: dt.datetime | None) -> int:
         page = write_report(results, figures, out, summary=summary)
     click.echo(f"{len(figures)} figures in {out / 'figures'}; report: {page}")
     return 0
+
+
+def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...]) -> int:
+    from rivid.figures.paper import STEPS, draw_paper
+    from rivid.figures.paper.cascade import of_year
+    from rivid.figures.paper.estimates import estimate
+    from rivid.figures.paper.year import read_run
+    from rivid.store import Store
+
+    given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
+    with _progress(STEPS + 2 + max(len(given), 1)) as step:
+        year = read_run(out, logs)
+        step("reading the logs")
+        estimates = estimate(year)
+        step("estimating")
+        reaches: list[CascadeReach] = []
+        for path in given:
+            step(f"cascade: {path}")
+            reaches += simulated_cascade(path) if path.suffix == ".toml" else [of_year(read_run(path))]
+        if not reaches:
+            step("cascade")
+            reaches = [of_year(year)]
+            click.echo(
+                f"rivid: no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone", err=True
+            )
+        with Store(out):
+            figures = draw_paper(
+                year, estimates, reaches, out / "paper", day=day, progress=lambda: step("drawing")
+            )
+    click.echo(
+        f"{len(figures)} figures of the paper in {out / 'paper'}; page: {out / 'paper' / 'index.html'}"
+    )
+    return 0
+
+
+def _default_cascade() -> list[Path]:
+    import rivid
+
+    return [CASCADE, Path(rivid.__file__).parent.parent / CASCADE]
+
+
+def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
+    """The reaches of a scenario, estimated with what their hydraulics propose, and their truth."""
+    from rivid.config import Config, ReachConfig
+    from rivid.figures.paper.cascade import of_year, own_bounds
+    from rivid.figures.paper.year import year_of
+    from rivid.scenario import load_scenario
+    from rivid.simulate import simulate_cascade
+
+    reaches = []
+    for season in simulate_cascade(load_scenario(scenario)):
+        said = season.scenario.reach.model_dump(include=set(ReachConfig.model_fields))
+        config = own_bounds(Config(reach=ReachConfig(**said)))
+        year = year_of(config, season.dates, season.inflow, season.outflow, season.level)
+        reaches.append(of_year(year, season.delay.astype(float)))
+    return reaches
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], Any]]:
+    """A progress bar on a terminal, silence elsewhere; it is called before each step with what comes."""
+    import sys
+
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("paper's figures", total=total)
+        yield lambda words: bar.update(task, advance=1, description=words)

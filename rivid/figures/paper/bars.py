@@ -33,7 +33,7 @@ REPRESENTATIONS = (
     ),
     _Representation(
         "15", "jmap-uniform", "Responses of the JMAP, uniform prior, alpha fixed",
-        "Smooth with a sharp jump where the estimator puts it; the colour marks d, from every day's data alone.",
+        "Smooth, with a sharp jump where the estimator puts it (coloured), from each day's data alone.",
     ),
     _Representation(
         "16", "jmap", "Responses of the JMAP, Rayleigh prior",

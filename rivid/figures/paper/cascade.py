@@ -175,7 +175,7 @@ def draw(reaches: Sequence[CascadeReach], folder: Path) -> PaperFigure:
         handles.append(Patch(color=style.WATER, label="true"))
     legend(page, handles)
     caption = (
-        "Grey: what operators go by, three sampling periods either side. Dark: nine days of ten of the estimates; "
+        "Grey: what operators go by, three sampling periods either side. Dark: nine of ten estimates; "
         "the dots say how often each delay."
     )
     return save(page, folder, "fig19", "19", title, caption)

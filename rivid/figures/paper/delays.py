@@ -56,7 +56,9 @@ def search_histograms(estimates: Estimates, folder: Path) -> PaperFigure:
         Patch(facecolor=style.FAINT, edgecolor=style.ACCENT, hatch="////", linewidth=0, label="at a bound")
     ]
     _legend_at_the_right(page.figure, handles)
-    caption = "Both models pile up at the bounds: the smallest delay is too fast to be true, the largest means beyond."
+    caption = (
+        "Both pile up at the bounds: the smallest delay is too fast to be true, the largest means beyond."
+    )
     return save(page, folder, "fig09", "9", title, caption)
 
 

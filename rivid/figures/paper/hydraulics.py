@@ -116,8 +116,8 @@ def bounds_by_day(year: Year, folder: Path) -> PaperFigure:
     )  # fmt: skip
     axes = page.panels[0]
     date_axis(axes, year.dates[0], year.dates[-1])
-    x = day_numbers(year.dates)
-    _two_bounds(page, x, g, k)
+    x, g = with_gaps(day_numbers(year.dates), g)
+    _two_bounds(page, x, g, with_gaps(day_numbers(year.dates), k)[1])
     _travel_time_axis(axes, T)
     caption = "From Figs 2 and 4: the fastest wave needs nearly the same time on every day of the year."
     return save(page, folder, "fig06", "6", title, caption)
@@ -144,13 +144,11 @@ def _two_bounds(page: Sheet, x: Floats, gravity: Floats, kinematic: Floats) -> N
     axes = page.panels[0]
     alone = "_" if len(x) < 3 else ""
     lines = []
-    for name, values, look in (
-        ("upper bound: kinematic wave", kinematic, (0, (4, 2))),
-        ("lower bound: gravity wave", gravity, "-"),
+    for name, values, width, alpha in (
+        ("upper bound: kinematic wave", kinematic, 1.0, 0.6),
+        ("lower bound: gravity wave", gravity, 2.2, 1.0),
     ):
-        lines += axes.plot(
-            *with_gaps(x, values), color=style.WATER, lw=1.4, ls=look, marker=alone, label=name
-        )
+        lines += axes.plot(x, values, color=style.WATER, lw=width, alpha=alpha, marker=alone, label=name)
     axes.set_ylim(0, 1.06 * float(np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))))
     axes.grid(True, axis="y")
     legend(page, list(lines))

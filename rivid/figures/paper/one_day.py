@@ -13,7 +13,7 @@ from rivid.errors import ConfigError
 from rivid.figures import style
 from rivid.figures.fir_day import typical_day
 from rivid.figures.paper.estimates import Estimates
-from rivid.figures.paper.sheets import PaperFigure, legend, minutes_above, save, sheet
+from rivid.figures.paper.sheets import PaperFigure, legend, minutes_above, power_of_ten, save, sheet
 from rivid.figures.paper.year import Year
 from rivid.figures.tdr import grey_limits
 from rivid.figures.words import delays, response_unit
@@ -57,7 +57,9 @@ def logs(year: Year, i: int, folder: Path) -> PaperFigure:
     )  # fmt: skip
     hours = np.arange(len(u)) * year.sample_time / 3600.0
     flows, level = page.panels
-    lines = list(flows.step(hours, u, where="post", color=style.INK, lw=1.2, label="inflow command u_Qi"))
+    lines: list[object] = list(
+        flows.step(hours, u, where="post", color=style.INK, lw=1.2, label="inflow command u_Qi")
+    )
     if year.outflow:
         lines += flows.step(
             hours, year.outflow[i], where="post", color=style.WATER, lw=1.0, label="outflow command u_Qo"
@@ -92,35 +94,34 @@ def responses(estimates: Estimates, i: int, folder: Path) -> PaperFigure:
         told += f" · JMAP d = {delays([float(d)], T)}"
     if np.isfinite(deg):
         told += f", JMAPdeg d = {deg:.0f}"
-    page = sheet("12", title, told, height=3.3, bottom=1.05)
+    page = sheet("12", title, told, height=3.3, bottom=1.05, top=1.1)
     axes = page.panels[0]
     axes.axhline(0, color=style.LIGHT, lw=0.7)
     k = np.arange(M)
+    drawn = {name: estimates.of(name).fir[i] for name in CURVES}
+    # the last lags gather what a truncated response cannot place
+    inner = np.concatenate([h[: M - 3] for h in drawn.values()])
+    factor, ten = power_of_ten(inner)
     handles = []
-    shown = []
     for name, (label, look) in CURVES.items():
-        h = estimates.of(name).fir[i]
-        if np.isfinite(h).any():
-            handles += axes.plot(k, h, label=label, **look)
-            shown.append(h[:-1])  # the last lag gathers what a truncated response cannot place
+        handles += axes.plot(k, factor * drawn[name], label=label, **look)
     if np.isfinite(d):
-        jump = jmap.fir[i, int(d) : int(d) + 2]
-        handles += axes.plot(
-            [d, d + 1], jump, color=style.ACCENT, lw=2.4, marker="o", ms=4, label="jump from d to d + 1"
-        )
-    if shown:
-        low, high = float(np.min(shown)), float(np.max(shown))
+        jump = factor * jmap.fir[i, int(d) : int(d) + 2]
+        look = {"color": style.ACCENT, "lw": 2.4, "marker": "o", "ms": 4}
+        handles += axes.plot([d, d + 1], jump, label="jump from d to d + 1", **look)
+    if np.isfinite(inner).any():
+        low, high = factor * float(np.nanmin(inner)), factor * float(np.nanmax(inner))
         margin = 0.06 * (high - low) or 1.0
         axes.set_ylim(low - margin, high + margin)
     else:
         style.say(axes, "This day has no impulse response.")
-    _look(axes, M, response_unit(results.output_unit))
+    _look(axes, M, f"{ten}{response_unit(results.output_unit)}")
     _bar(page.figure.add_axes((0, 0, 1, 1)), axes, jmap.fir[i], page.height)
     minutes_above(axes, T)
     _legend_at_the_top(page.figure, handles)
     caption = (
-        "ML is rough, MAP smooths the jump away; JMAP is smooth and keeps it; without the inverse-gamma prior "
-        "(JMAPdeg) all is too smooth. Below, the JMAP response as a bar."
+        "ML is rough, MAP blurs the jump, JMAP is smooth and keeps it, JMAPdeg (no inverse-gamma prior) is "
+        "too smooth. The last lags gather what M lags cannot hold. Below: the JMAP as a bar."
     )
     return save(page, folder, "fig12", "12", title, caption)
 
@@ -129,8 +130,6 @@ def _look(axes: Axes, order: int, unit: str) -> None:
     axes.set_xlim(-0.5, order - 0.5)
     axes.xaxis.set_major_locator(NullLocator())
     axes.set_ylabel(f"h[k] [{unit}]")
-    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    axes.yaxis.get_offset_text().set_color(style.GREY)
     axes.grid(True, axis="y")
     for side in ("right", "bottom"):
         axes.spines[side].set_visible(False)

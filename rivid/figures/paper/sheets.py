@@ -1,11 +1,16 @@
 """Sheets of the paper's figures: several panels, vector and PNG, the same bytes each time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter
+from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 from rivid.figures import style
@@ -108,7 +113,7 @@ def sheet(
     return Sheet(page.figure, panels, width, height)
 
 
-def legend(page: Sheet, handles: list[object]) -> None:
+def legend(page: Sheet, handles: Sequence[object]) -> None:
     """The legend, in one line between the heading and the first panel."""
     style.key(style.Sheet(page.figure, page.panels[0], page.width, page.height), handles)
 
@@ -124,20 +129,41 @@ def name_panel(axes: Axes, letter: str, words: str) -> None:
 
 def delay_ticks(axes: Axes, low: float, high: float, sample_time: float) -> None:
     """Delays in sampling periods under a panel, minutes under them."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
     _, seconds = time_unit(high * sample_time)
     axes.set_xlim(low - 0.8, high + 0.8)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, steps=[1, 2, 5, 10]))
+    step = -(-int(high - low + 1) // 8)
+    axes.xaxis.set_major_locator(FixedLocator([float(d) for d in range(int(low), int(high) + 1, step)]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * sample_time / seconds:.0f}"))
     axes.tick_params(axis="x", length=3)
+
+
+def power_of_ten(values: NDArray[np.float64]) -> tuple[float, str]:
+    """What to multiply small values by, and the unit's factor for the label, so that no axis needs "1e-4".
+
+    Examples
+    --------
+    >>> power_of_ten(np.array([-3.1e-4, 2e-5])), power_of_ten(np.array([0.4, 2.0]))
+    ((10000.0, '10⁻⁴ '), (1.0, ''))
+    """
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if not 0 < largest < 0.1:
+        return 1.0, ""
+    power = int(np.floor(np.log10(largest)))
+    return 10.0**-power, f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} "
 
 
 def minutes_above(axes: Axes, sample_time: float) -> None:
     """Minutes along the top of a panel whose x axis counts samples."""
     unit, seconds = time_unit(axes.get_xlim()[1] * sample_time)
     scale = sample_time / seconds
-    other = axes.secondary_xaxis("top", functions=(lambda x: x * scale, lambda t: t / scale))
+
+    def there(samples: Any) -> Any:
+        return samples * scale
+
+    def back(duration: Any) -> Any:
+        return duration / scale
+
+    other = axes.secondary_xaxis("top", functions=(there, back))
     other.tick_params(labelcolor=style.GREY, color=style.GREY, length=3, pad=1)
     other.spines["top"].set_visible(False)
     axes.annotate(

@@ -8,9 +8,17 @@ from numpy.typing import NDArray
 
 from rivid.figures import style
 from rivid.figures.paper.estimates import Estimates
-from rivid.figures.paper.sheets import PaperFigure, delay_ticks, minutes_above, name_panel, save, sheet
+from rivid.figures.paper.sheets import (
+    PaperFigure,
+    delay_ticks,
+    minutes_above,
+    name_panel,
+    power_of_ten,
+    save,
+    sheet,
+)
 from rivid.figures.selection import rayleigh
-from rivid.figures.words import number, time_unit
+from rivid.figures.words import number, response_unit, time_unit
 from rivid.reach.response import theoretical_fir
 
 Floats = NDArray[np.float64]
@@ -24,31 +32,26 @@ SHOWN = 50
 
 def response(sample_time: float, folder: Path) -> PaperFigure:
     """Fig. 10: the response (10) with the paper's numbers."""
-    h = theoretical_fir(SHOWN, DELAY, ALPHA_I, ALPHA_O, K_Q, K_H)
+    h = 1e4 * theoretical_fir(SHOWN, DELAY, ALPHA_I, ALPHA_O, K_Q, K_H)
     k = np.arange(SHOWN)
     title = "A theoretical impulse response"
     page = sheet(
         "10", title,
         "d = 7, K_i T_s / A = 1e-4 s/m², K_o T_s / A = 1.2e-4 s/m², K_Q = 1, K_h = −1000 m²/s",
-        height=2.9,
+        height=2.9, top=0.85,
     )  # fmt: skip
     axes = page.panels[0]
     axes.axhline(0, color=style.LIGHT, lw=0.7)
-    handles = list(axes.plot(k, h, color=style.INK, lw=1.2, marker="o", ms=3.5, label="h[k]"))
+    axes.plot(k, h, color=style.INK, lw=1.2, marker="o", ms=3.5)
     for n, (at, words) in enumerate(((0, "people act at once"), (DELAY, "the inflow arrives"))):
-        line = axes.plot(
-            [at, at + 1], h[at : at + 2], color=style.ACCENT, lw=2.2, marker="o", ms=4.5, label="jump"
-        )
-        if not n:
-            handles += line
+        axes.plot([at, at + 1], h[at : at + 2], color=style.ACCENT, lw=2.2, marker="o", ms=4.5)
         axes.annotate(
-            words, (at + 1, h[at + 1]), xytext=(9, -2 if n else -1), textcoords="offset points",
+            words, (at + 1, h[at + 1]), xytext=(9, 5 if n else -1), textcoords="offset points",
             color=style.ACCENT, va="center",
         )  # fmt: skip
     axes.set_xlim(-0.8, SHOWN - 0.2)
     axes.set_xlabel("lag k [T_s]")
-    axes.set_ylabel("h[k] [m per m³/s]")
-    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+    axes.set_ylabel("h[k] [10⁻⁴ m per m³/s]")
     axes.grid(True, axis="y")
     axes.spines["right"].set_visible(False)
     minutes_above(axes, sample_time)
@@ -71,9 +74,9 @@ def priors(estimates: Estimates, day: int, folder: Path) -> PaperFigure:
     alpha_h, beta_h = M / 2, nu / 2
     page = sheet(
         "11", title,
-        f"{results.reach} · sigma_d = {number(s.delay_scale)} T_s · M = {M}, alpha_h = M/2 = {number(alpha_h)}, "
-        f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[day]} (Fig. 11 of the paper is lost)",
-        height=2.7, columns=2, gap=(0.75, 0.0), right=0.3, bottom=0.85,
+        f"{results.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
+        f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[day]}",
+        height=2.7, columns=2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=1.02,
     )  # fmt: skip
     left, right = page.panels
     d = np.arange(s.d_min, s.d_max + 1.0)
@@ -89,24 +92,26 @@ def priors(estimates: Estimates, day: int, folder: Path) -> PaperFigure:
     left.set_xlabel(f"delay d: above in T_s, below in {unit}")
     name_panel(left, "a", "Rayleigh prior on the delay (26)")
 
+    ten = ""
     if np.isfinite(nu) and nu > 0:
-        sd = np.geomspace(0.25, 4.0, 400) * np.sqrt(beta_h / (alpha_h + 1))
-        right.plot(1e4 * sd, _density(sd, alpha_h, beta_h), color=style.WATER, lw=1.4)
-        at = 1e4 * float(jmap.roughness_sd[day])
+        sd = np.linspace(0.01, 2.0, 400) * np.sqrt(beta_h / (alpha_h + 1))
+        factor, ten = power_of_ten(sd)
+        right.plot(factor * sd, _density(sd, alpha_h, beta_h), color=style.WATER, lw=1.4)
+        at = factor * float(jmap.roughness_sd[day])
         handles.append(right.axvline(at, color=style.ACCENT, lw=1.6, label="estimated by Table VI"))
-    right.set_xlim(left=0)
+        right.set_xlim(0, factor * sd[-1])
     right.set_ylim(0, None)
     right.yaxis.set_major_locator(NullLocator())
     right.xaxis.set_major_locator(MaxNLocator(nbins=6))
     right.set_ylabel("density")
-    right.set_xlabel("sigma_hD, roughness of the response [1e-4 m per m³/s]")
+    right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(results.output_unit)}]")
     name_panel(right, "b", "inverse-gamma prior on sigma_hD² (32)")
     for axes in page.panels:
         axes.spines["right"].set_visible(False)
         axes.grid(True, axis="y")
     width, height = (float(v) for v in page.figure.get_size_inches())
     page.figure.legend(
-        handles=handles, loc="upper right", bbox_to_anchor=(1 - 0.3 / width, 1 - 0.12 / height),
+        handles=handles, loc="upper right", bbox_to_anchor=(1 - 0.3 / width, 1 - 0.14 / height),
         ncols=len(handles),
     )  # fmt: skip
     caption = (

@@ -2,16 +2,16 @@
 
 import datetime as dt
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.config import Config
+from rivid.config import Config, parse
 from rivid.core.hydraulics import TravelBounds, travel_bounds
-from rivid.errors import ConfigError, DataError, NoDataError
+from rivid.errors import ConfigError, DataError, NoDataError, RividError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -84,7 +84,20 @@ class Year:
             yield np.array(days, np.intp), inflow, outflow, np.stack([self.level[i] for i in days])
 
 
-def read_year(data_dir: Path, config: Config, progress: Callable[[], None] | None = None) -> Year:
+def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: Floats, level: Floats) -> Year:
+    """A year from arrays of shape (days, N), of a simulated season for example, without days with gaps."""
+    kept = [int(i) for i in np.flatnonzero(np.isfinite(inflow + outflow + level).all(axis=1))]
+    return Year(
+        config=config,
+        dates=tuple(dates[i] for i in kept),
+        inflow=tuple(inflow[kept]),
+        outflow=tuple(outflow[kept]),
+        level=tuple(level[kept]),
+        left_out=len(dates) - len(kept),
+    )
+
+
+def read_year(data_dir: Path, config: Config) -> Year:
     """Read all data sets of a directory of logs.
 
     Parameters
@@ -93,8 +106,6 @@ def read_year(data_dir: Path, config: Config, progress: Callable[[], None] | Non
         Daily logs.
     config : Config
         How to read them; the reach must be a pool.
-    progress : callable, optional
-        Called once for each day.
 
     Returns
     -------
@@ -124,8 +135,6 @@ def read_year(data_dir: Path, config: Config, progress: Callable[[], None] | Non
                 found.append(read_window(data_dir, [sources[day] for day in days], config))
             except DataError:
                 pass  # counted: `rivid check` says why
-        if progress is not None:
-            progress()
     if not found:
         raise NoDataError(f"no day of {data_dir} can be used: see `rivid check {data_dir}`")
     logged = [data.outflow for data in found if data.outflow is not None]
@@ -137,3 +146,39 @@ def read_year(data_dir: Path, config: Config, progress: Callable[[], None] | Non
         level=tuple(data.output for data in found),
         left_out=len(sources) - len(found),
     )
+
+
+def read_run(out: Path, logs: Path | None = None) -> Year:
+    """Read the logs of a finished run, with its configuration.
+
+    Parameters
+    ----------
+    out : Path
+        OUT of the run.
+    logs : Path, optional
+        Where its logs are now; by default where they were.
+
+    Returns
+    -------
+    Year
+
+    Raises
+    ------
+    NoDataError
+        Where `out` holds no finished run, or its logs are gone.
+    """
+    import json
+
+    path = out / "run.json"
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+        config, place = parse(run["config"], Config, str(path)), Path(run["data_dir"])
+    except FileNotFoundError:
+        raise NoDataError(
+            f"{out} holds no finished run (run.json is missing): run `rivid run DATA_DIR --out OUT` first"
+        ) from None
+    except (ValueError, KeyError) as error:
+        raise RividError(f"{path} cannot be read ({error}): run again") from None
+    if logs is None and not place.exists():
+        raise NoDataError(f"the logs of {out} are not in {place} any more: say where with --logs DATA_DIR")
+    return read_year(logs or place, config)
