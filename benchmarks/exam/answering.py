@@ -18,6 +18,8 @@ from rivid.diagnose.data import Record, as_record
 from rivid.diagnose.response import Response
 
 Floats = NDArray[np.float64]
+REFUSAL = "does not show"
+"""In what the workflow reports when its guard refuses a name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,20 +78,23 @@ def answer(logs: Logs) -> dict[str, Any]:
     Returns
     -------
     dict
-        With `seconds`; where the diagnosis failed, `error` and nothing else beside it.
+        With `seconds`, and in `refused` what the guard refused; `error` where the diagnosis failed.
     """
     from rivid.diagnose import workflow
     from rivid.diagnose.setting import gauge_floor_of, library_of
 
     began = time.perf_counter()
+    refused: list[str] = []
     try:
         record, settings = record_of(logs), logs.settings
         told, _ = workflow.diagnose(
             record, responses(logs, record), library_of(settings), most=settings.diagnose.most_effects,
             gauge_floor=gauge_floor_of(settings, record),
+            report=lambda text: refused.append(text) if REFUSAL in text else None,
         )  # fmt: skip
         said: dict[str, Any] = json.loads(told.to_json())
     except Exception as error:  # a diagnosis that fails is an answer, and a wrong one
         said = {"error": f"{type(error).__name__}: {error}"[:300]}
+    said["refused"] = refused
     said["seconds"] = round(time.perf_counter() - began, 1)
     return said

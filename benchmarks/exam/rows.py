@@ -82,7 +82,7 @@ ROWS: tuple[Row, ...] = (
     Row("fitted_days", "effect in the fitting days only", (_not_held(), Asked("a name", lambda j: bool(j.names)))),
     Row("open_days", "effect in the fitting and selecting days", (_not_held(),)),
     Row("river_nothing", "river: nothing missing", (_false(0.02), NO_GAP)),
-    Row("river_bypass", "river: a bypass on two days of three",
+    Row("river_bypass", "river: a bypass for three weeks of nine",
         (*_one(0.97, 0.95, 0.01),
          Asked("window", lambda j: (j.overlap or 0.0) >= OVERLAP, Target(least=0.90)))),
 )  # fmt: skip

@@ -1,0 +1,69 @@
+"""The regression that must not be: least squares of the level's differences on flows and candidates.
+
+    h[k+1] - h[k] = a + b Qi[k - d] - c Qo[k] + g x[k] + e[k]
+
+for each candidate x, as if the measured regressors had no errors and e no memory. It names what has |t| above 3.3. People hold the
+level by the outflow, so that level and unexplained inflow go together, and it sees leaks where none are.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from rivid.diagnose.data import Floats, Record
+from rivid.diagnose.result import Diagnosis, NamedEffect, Where
+from rivid.effects import CATALOGUE
+
+SURE = 3.3
+"""Of |t|."""
+DELAY = 6
+"""Samples that the inflow needs, about."""
+
+
+def candidates(record: Record) -> dict[str, Floats]:
+    """What each effect would add to the difference, in its own shape; each of shape (days, n)."""
+    h = record.output - record.usual_output
+    turn = 2.0 * np.pi * record.hour / 24.0
+    late = np.roll(record.inflow, DELAY, axis=1)
+    flow = record.inflow if record.kind == "river" else record.outflow
+    return {
+        "leakage": -h,
+        "gate_head_effect": -h * flow,
+        "storage_area_slope": -h * (late - flow),
+        "diurnal_inflow": np.cos(turn),
+        "sensor_drift": record.time - record.time.mean(),
+    }
+
+
+def named_by_regression(
+    record: Record, response: Any, classes: dict[str, Any], **_: Any
+) -> tuple[Diagnosis, None]:
+    """Answer like :func:`rivid.diagnose.workflow.diagnose`, from the regression alone."""
+    kept = record.used[:, 1:] & record.used[:, :-1]
+    y = np.diff(record.output, axis=1)[kept]
+    late = np.roll(record.inflow, DELAY, axis=1)
+    plain = [np.ones_like(late), late, -record.outflow]
+    found = {
+        name: abs(_t([column[:, :-1][kept] for column in (*plain, x)], y))
+        for name, x in candidates(record).items()
+        if name in classes
+    }
+    sure = sorted((name for name, t in found.items() if t > SURE), key=lambda name: -found[name])
+    effects = tuple(_named(name) for name in sure)
+    return Diagnosis(
+        "explained" if effects else "no_gap", "by regression", "regression", effects=effects
+    ), None
+
+
+def _t(columns: list[Floats], y: Floats) -> float:
+    """t of the last column."""
+    X = np.stack(columns, axis=1)
+    X = X / np.maximum(np.sqrt((X * X).mean(axis=0)), 1e-12)
+    G = np.linalg.pinv(X.T @ X)
+    b = G @ X.T @ y
+    spread = float(((y - X @ b) ** 2).sum() / (len(y) - len(b)))
+    return float(b[-1] / np.sqrt(max(G[-1, -1] * spread, 1e-300)))
+
+
+def _named(name: str) -> NamedEffect:
+    return NamedEffect(name, CATALOGUE[name].family, 0.0, (), None, None, (), Where(), None, {"name": name})

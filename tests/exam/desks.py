@@ -1,0 +1,29 @@
+"""Simple desks in place of the real ones: they simulate and diagnose nothing."""
+
+import datetime as dt
+import os
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.exam.answering import Logs
+from tests.exam.answers import answer, truth
+
+
+def planted(case, seed):
+    flow = np.full((1, 4), float(seed))
+    logs = Logs((dt.date(2008, 1, 1),), np.arange(4.0), flow, flow, flow, {"reach": {"name": "reach"}})
+    return logs, truth({"name": "secret", "examiner": os.getpid()})
+
+
+def answered(logs):
+    return answer() | {"seen": float(logs.inflow[0, 0]), "candidate": os.getpid(), "config": logs.config}
+
+
+def floored(case, seed, response):
+    return [1.0, 2.0, 5.0]
+
+
+def refused(logs):
+    """Fails where it is asked at all."""
+    raise AssertionError(f"asked again in {Path.cwd()}")
