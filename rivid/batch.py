@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from rivid import estimators
 from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
-from rivid.core.jmap import JmapResult
 from rivid.errors import DataError, PendingError, printable
+from rivid.estimators import Answer, Days, Estimator, Floats
 from rivid.logs.find import DaySource
 from rivid.logs.read import DataSet, read_window
 from rivid.tables import SEGMENT, to_table
@@ -129,50 +130,57 @@ def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple
     """All estimators on data sets of one length."""
     inflow = np.stack([data.inflow for _, data in group])
     output = np.stack([data.output for _, data in group])
-    u, y = inflow - inflow[:, :1], output - output[:, :1]
-    still = np.ptp(u, axis=1) < config.run.min_motion * np.abs(inflow).max(axis=1)
-    u[still] = 0.0  # so that rounding noise on a constant is not taken for motion
+    outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
+    days = Days(_deviations(inflow), _deviations(output), _deviations(np.stack(outflow)) if outflow else None)
+    still = np.ptp(days.u, axis=1) < config.run.min_motion * np.abs(inflow).max(axis=1)
+    days.u[still] = 0.0  # so that rounding noise on a constant is not taken for motion
     answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
     for estimator in estimators.build(config):
-        if u.shape[1] <= estimator.settings.order:
+        if days.u.shape[1] <= estimator.n_more_than:
+            what, key = estimator.because
             for (window, rows), (_, data) in zip(answers, group, strict=True):
                 reason = DataError(
-                    f"{len(data.inflow)} samples are too few for an FIR of order {estimator.settings.order}: "
-                    "lower [jmap] order, or raise [run] window_days"
+                    f"{len(data.inflow)} samples are too few for {what}: "
+                    f"lower {key}, or raise [run] window_days"
                 )
                 rows.append(_unread(window, config, estimator.name, "failed", reason))
             continue
-        result = estimator.estimate(u, y)
+        answer = estimator.estimate(days)
         for i, (window, data) in enumerate(group):
-            answers[i][1].append(_row(window, data, config, estimator, result, i, u[i], y[i]))
+            answers[i][1].append(_row(window, data, config, estimator, answer, i, days))
     return answers
+
+
+def _deviations(values: Floats) -> Floats:
+    return np.asarray(values - values[:, :1])
 
 
 def _row(
     window: Window,
     data: DataSet,
     config: Config,
-    estimator: estimators.Estimator,
-    result: JmapResult,
+    estimator: Estimator,
+    answer: Answer,
     i: int,
-    u: estimators.Floats,
-    y: estimators.Floats,
+    days: Days,
 ) -> Row:
-    reach, settings = config.reach, estimator.settings
-    status = str(result.status[i])
+    reach = config.reach
+    status, delay = str(answer.status[i]), _at(answer.delay, i)
+    iterations = 0 if answer.iterations is None else int(answer.iterations[i])
     mean_inflow = float(data.inflow.mean())
     level = float(data.output.mean()) if reach.kind == "pool" else np.nan
     depth = reach.depth if reach.bed_level is None or np.isnan(level) else level - reach.bed_level
     notes = [data.notes] if data.notes else []
-    if result.iterations[i] >= settings.max_iterations:
-        notes.insert(0, f"not settled after {settings.max_iterations} rounds ([jmap] tolerance)")
+    if estimator.max_iterations is not None and iterations >= estimator.max_iterations:
+        notes.insert(0, f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
     if status == "unidentifiable":
-        notes.insert(0, _why(u, y, float(result.condition[i]), config))
+        notes.insert(0, _why(answer, i, days, config))
+    elif estimator.says_at_bound and answer.candidates is not None:
+        notes = [note for note in (_edge(delay, answer.candidates), *notes) if note]
     if depth <= 0:
         notes.append(f"mean level {level:.2f} m is not above [reach] bed_level: depth of [reach] taken")
         depth = reach.depth
     bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
-    delay = float(result.delay[i])
     row: Row = {
         "key": window.key,
         "date": window.date,
@@ -181,12 +189,12 @@ def _row(
         "status": status,
         "delay_samples": delay,
         "delay_s": delay * reach.sample_time,
-        "alpha": float(result.alpha[i]),
-        "noise_sd": float(np.sqrt(result.noise_variance[i])),
-        "roughness_sd": float(np.sqrt(result.roughness_variance[i])),
+        "alpha": _at(answer.alpha, i),
+        "noise_sd": float(np.sqrt(_at(answer.noise_variance, i))),
+        "roughness_sd": float(np.sqrt(_at(answer.roughness_variance, i))),
         "output_unit": reach.output_unit,
-        "iterations": int(result.iterations[i]),
-        "condition": float(result.condition[i]),
+        "iterations": iterations,
+        "condition": _at(answer.condition, i),
         "n_samples": len(data.inflow),
         "n_filled": data.n_filled,
         "mean_inflow_m3s": mean_inflow,
@@ -197,23 +205,47 @@ def _row(
         "message": "; ".join(notes),
     }
     if status != "unidentifiable":
-        row["fir"] = result.fir[i]
-        if reach.kind == "river":
-            row["t50_samples"] = float(half_time(result.fir[i : i + 1])[0])
-        if len(result.candidates):
-            row["at_bound"] = delay in (settings.d_min, settings.d_max)
-            row["prior_only"] = bool(result.prior_only[i])
-            row["criterion"] = float(np.min(result.criterion[i]))
-            row["first_candidate"] = int(result.candidates[0])
-            row["curve"] = result.criterion[i]
+        if answer.fir is not None:
+            row["fir"] = answer.fir[i]
+            if reach.kind == "river":
+                row["t50_samples"] = float(half_time(answer.fir[i : i + 1])[0])
+        if answer.candidates is not None and answer.curve is not None:
+            row |= _search(answer, answer.candidates, answer.curve, i, delay)
     return row
 
 
-def _why(u: estimators.Floats, y: estimators.Floats, condition: float, config: Config) -> str:
+def _search(answer: Answer, candidates: NDArray[np.intp], curve: Floats, i: int, delay: float) -> Row:
+    """What is to be said of the delays that were tried."""
+    return {
+        "at_bound": delay in (candidates[0], candidates[-1]),
+        "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
+        "criterion": None if answer.criterion is None else float(np.min(answer.criterion[i])),
+        "first_candidate": int(candidates[0]),
+        "curve": curve[i],
+    }
+
+
+def _at(values: Floats | None, i: int) -> float:
+    """A day's value; NaN where the estimator has none."""
+    return np.nan if values is None else float(values[i])
+
+
+def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
+    """What a delay at the edge of those tried means; nothing elsewhere."""
+    if delay == candidates[-1]:
+        return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
+    if delay == candidates[0]:
+        return f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter"
+    return ""
+
+
+def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
     """What keeps a day from being identified."""
-    if not u.any():
+    if not days.u[i].any():
         return "the inflow does not move enough: nothing to identify"
-    if not y.any():
+    if not days.y[i].any():
         what = "level" if config.reach.kind == "pool" else "output discharge"
         return f"the {what} does not move: nothing to identify (gauge stuck?)"
-    return f"the inflow moves too little: condition number of U'U is {condition:.1e}"
+    if answer.reason is not None and answer.reason[i]:
+        return str(answer.reason[i])
+    return f"the inflow moves too little: condition number of U'U is {_at(answer.condition, i):.1e}"

@@ -11,8 +11,17 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from rivid.core.settings import DEFAULT_ALPHA, EstimatorName, JmapSettings, Prior
+from rivid.core.settings import (
+    CUSUMS,
+    SEARCHES,
+    CusumSettings,
+    EstimatorName,
+    JmapSettings,
+    Prior,
+    SearchSettings,
+)
 from rivid.errors import ConfigError
+from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, SearchConfig
 from rivid.input_config import FLOWS, UNITS, InputConfig, Section
 
 __all__ = ["FLOWS", "UNITS", "Config", "InputConfig", "ReachConfig", "load_config", "load_toml", "parse"]
@@ -53,10 +62,6 @@ class ReachConfig(Section):
         return "m" if self.kind == "pool" else "m3/s"
 
 
-MAX_ORDER = 1000
-"""Longest FIR [samples]."""
-
-
 class RunConfig(Section):
     """`[run]`: which estimators, on data sets of how many days."""
 
@@ -68,20 +73,6 @@ class RunConfig(Section):
     @classmethod
     def _no_repeats(cls, value: list[str]) -> list[str]:
         return list(dict.fromkeys(value))
-
-
-class JmapConfig(Section):
-    """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
-
-    order: Annotated[int, Field(ge=6, le=MAX_ORDER)] | Literal["bounds"] = JmapSettings.order
-    d_min: Annotated[int, Field(ge=1)] = JmapSettings.d_min
-    d_max: Annotated[int, Field(ge=1)] | Literal["bounds"] = JmapSettings.d_max
-    sigma_d: Annotated[float, Field(ge=0.1, le=1e4)] | Literal["bounds"] = JmapSettings.delay_scale
-    alpha: Annotated[float, Field(ge=1e-9, le=1e14)] = DEFAULT_ALPHA
-    d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
-    tolerance: Annotated[float, Field(ge=1e-9, lt=1)] = JmapSettings.tolerance
-    max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
-    start: Literal["rest", "free"] | None = None
 
 
 class DiagnoseConfig(Section):
@@ -102,6 +93,8 @@ class Config(Section):
     input: InputConfig = InputConfig()
     run: RunConfig = RunConfig()
     jmap: JmapConfig = JmapConfig()
+    search: SearchConfig = SearchConfig()
+    cusum: CusumConfig = CusumConfig()
     diagnose: DiagnoseConfig = DiagnoseConfig()
 
     @field_validator("input")
@@ -125,6 +118,38 @@ class Config(Section):
                     f"column {min(shared)!r} stands for {one} and for {other}: expected different columns"
                 )
         return value
+
+    @model_validator(mode="after")
+    def _what_searches_need(self) -> "Config":
+        asked = [name for name in self.run.estimators if name in SEARCHES]
+        if asked and self.reach.kind == "river":
+            raise ValueError(
+                f'[run] estimators has {asked[0]}, which explains a level; [reach] kind = "river" has none: '
+                "leave it out"
+            )
+        if "direct" in asked and not self.input.u_Qo:
+            raise ValueError(
+                '[run] estimators has direct, which needs the outflow; [input] u_Qo = "" says that it is not '
+                "logged: leave direct out, or name the column"
+            )
+        return self
+
+    def as_used(self) -> dict[str, Any]:
+        """The configuration as JSON can hold it, without the tables of estimators that are not asked for.
+
+        So days that are done stay done where a table changes that nothing works with.
+        """
+        tables = {"search": SEARCHES, "cusum": CUSUMS}
+        unused = {table for table, names in tables.items() if not set(names) & set(self.run.estimators)}
+        return self.model_dump(mode="json", exclude=unused)
+
+    def search_settings(self) -> SearchSettings:
+        """The core's settings of direct and indirect; raises ConfigError as :meth:`SearchConfig.settings`."""
+        return self.search.settings(self.jmap_settings())
+
+    def cusum_settings(self) -> CusumSettings:
+        """The core's settings of CUSUM; raises ConfigError as :meth:`CusumConfig.settings`."""
+        return self.cusum.settings(self.jmap_settings())
 
     def jmap_settings(
         self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True

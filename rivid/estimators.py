@@ -7,32 +7,103 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.config import Config
+from rivid.core.change import CusumResult, cusum
 from rivid.core.fir import FirResult, map_fir, ml
-from rivid.core.jmap import JmapResult, jmap
-from rivid.core.settings import JmapSettings
+from rivid.core.jmap import jmap
+from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, SearchResult, direct, indirect
 
 Floats = NDArray[np.float64]
-Estimate = Callable[[Floats, Floats], JmapResult]
+
+
+@dataclass(frozen=True)
+class Days:
+    """Data sets of one length, as deviations from their first samples.
+
+    Attributes
+    ----------
+    u : ndarray, shape (days, N)
+        Inflow [m3/s].
+    y : ndarray, shape (days, N)
+        Output [m for a level, m3/s for a discharge].
+    o : ndarray, shape (days, N), or None
+        Outflow [m3/s]; None where it is not logged.
+    """
+
+    u: Floats
+    y: Floats
+    o: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an estimator says of each day; None where it has no such thing.
+
+    Attributes
+    ----------
+    status : ndarray of str, shape (days,)
+        "ok", "degenerate" or "unidentifiable".
+    delay : ndarray, shape (days,), or None
+        d [samples]; NaN on a day without one.
+    candidates : ndarray of int, shape (K,), or None
+        The delays tried [samples].
+    criterion : ndarray, shape (days, K), or None
+        What the delay is the minimum of.
+    curve : ndarray, shape (days, K), or None
+        What is kept of every candidate, for whoever doubts: the criterion, or CUSUM's g at lag d + 1.
+    fir : ndarray, shape (days, M), or None
+        h [output unit per m3/s].
+    alpha, noise_variance, roughness_variance, condition : ndarray, shape (days,), or None
+        As of :class:`rivid.core.jmap.JmapResult`.
+    iterations : ndarray of int, shape (days,), or None
+        Rounds of Table VI.
+    prior_only : ndarray of bool, shape (days,), or None
+        The delay is the prior's, or chance; None where the estimator cannot tell.
+    reason : ndarray of str, shape (days,), or None
+        Why there is no answer; empty where that is to be seen from u and y.
+    """
+
+    status: NDArray[np.str_]
+    delay: Floats | None = None
+    candidates: NDArray[np.intp] | None = None
+    criterion: Floats | None = None
+    curve: Floats | None = None
+    fir: Floats | None = None
+    alpha: Floats | None = None
+    noise_variance: Floats | None = None
+    roughness_variance: Floats | None = None
+    condition: Floats | None = None
+    iterations: NDArray[np.intp] | None = None
+    prior_only: NDArray[np.bool_] | None = None
+    reason: NDArray[np.str_] | None = None
 
 
 @dataclass(frozen=True)
 class Estimator:
-    """One estimator, ready to be called with u and y of shape (days, N).
+    """One estimator, ready to be called.
 
     Attributes
     ----------
     name : str
         As in the configuration and in the tables.
-    settings : JmapSettings
-        What it works with; an FIR estimator uses `order` only.
     estimate : callable
-        ``estimate(u, y)`` gives a :class:`JmapResult`; without a delay, its delays are NaN and its
-        criterion has no columns.
+        ``estimate(days)`` gives an :class:`Answer`.
+    n_more_than : int
+        A data set needs more samples than this.
+    because : str
+        What needs them, and the key that would need fewer.
+    says_at_bound : bool
+        A delay at the edge of what was tried is noted in the row's message. It is the usual case for some
+        estimators, a rare one for others, whose rows have `at_bound` alone.
+    max_iterations : int or None
+        Rounds after which it gives up.
     """
 
     name: str
-    settings: JmapSettings
-    estimate: Estimate
+    estimate: Callable[[Days], Answer]
+    n_more_than: int
+    because: tuple[str, str]
+    says_at_bound: bool = False
+    max_iterations: int | None = None
 
 
 def build(config: Config) -> list[Estimator]:
@@ -49,15 +120,11 @@ def build(config: Config) -> list[Estimator]:
 def _build(name: str, config: Config) -> Estimator:
     match name:
         case "ml" | "map":
-            settings = config.jmap_settings()
-            M, alpha, free = settings.order, config.jmap.alpha, settings.free_start
-
-            def fit(u: Floats, y: Floats) -> JmapResult:
-                if name == "ml":
-                    return _without_delay(ml(u, y, M, free_start=free))
-                return _without_delay(map_fir(u, y, M, alpha, free_start=free))
-
-            return Estimator(name, settings, fit)
+            return _fir(name, config)
+        case "cusum-ml" | "cusum-map":
+            return _cusum(name, config)
+        case "direct" | "indirect":
+            return _search(name, config)
         case "jmap":
             settings = config.jmap_settings()
         case "jmap-uniform":
@@ -68,22 +135,100 @@ def _build(name: str, config: Config) -> Estimator:
             settings = config.jmap_settings(inverse_gamma=False)
         case _:
             raise AssertionError(f"{name} passed the configuration but is not built here")
-    return Estimator(name, settings, lambda u, y: jmap(u, y, settings))
 
+    def estimate(days: Days) -> Answer:
+        found = jmap(days.u, days.y, settings)
+        return Answer(
+            status=found.status,
+            delay=found.delay,
+            candidates=found.candidates,
+            criterion=found.criterion,
+            curve=found.criterion,
+            fir=found.fir,
+            alpha=found.alpha,
+            noise_variance=found.noise_variance,
+            roughness_variance=found.roughness_variance,
+            condition=found.condition,
+            iterations=found.iterations,
+            prior_only=found.prior_only,
+        )
 
-def _without_delay(fit: FirResult) -> JmapResult:
-    n = len(fit.fir)
-    nothing = np.full(n, np.nan)
-    return JmapResult(
-        delay=nothing,
-        fir=fit.fir,
-        alpha=nothing,
-        noise_variance=fit.noise_variance,
-        roughness_variance=nothing,
-        candidates=np.empty(0, np.intp),
-        criterion=np.empty((n, 0)),
-        iterations=np.zeros(n, np.intp),
-        condition=fit.condition,
-        status=fit.status,
-        prior_only=np.zeros(n, bool),
+    return Estimator(
+        name, estimate, settings.order, _long_fir(settings.order), max_iterations=settings.max_iterations
     )
+
+
+def _long_fir(order: int) -> tuple[str, str]:
+    return f"an FIR of order {order}", "[jmap] order"
+
+
+def _fir(name: str, config: Config) -> Estimator:
+    """ML (17) or MAP (22), without a delay."""
+    settings = config.jmap_settings()
+    fit = _fit(name, settings.order, config.jmap.alpha, settings.free_start)
+
+    def estimate(days: Days) -> Answer:
+        return _of_fir(fit(days.u, days.y))
+
+    return Estimator(name, estimate, settings.order, _long_fir(settings.order))
+
+
+def _fit(name: str, M: int, alpha: float, free: bool) -> Callable[[Floats, Floats], FirResult]:
+    if name.endswith("ml"):
+        return lambda u, y: ml(u, y, M, free_start=free)
+    return lambda u, y: map_fir(u, y, M, alpha, free_start=free)
+
+
+def _of_fir(fit: FirResult) -> Answer:
+    return Answer(fit.status, fir=fit.fir, noise_variance=fit.noise_variance, condition=fit.condition)
+
+
+def _cusum(name: str, config: Config) -> Estimator:
+    """A change in the mean of the ML or the MAP FIR."""
+    settings, of_fir = config.cusum_settings(), config.jmap_settings()
+    fit = _fit(name, of_fir.order, config.jmap.alpha, of_fir.free_start)
+    candidates = np.arange(settings.d_min, settings.d_max + 1)
+
+    def estimate(days: Days) -> Answer:
+        fir = fit(days.u, days.y)
+        found: CusumResult = cusum(fir.fir, settings)
+        no_fir = fir.status == "unidentifiable"
+        return Answer(
+            status=found.status,
+            delay=found.delay,
+            candidates=candidates,
+            curve=found.decision[:, candidates + 1],
+            fir=fir.fir,
+            noise_variance=fir.noise_variance,
+            condition=fir.condition,
+            reason=np.where(no_fir, "", found.reason),
+        )
+
+    return Estimator(name, estimate, of_fir.order, _long_fir(of_fir.order), says_at_bound=True)
+
+
+def _search(name: str, config: Config) -> Estimator:
+    """Table IV: least squares in (8) or in (10) for every delay."""
+    settings = config.search_settings()
+    table = "jmap" if config.search.d_max is None else "search"
+    n_parameters = len(DIRECT_PARAMETERS if name == "direct" else INDIRECT_PARAMETERS)
+
+    def estimate(days: Days) -> Answer:
+        found: SearchResult
+        if name == "direct":
+            assert days.o is not None, "the configuration refuses direct where the outflow is not logged"
+            found = direct(days.u, days.o, days.y, settings)
+        else:
+            found = indirect(days.u, days.y, settings)
+        return Answer(
+            status=found.status,
+            delay=found.delay,
+            candidates=found.candidates,
+            criterion=found.criterion,
+            curve=found.criterion,
+            noise_variance=found.noise_variance,
+            reason=found.reason,
+        )
+
+    because = f"d_max = {settings.d_max}", f"[{table}] d_max"
+    return Estimator(name, estimate, settings.d_max + 1 + n_parameters, because, says_at_bound=True)

@@ -84,7 +84,8 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     catalog = find_days(data_dir, config, _facts(known or {}), verify=options.verify)
     refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
-    length, settings = config.run.window_days, config.model_dump(mode="json", exclude={"diagnose"})
+    length, settings = config.run.window_days, config.as_used()
+    del settings["diagnose"]
     now = options.now(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now

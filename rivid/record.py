@@ -12,7 +12,6 @@ from typing import Any
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.config import Config
-from rivid.core.settings import JmapSettings
 from rivid.errors import RividError
 from rivid.tables import SCHEMA_VERSION
 
@@ -41,8 +40,9 @@ def last(out: Path) -> dict[str, Any]:
     return record
 
 
-def describe(config: Config, settings: JmapSettings, data_dir: Path, started: dt.datetime) -> dict[str, Any]:
-    """The part of the record that holds before anything is computed."""
+def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, Any]:
+    """The part of the record that holds before anything is computed; order and delays are those of [jmap]."""
+    settings = config.jmap_settings()
     versions = {"rivid": __version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in ("numpy", "scipy", "pyarrow", "matplotlib")}
     return {
@@ -58,7 +58,7 @@ def describe(config: Config, settings: JmapSettings, data_dir: Path, started: dt
         "data_dir": str(data_dir),
         "started": started.isoformat(timespec="seconds"),
         "versions": versions,
-        "config": config.model_dump(mode="json"),
+        "config": config.as_used(),
     }
 
 

@@ -95,7 +95,7 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
         Before anything is computed, where the run cannot begin.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
-    settings = build(config)[0].settings  # settings that contradict each other are said before any work
+    build(config)  # settings that contradict each other are said before any work
     _refuse_places(data_dir, out)
     with Store(out) as store:
         before = record.last(out)
@@ -109,14 +109,12 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
         rows = arrange(store.read() if new else kept, [w.key for w in planned.windows], config.run.estimators)
 
         summary, failed = _summarise(rows, planned, new, kept, before, store, out)
-        content = digest(
-            rows["key"].to_pylist(), config.model_dump(mode="json"), summary.bad_files, SCHEMA_VERSION
-        )
+        content = digest(rows["key"].to_pylist(), config.as_used(), summary.bad_files, SCHEMA_VERSION)
         current = before.get("content") == content and record.is_whole(out, before, options.figures)
         if options.force or not current:
             record.unfinished(out, before)
             write_tables(rows, out)
-            now = record.describe(config, settings, data_dir, started) | {
+            now = record.describe(config, data_dir, started) | {
                 "data_sets": summary.windows,
                 "computed": summary.computed,
                 "reused": summary.reused,

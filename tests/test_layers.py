@@ -13,6 +13,7 @@ ROOT = Path(rivid.__file__).parent
 ORDER = [
     {"errors"},
     {"core", "input_config"},
+    {"estimator_config"},
     {"config", "atomic", "lean", "leash", "reach"},
     {"effects", "logs", "results", "tables", "estimators"},
     {"scenario"},

@@ -1,0 +1,94 @@
+"""`[jmap]`, `[search]` and `[cusum]` of the configuration: what the estimators work with."""
+
+from collections.abc import Callable
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field
+
+from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
+from rivid.errors import ConfigError
+from rivid.input_config import Section
+
+T = TypeVar("T")
+
+MAX_ORDER = 1000
+"""Longest FIR [samples]."""
+
+Order = Annotated[int, Field(ge=6, le=MAX_ORDER)]
+Alpha = Annotated[float, Field(ge=1e-9, le=1e14)]
+Delay = Annotated[int, Field(ge=1, le=MAX_ORDER)]
+
+
+class JmapConfig(Section):
+    """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
+
+    order: Order | Literal["bounds"] = JmapSettings.order
+    d_min: Annotated[int, Field(ge=1)] = JmapSettings.d_min
+    d_max: Annotated[int, Field(ge=1)] | Literal["bounds"] = JmapSettings.d_max
+    sigma_d: Annotated[float, Field(ge=0.1, le=1e4)] | Literal["bounds"] = JmapSettings.delay_scale
+    alpha: Alpha = DEFAULT_ALPHA
+    d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
+    tolerance: Annotated[float, Field(ge=1e-9, lt=1)] = JmapSettings.tolerance
+    max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
+    start: Literal["rest", "free"] | None = None
+
+
+class SearchConfig(Section):
+    """`[search]`: the delays that direct and indirect (Table IV) try; those of `[jmap]` where not given."""
+
+    d_min: Delay | None = None
+    d_max: Delay | None = None
+
+    def settings(self, jmap: JmapSettings) -> SearchSettings:
+        """The core's settings.
+
+        Raises
+        ------
+        ConfigError
+            For delays in the wrong order.
+        """
+        d_min = jmap.d_min if self.d_min is None else self.d_min
+        d_max = jmap.d_max if self.d_max is None else self.d_max
+        return _of_table("search", lambda: SearchSettings(d_min, d_max))
+
+
+class CusumConfig(Section):
+    """`[cusum]`: the settings of :class:`rivid.core.settings.CusumSettings`.
+
+    The delays are those of `[jmap]` where not given; the FIR that is looked at is `[jmap]`'s.
+    """
+
+    threshold: Annotated[float, Field(gt=0, le=1e6)] = CusumSettings.threshold
+    drift: Annotated[float, Field(ge=0, le=1e6)] = CusumSettings.drift
+    mean_lags: Annotated[int, Field(ge=0, le=MAX_ORDER)] = CusumSettings.mean_lags
+    mean: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    sd: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    moment: Moment = CusumSettings.moment
+    d_min: Delay | None = None
+    d_max: Delay | None = None
+
+    def settings(self, jmap: JmapSettings) -> CusumSettings:
+        """The core's settings.
+
+        Raises
+        ------
+        ConfigError
+            For delays in the wrong order, or too long for the FIR.
+        """
+        given = self.model_dump(exclude={"d_min", "d_max"})
+        d_min = jmap.d_min if self.d_min is None else self.d_min
+        d_max = jmap.d_max if self.d_max is None else self.d_max
+        if d_max + 3 > jmap.order:
+            raise ConfigError(
+                f"[cusum] d_max = {d_max} needs an FIR of order >= {d_max + 3}, got [jmap] order = "
+                f"{jmap.order}: raise order or lower d_max"
+            )
+        return _of_table("cusum", lambda: CusumSettings(**given, d_min=d_min, d_max=d_max))
+
+
+def _of_table(table: str, make: Callable[[], T]) -> T:
+    """Settings of a table, whose faults name it."""
+    try:
+        return make()
+    except ConfigError as error:
+        raise ConfigError(f"[{table}] {error}") from None
