@@ -1,0 +1,250 @@
+"""What the paper's claims are measured by, on years whose truth is known."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+
+from rivid.config import parse
+from rivid.core.change import cusum
+from rivid.core.fir import map_fir, ml
+from rivid.core.jmap import JmapResult, jmap
+from rivid.core.search import direct, indirect
+from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
+from rivid.reach.response import theoretical_fir
+from rivid.scenario import Scenario, load_scenario
+from rivid.simulate import Season, simulate
+
+ROOT = Path(__file__).parent.parent
+SCENARIOS = ROOT / "configs" / "scenarios"
+Floats = NDArray[np.float64]
+
+CLEAN = {"level": {"noise": 0.0, "quantum": 0.0}}
+CLOSED = {"weather": {"inflow": 0.0}}
+CALM = {
+    "operators": {
+        "feedforward_spread": 0.0, "level_gain_spread": 0.0, "dead_band": 0.0, "set_point_spread": 0.0,
+        "look": [1.0, 1.1], "notice": 0.0, "quantum": 0.0,
+    }
+}  # fmt: skip
+
+WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "the sample year's kind": ("basse_isere", {}),
+    "perfect gauge": ("basse_isere", CLEAN),
+    "no unlogged inflow": ("basse_isere", CLOSED),
+    "people who follow (9) at every sample": ("basse_isere", CALM),
+    "all three": ("basse_isere", CLEAN | CLOSED | CALM),
+    "full equations": ("hydraulic", {}),
+}
+"""Simulated worlds: what each is called, and how its scenario differs."""
+
+MODEL = "the model itself: (10) and white noise"
+MODEL_NOISE = 0.004
+"""Standard deviation of the white noise of :data:`MODEL` [m]: what the sample year's gauge has, its step included."""
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Days of logs, deviations and true delays; arrays of shape (days, N), truth (days,)."""
+
+    inflow: Floats
+    outflow: Floats | None
+    level: Floats
+    truth: Floats
+    other: Floats
+
+    @property
+    def u(self) -> Floats:
+        """Inflow deviations [m3/s]."""
+        return self.inflow - self.inflow[:, :1]
+
+    @property
+    def y(self) -> Floats:
+        """Level deviations [m]."""
+        return self.level - self.level[:, :1]
+
+
+def changed(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> Scenario:
+    """A scenario with some of its settings changed."""
+    raw = scenario.model_dump(exclude_unset=True)
+    for name, values in tables.items():
+        raw[name] = {**raw.get(name, {}), **values}
+    return parse(raw, Scenario, "benchmark")
+
+
+def of_season(season: Season) -> World:
+    """The world of a simulated season."""
+    return World(
+        season.inflow,
+        season.outflow,
+        season.level,
+        season.delay.astype(float),
+        season.delay_other.astype(float),
+    )
+
+
+def world(name: str, seed: int) -> World:
+    """One year of a world."""
+    if name == MODEL:
+        season = simulate(load_scenario(SCENARIOS / "basse_isere.toml"), seed)
+        reach, people = season.scenario.reach, season.scenario.operators
+        alpha = reach.sample_time / reach.surface_area
+        rng = np.random.default_rng([seed, 99])
+        u = season.inflow - season.inflow[:, :1]
+        y = np.empty_like(u)
+        for i, d in enumerate(season.delay):
+            h = theoretical_fir(200, int(d), alpha, alpha, people.feedforward, people.level_gain)
+            y[i] = np.convolve(u[i], h)[: u.shape[1]]
+        y += MODEL_NOISE * rng.standard_normal(y.shape)
+        truth = season.delay.astype(float)
+        return World(season.inflow, None, y, truth, truth)
+    scenario, tables = WORLDS[name]
+    return of_season(simulate(changed(load_scenario(SCENARIOS / f"{scenario}.toml"), tables), seed))
+
+
+def at(delay: Floats, *values: int) -> float:
+    """Share of days at these delays."""
+    return float(np.isin(delay, values).mean())
+
+
+def between(delay: Floats, low: int, high: int) -> float:
+    """Share of days from one delay to another."""
+    return float(((delay >= low) & (delay <= high)).mean())
+
+
+def two(delay: Floats) -> tuple[tuple[int, int], float]:
+    """The two most frequent delays, and their share of days."""
+    values, days = np.unique(delay[np.isfinite(delay)], return_counts=True)
+    top = np.argsort(-days, kind="stable")[:2]
+    low, high = sorted(int(v) for v in values[top])[0], sorted(int(v) for v in values[top])[-1]
+    return (low, high), float(days[top].sum() / len(delay))
+
+
+def within(delay: Floats, w: World, by: int = 1) -> float:
+    """Share of days within so many samples of the truth."""
+    error = np.minimum(np.abs(delay - w.truth), np.abs(delay - w.other))
+    return float((error <= by).mean())
+
+
+def largest_jump(fir: Floats, d_max: int = 15) -> Floats:
+    """The delay at which a response rises most from one lag to the next, of 1 to d_max."""
+    return 1.0 + np.argmax(np.diff(fir, axis=1)[:, 1 : d_max + 1], axis=1)
+
+
+def by_eye(fir: Floats, days: int = 15) -> Floats:
+    """The same of the mean response of neighbouring days: what an eye does along a grey picture."""
+    padded = np.pad(fir, ((days // 2, days // 2), (0, 0)), mode="edge")
+    smooth = np.stack([padded[i : i + days].mean(axis=0) for i in range(len(fir))])
+    return largest_jump(smooth)
+
+
+def shuffled(w: World) -> tuple[Floats, Floats]:
+    """u of one day, y of another: nothing to find."""
+    elsewhere = np.roll(np.arange(len(w.u)), len(w.u) // 3)
+    return w.u[elsewhere], w.y
+
+
+def jmaps(w: World) -> dict[str, JmapResult]:
+    """The JMAP with each prior."""
+    u, y = w.u, w.y
+    return {
+        "uniform": jmap(u, y, prior="uniform", alpha=DEFAULT_ALPHA),
+        "estimated": jmap(u, y, prior="uniform"),
+        "rayleigh": jmap(u, y),
+        "wide": jmap(u, y, delay_scale=10.0),
+        "degenerate": jmap(u, y, inverse_gamma=False),
+        "shuffled": jmap(*shuffled(w)),
+        "shuffled estimated": jmap(*shuffled(w), prior="uniform"),
+    }
+
+
+def measure(w: World) -> dict[str, float]:
+    """The shares that the paper's claims are about."""
+    j = jmaps(w)
+    straight = ml(w.u, w.y)
+    found: dict[str, float] = {}
+    if w.outflow is not None:
+        d = direct(w.inflow, w.outflow, w.level).delay
+        found |= {"direct at 1": at(d, 1), "direct at 15": at(d, 15)}
+    d = indirect(w.inflow, w.level).delay
+    found |= {"indirect at 1": at(d, 1), "indirect at 15": at(d, 15)}
+    found["ML, largest jump at 6-7"] = at(largest_jump(straight.fir), 6, 7)
+    found["ML, by eye at 6-7"] = at(by_eye(straight.fir), 6, 7)
+    found["ML, CUSUM within one of the truth"] = within(cusum(straight.fir).delay, w)
+    found["MAP, CUSUM within one of the truth"] = within(cusum(map_fir(w.u, w.y).fir).delay, w)
+    found["uniform prior at 5-7"] = between(j["uniform"].delay, 5, 7)
+    found["uniform prior, alpha estimated, at 5-7"] = between(j["estimated"].delay, 5, 7)
+    found["uniform prior, alpha estimated, within one of the truth"] = within(j["estimated"].delay, w)
+    found["Rayleigh prior, two most frequent delays"] = two(j["rayleigh"].delay)[1]
+    found["Rayleigh prior at 6 or 7"] = at(j["rayleigh"].delay, 6, 7)
+    found["the same on shuffled days"] = at(j["shuffled"].delay, 6, 7)
+    found["alpha estimated at 6 or 7"] = at(j["estimated"].delay, 6, 7)
+    found["alpha estimated at 6 or 7, shuffled days"] = at(j["shuffled estimated"].delay, 6, 7)
+    found["Rayleigh prior, the data do not decide"] = float(j["rayleigh"].prior_only.mean())
+    found["sigma_d 6.5 and 10 agree"] = float((j["rayleigh"].delay == j["wide"].delay).mean())
+    found["JMAPdeg, alpha at its cap"] = float((j["degenerate"].status == "degenerate").mean())
+    found["JMAPdeg at d = 1"] = at(j["degenerate"].delay, 1)
+    return found
+
+
+def freed(order: int, delay: int, reading: str) -> Floats:
+    """D_d of (24), whose page is lost, in one of three readings of what is free after each of the two jumps.
+
+    "free": both rows across a jump; "slope": the first row, the second pays for the slope; "restart": none, the
+    response starts from zero after each jump.
+    """
+    D = np.eye(order) - 2 * np.eye(order, k=-1) + np.eye(order, k=-2)
+    D[0] = 0.0
+    for first in (1, delay + 1):
+        D[first : first + 2] = 0.0
+        if reading == "slope":
+            D[first + 1, first : first + 2] = -1.0, 1.0
+        elif reading == "restart":
+            D[first, first], D[first + 1, first : first + 2] = 1.0, (-2.0, 1.0)
+    return D
+
+
+def degenerate(
+    u: Floats, y: Floats, reading: str, order: int = 30, d_max: int = 15, scale: float = 6.5
+) -> int:
+    """Table VI without the inverse-gamma prior, transcribed, for one reading of (24): the delay."""
+    U = toeplitz(u, np.zeros(order))
+    G, b = U.T @ U, U.T @ y
+    D = {d: freed(order, d, reading) for d in range(1, d_max + 1)}
+    h, d, before = np.linalg.solve(G, b), 10, (np.inf, np.inf)
+    for _ in range(200):
+        s_w = np.sum((y - U @ h) ** 2) / len(u)
+        s_h = max(np.sum((D[d] @ h) ** 2) / order, s_w / ALPHA_CAP)
+        tried = {k: np.linalg.solve(G + s_w / s_h * Dk.T @ Dk, b) for k, Dk in D.items()}
+        cost = {
+            k: np.sum((y - U @ g) ** 2) / s_w
+            + np.sum((D[k] @ g) ** 2) / s_h
+            + k**2 / scale**2
+            - 2 * np.log(k)
+            for k, g in tried.items()
+        }
+        d = min(cost, key=lambda k: cost[k])
+        h = tried[d]
+        if abs(s_w / before[0] - 1) < 1e-3 and abs(s_h / before[1] - 1) < 1e-3:
+            break
+        before = (s_w, s_h)
+    return d
+
+
+def every_year(name: str, seeds: range) -> dict[str, list[float]]:
+    """Each measure over the years of a world."""
+    found: dict[str, list[float]] = {}
+    for seed in seeds:
+        for key, value in measure(world(name, seed)).items():
+            found.setdefault(key, []).append(value)
+    return found
+
+
+def rank_correlation(a: Floats, b: Floats) -> float:
+    """Spearman's, with mean ranks for equals."""
+    from scipy.stats import spearmanr
+
+    return float(spearmanr(a, b).statistic)
