@@ -13,31 +13,23 @@ A window's ends inside the season have a price of their own: what is always ther
 days because they were quiet.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.diagnose.inflation import FEWEST_BLOCKS, block_inflation
+from rivid.diagnose.partition import Rest, gains, inside, partition
 from rivid.errors import RividError
+
+__all__ = ["FEWEST_BLOCKS", "Rest", "Segments", "block_inflation", "partition", "segment"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-Rest = Literal["zero", "free"]
-
-FEWEST_BLOCKS = 8
-"""Blocks below which the inflation is a guess."""
 
 MOST_SEGMENTS = 4
 """Segments up to which simulated days without a change are searched for one, where the rest is free."""
-
-KEPT = 0.75
-"""Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
-
-_KEPT_MEAN = 0.36852
-"""Mean of a chi-square variable of one degree below its 75 % quantile."""
 
 EDGE = 3.68
 """Drop of the log-likelihood that holds a change date with 95 % [nats] (Hansen 2000, Econometrica 68); also
@@ -92,70 +84,6 @@ class Segments:
         """First and last day of each segment with the effect."""
         ends = zip(self.bounds[:-1], self.bounds[1:], self.on, strict=True)
         return tuple((int(a), int(b) - 1) for a, b, on in ends if on)
-
-
-def partition(
-    score: ArrayLike,
-    information: ArrayLike,
-    penalty: float,
-    *,
-    rest: Rest,
-    sign: int = 0,
-    shortest: int = 1,
-    edge: float = 0.0,
-) -> tuple[Ints, Bools, float]:
-    """The best segments, by exact dynamic programming over the day on which the last one begins.
-
-    Parameters
-    ----------
-    score, information : array_like, shape (days,)
-        g and q; a day without data has 0 and 0.
-    penalty : float
-        Price of a window (`rest` "zero") or of a change (`rest` "free") [nats].
-    rest : {"zero", "free"}
-        "zero": days outside windows have no effect, and windows have any size. "free": all days have one, and
-        it changes.
-    sign : {-1, 0, 1}
-        Sign that sizes must have; 0 for any.
-    shortest : int
-        Days of the shortest segment with an effect.
-    edge : float
-        Price of each end of a window inside the season, beside the window's own [nats].
-
-    Returns
-    -------
-    bounds : ndarray of int, shape (k + 1,)
-    on : ndarray of bool, shape (k,)
-    gain : float
-        Over no window or no change [nats].
-    """
-    g, q = np.asarray(score, float), np.asarray(information, float)
-    n = len(g)
-    best, begin = np.full(n + 1, -np.inf), np.zeros(n + 1, np.int64)
-    best[0] = 0.0
-    for t, gain in _gains(g[None], q, sign):
-        if rest == "zero":
-            best[t], begin[t] = best[t - 1], -t  # a day without the effect, which costs nothing
-        if t >= shortest:
-            total = best[: t - shortest + 1] + gain[0, : t - shortest + 1] - penalty
-            total -= _inside(t, n, shortest) * edge
-            a = int(np.argmax(total))
-            if total[a] > best[t]:
-                best[t], begin[t] = total[a], a
-    pieces: list[tuple[int, bool]] = []
-    t = n
-    while t > 0:
-        on = begin[t] >= 0
-        a = int(begin[t]) if on else t - 1
-        if on or not pieces or pieces[-1][1]:
-            pieces.append((a, bool(on)))
-        else:
-            pieces[-1] = (a, False)
-        t = a
-    pieces.reverse()
-    none = 0.0 if rest == "zero" else float(gain[0, 0]) - penalty
-    bounds = np.array([a for a, _ in pieces] + [n], np.int64)
-    return bounds, np.array([on for _, on in pieces]), float(best[n]) - none
 
 
 def segment(
@@ -219,66 +147,6 @@ def segment(
     return Segments(bounds, earliest, latest, size, se, on, gain, penalty, c)
 
 
-def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integer]) -> tuple[Floats, Floats]:
-    """Variance of blocks' scores over the nominal one, and the correlation of days within blocks.
-
-    From differences of means, of neighbouring blocks and of days within a block, without the largest quarter
-    of their squares: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
-
-    Parameters
-    ----------
-    score : ndarray, shape (draws, days)
-    information : ndarray, shape (days,)
-    blocks : ndarray of int, shape (days,)
-
-    Returns
-    -------
-    inflation, correlation : ndarray, shape (draws,)
-    """
-    used = information > 0.0
-    g, q = score[:, used], information[used]
-    label = np.unique(blocks[used], return_inverse=True)[1]
-    first = np.flatnonzero(np.diff(label, prepend=-1))
-    inflation = _squares(np.add.reduceat(g, first, axis=1), np.add.reduceat(q, first))
-    same = np.diff(label) == 0
-    if same.sum() < FEWEST_BLOCKS:
-        return inflation, np.zeros(len(g))
-    within = _squares(g, q, same)
-    days = len(q) / len(first)
-    rho = (inflation - within) / np.maximum(inflation + (days - 1.0) * within, 1e-300)
-    # Days of a block are not against each other: a smaller factor than that of days alone is chance.
-    return np.maximum(inflation, within), np.clip(rho, 0.0, 0.95)
-
-
-def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
-    """Variance of neighbours' means over the nominal one, from differences; g is (draws, k)."""
-    squares = np.diff(g / q, axis=1) ** 2 / (1.0 / q[1:] + 1.0 / q[:-1])
-    if kept is not None:
-        squares = squares[:, kept]
-    many = max(1, round(KEPT * squares.shape[1]))
-    smallest = np.partition(squares, many - 1, axis=1)[:, :many]
-    return np.asarray(np.maximum(smallest.mean(1) / _KEPT_MEAN, 1e-300))
-
-
-def _gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
-    """For t = 1, ..., n the gains G(s, t) of all s < t, shape (draws, t)."""
-    G = np.concatenate([np.zeros((len(g), 1)), np.cumsum(g, axis=1)], axis=1)
-    Q = np.concatenate([[0.0], np.cumsum(q)])
-    for t in range(1, len(Q)):
-        total, information = G[:, t : t + 1] - G[:, :t], Q[t] - Q[:t]
-        if sign:
-            total = np.maximum(sign * total, 0.0)
-        yield (
-            t,
-            np.where(information > 0.0, total**2 / np.where(information > 0.0, 2.0 * information, 1.0), 0.0),
-        )
-
-
-def _inside(t: int, n: int, shortest: int) -> Floats:
-    """Ends inside the season of the segments [s, t), for all s up to t - shortest."""
-    return np.asarray((np.arange(t - shortest + 1) > 0) + float(t < n))
-
-
 def _dearest(
     g: Floats, q: Floats, rest: Rest, sign: int, shortest: int, edge: float, inflation: Floats
 ) -> Floats:
@@ -292,13 +160,13 @@ def _dearest(
     scaled = g / np.sqrt(inflation)[:, None]
     if rest == "zero":
         worst = np.zeros(draws)
-        for t, gain in _gains(scaled, q, sign):
+        for t, gain in gains(scaled, q, sign):
             if t >= shortest:
-                paid = gain[:, : t - shortest + 1] - _inside(t, n, shortest) * edge
+                paid = gain[:, : t - shortest + 1] - inside(t, n, shortest) * edge
                 np.maximum(worst, paid.max(1), out=worst)
         return worst
     best = np.full((MOST_SEGMENTS, draws, n + 1), -np.inf)
-    for t, gain in _gains(scaled, q, sign):
+    for t, gain in gains(scaled, q, sign):
         if t >= shortest:
             best[0, :, t] = gain[:, 0]
             for k in range(1, MOST_SEGMENTS):
