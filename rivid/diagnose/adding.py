@@ -10,7 +10,7 @@ from rivid.diagnose.fit import Model, calibrate
 from rivid.diagnose.gap import residual_of
 from rivid.diagnose.happenings import as_effect, lock, rain, search
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
-from rivid.diagnose.naming import Choice
+from rivid.diagnose.naming import ABSORBED, Choice
 from rivid.diagnose.noise import day_weights
 from rivid.diagnose.propose import Proposal
 from rivid.diagnose.response import vector_of
@@ -21,6 +21,8 @@ STEPWISE, MOST_STEPS = ("band",), 40
 """Parameters in which the output is not smooth, and how many values of one are tried."""
 DAYS_A_KNOT, MOST_KNOTS = 7, 20
 """Of a size that varies with the date."""
+COARSE = 3
+"""Every how many fitting days a fit begins on."""
 RECODINGS = 2
 """Times that events are looked for again once they are in."""
 NEEDED = 4.0
@@ -30,6 +32,9 @@ Report = Callable[[str], None]
 
 def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tuple[Model, dict[str, float]]:
     """The model with a proposal in the simulator, all parameters fitted together again.
+
+    A response that was fitted without a lag, a basin or a late wave has bent to stand for it, and steps from
+    there end where it still does: with these the fit begins at the nominal reach.
 
     Returns
     -------
@@ -48,14 +53,17 @@ def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tupl
     p = len(model.reach.parameters)
     shift = proposal.evaluation.shift
     values = model.values() + shift[p:] if len(shift) > p else model.values()
-    moved = replace(model, reach=model.reach.with_parameters(vector_of(model.reach) + shift[:p])).with_values(
-        values
-    )
+    absorbed = proposal.name in ABSORBED
+    start = [f.mean for f in model.reach.parameters] if absorbed else vector_of(model.reach) + shift[:p]
+    moved = replace(model, reach=model.reach.with_parameters(start)).with_values(values)
     larger = replace(
         moved, effects=(*moved.effects, proposal.effect), free=(*model.free, free),
         noise=proposal.evaluation.noise,
     )  # fmt: skip
-    larger = calibrate(larger, fit, steps=5, report=report)
+    if absorbed:
+        few = fit.take(np.arange(fit.days)[::COARSE])
+        larger = calibrate(replace(larger, noise=None), few, steps=10, report=report)
+    larger = calibrate(larger, fit, steps=6 if absorbed else 5, report=report)
     spreads = dict(proposal.spreads)
     for name in steps:
         larger, spreads[name] = stepped(larger, name, fit)

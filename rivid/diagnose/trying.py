@@ -18,6 +18,8 @@ from rivid.diagnose.naming import ABSORBED, LEVEL, is_material
 from rivid.diagnose.propose import Proposal, compared, worth
 from rivid.errors import RividError
 
+MOST_TRIALS = 5
+"""A round tries so many proposals in the simulator."""
 RIVALS, NEAR = 2, 0.7
 """So many rivals are tried beside a proposal; of other families' those that gain this share of it."""
 NEAR_ABSORBED = 0.15
@@ -108,7 +110,7 @@ def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> li
     """Of proposals none of which stands, those that are no chance and gain a lot: best first."""
     able = [
         p for p in pool
-        if can_be_tried(p) and p.name not in taken and p.p_value <= LEVEL / 2**count
+        if can_be_tried(p) and p.name not in (*taken, *ABSORBED) and p.p_value <= LEVEL / 2**count
         and p.gain_fit > 0 and p.gain_fit + p.gain_select > WORTH
     ]  # fmt: skip
     found: dict[str, Proposal] = {}

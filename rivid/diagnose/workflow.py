@@ -25,6 +25,7 @@ from rivid.diagnose.study import Round, Study
 from rivid.diagnose.telling import tell, too_few
 from rivid.diagnose.trials import Trial, trials_of
 from rivid.diagnose.trying import (
+    MOST_TRIALS,
     Tried,
     can_be_tried,
     contradicted,
@@ -231,7 +232,11 @@ class _Search:
                 trials = [choice.proposal, *rivals(choice.proposal, pool)]
             else:
                 trials = []
-            trials = [p for p in trials if id(p) not in seen]
+            trials = [p for p in trials if id(p) not in seen][: MOST_TRIALS - len(seen)]
+            if choice is not None and can_be_tried(choice.proposal) and id(choice.proposal) not in seen:
+                if not trials:  # enough were tried; what was not is not named
+                    pool = [p for p in pool if p.name != choice.proposal.name]
+                    continue
             if not trials and choice is None:
                 if not self.rounds:
                     self.contradicted = contradicted(pool, self.linear)
