@@ -1,9 +1,7 @@
 """report.html: one self-contained page that says what a run found, and shows it."""
 
 import base64
-import datetime as dt
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +10,12 @@ import numpy as np
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.figures import FigureFile
+from rivid.figures.attention import SHOWN, attention
 from rivid.figures.headline import facts, headline, leading
 from rivid.figures.passage import leading_response, passage
-from rivid.figures.selection import estimates_delay, found
+from rivid.figures.selection import estimates_delay
 from rivid.figures.words import (
-    NO_ANSWER,
+    UNJUDGED,
     count,
     day_range,
     delays,
@@ -27,76 +26,8 @@ from rivid.figures.words import (
 )
 from rivid.results import EstimatorResults, Results
 
-SHOWN = 25
-"""Rows of days to look at that are open on the page; the others unfold."""
-
 MOST = 400
 """Rows of days to look at on the page at all; delays.csv has every one."""
-
-
-@dataclass(frozen=True)
-class Attention:
-    """Consecutive days with the same thing to look at.
-
-    Attributes
-    ----------
-    first, last : datetime.date
-    days : int
-    kind : str
-        failed, unidentifiable, pending, degenerate or at a bound.
-    estimators : tuple of str
-        Who says so.
-    reason : str
-    """
-
-    first: dt.date
-    last: dt.date
-    days: int
-    kind: str
-    estimators: tuple[str, ...]
-    reason: str
-
-    @property
-    def when(self) -> str:
-        """The day, or the days from first to last."""
-        return day_range(self.first, self.last)
-
-
-def attention(results: Results) -> list[Attention]:
-    """Days to look at, in date order, with reasons.
-
-    An estimator that is degenerate by its making (jmap-degenerate) is left out where it answers.
-    """
-    said: dict[tuple[dt.date, str, str], list[str]] = {}
-    for e in results.estimators:
-        for date, kind, reason in _doubts(e, results.sample_time):
-            said.setdefault((date, kind, reason), []).append(e.estimator)
-    runs: list[Attention] = []
-    open_runs: dict[tuple[str, str, tuple[str, ...]], int] = {}
-    for (date, kind, reason), names in sorted(said.items()):
-        same = (kind, reason, tuple(names))
-        at = open_runs.get(same)
-        if at is not None and (date - runs[at].last).days == 1:
-            runs[at] = Attention(runs[at].first, date, runs[at].days + 1, kind, same[2], reason)
-        else:
-            open_runs[same] = len(runs)
-            runs.append(Attention(date, date, 1, kind, same[2], reason))
-    return runs
-
-
-def _doubts(e: EstimatorResults, sample_time: float) -> list[tuple[dt.date, str, str]]:
-    by_making = e.estimator == "jmap-degenerate"
-    with_delay = found(e)
-    doubts = []
-    for i, (date, status, message) in enumerate(zip(e.dates, e.status, e.messages, strict=True)):
-        if status in NO_ANSWER:
-            doubts.append((date, status, message))
-        elif status == "degenerate" and not by_making:
-            doubts.append((date, status, message or "alpha ran away: the data do not hold the response"))
-        elif with_delay[i] and e.at_bound[i] and not by_making:
-            words = delays([float(e.delay[i])], sample_time)
-            doubts.append((date, "at a bound", f"the delay is {words}, the edge of what was tried"))
-    return doubts
 
 
 def write_report(
@@ -158,6 +89,7 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "river": river is not None,
         "speaks": _speaks(lead, river),
         "names": [e.estimator for e in results.estimators],
+        "unjudged": any(e.estimator in UNJUDGED for e in results.estimators),
         "headline": sentences[0],
         "sentences": sentences[1:],
         "attention": rows[:SHOWN],
@@ -201,7 +133,9 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
         "median": given(delays([f.median], T_s)),
         "modal": given(modal),
         "at_bound": given(f"{f.at_bound:,}"),
-        "prior_only": given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
+        "prior_only": "–"
+        if e.estimator in UNJUDGED
+        else given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
         "condition": power(f.condition),
         "noise": power(f.noise_sd),
         "alpha": power(f.alpha),

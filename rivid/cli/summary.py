@@ -6,7 +6,7 @@ import click
 import numpy as np
 
 from rivid.config import Config
-from rivid.figures.words import count, delays, duration, number, share
+from rivid.figures.words import RAYLEIGH, count, delays, duration, number, share
 from rivid.run import Summary
 
 
@@ -28,18 +28,20 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
     width = max((len(name) for name in summary.counts), default=0)
     for name, counts in summary.counts.items():
         rows = summary.rows.filter(names == name)
-        first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *_numbers(rows, config)]
+        numbers = _numbers(name, rows, config)
+        first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *numbers]
         click.echo(f"  {name:<{width}}  {first}")
         for text in rest:
             click.echo(f"  {'':<{width}}  {text}")
-    for row in summary.rows.select(["date", "key", "status", "estimator", "message"]).to_pylist():
-        if row["status"] == "failed" and row["key"] in summary.computed_keys:
-            if row["estimator"] == config.run.estimators[0]:
-                click.echo(f"  {row['date']} failed: {row['message']}", err=True)
+    told: set[str] = set()
+    for row in summary.rows.select(["date", "key", "status", "message"]).to_pylist():
+        if row["status"] == "failed" and row["key"] in summary.computed_keys - told:
+            told.add(row["key"])  # once a day, whatever the number of its estimators
+            click.echo(f"  {row['date']} failed: {row['message']}", err=True)
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 
 
-def _numbers(rows: Any, config: Config) -> list[str]:
+def _numbers(name: str, rows: Any, config: Config) -> list[str]:
     """The delay, its doubt, and a river's t50, in words."""
     T_s, lines = config.reach.sample_time, []
     t50, d = (_finite(rows[column]) for column in ("t50_samples", "delay_samples"))
@@ -56,7 +58,11 @@ def _numbers(rows: Any, config: Config) -> list[str]:
         lines.append(f"delay {delays([float(v) for v in most], T_s)} on {share(often, len(d))} of days")
         prior = sum(bool(p) for p in rows["prior_only"].to_pylist())
         if prior:
-            lines.append(f"the prior's answer, not the data's, on {share(prior, len(d))}")
+            whose = "the prior's answer" if name in RAYLEIGH else "perhaps chance"
+            lines.append(f"{whose}, not the data's, on {share(prior, len(d))}")
+        edge = sum(bool(b) for b in rows["at_bound"].to_pylist())
+        if edge:
+            lines.append(f"the shortest or longest delay tried on {share(edge, len(d))}")
     return lines
 
 

@@ -59,9 +59,9 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     Returns
     -------
     list of FigureFile
-        Per estimator: tdr and, where it estimates delays, histogram, delay_map and delay_discharge; then
-        the responses of one day. Nothing for an estimator without a single row. For a river, t50 and
-        t50_discharge of the one estimator whose t50 speaks for it.
+        Per estimator: tdr, where it has impulse responses, and histogram, delay_map and delay_discharge,
+        where it estimates delays; then the responses of one day. Nothing for an estimator without a single
+        row. For a river, t50 and t50_discharge of the one estimator whose t50 speaks for it.
 
     Raises
     ------
@@ -77,6 +77,7 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     from rivid.figures import delay_map, discharge, fir_day, histogram, style, t50, tdr
     from rivid.figures.passage import leading_response
     from rivid.figures.selection import estimates_delay
+    from rivid.figures.words import WITHOUT_FIR
 
     folder = out / "figures"
     files = []
@@ -88,7 +89,8 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
             if estimator is speaks:
                 files.append(t50.draw(results, estimator, folder))
                 files.append(t50.draw_discharge(results, estimator, folder))
-            files.append(tdr.draw(results, estimator, folder))
+            if estimator.estimator not in WITHOUT_FIR:
+                files.append(tdr.draw(results, estimator, folder))
             if estimates_delay(estimator):
                 for figure in (histogram, delay_map, discharge):
                     files.append(figure.draw(results, estimator, folder))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rivid.figures import FigureFile, style
 from rivid.figures.dates import calendar
 from rivid.figures.selection import candidates, day_numbers, found, kinds
-from rivid.figures.words import NO_JUMP, count, day_range, estimator_words, output_words
+from rivid.figures.words import UNJUDGED, count, day_range, estimator_words, no_jump, output_words, trust
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,9 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         if days.any():
             mark = {**MARKS[name], "linestyle": "none", "markeredgewidth": 0.8}
             axes.plot(x[days], e.delay[days], markersize=size, zorder=3, **mark)
-            handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
+            handles.append(
+                style.dot(f"{trust(name, e.estimator)} ({int(days.sum()):,})", **{**mark, "markersize": 4.5})
+            )
     if not n:
         style.say(axes, f"None of the {count(len(dates), 'day')} has a delay.")
     handles += bound_lines(axes, x, e, results, lead=1.0) if tried.size else []
@@ -84,7 +86,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     path = folder / f"delay_map_{e.estimator}.png"
     style.save(page.figure, path)
     return style.figure_file(
-        page, "delay_map", e.estimator, path, "Delay of each day", _caption(results.output_unit)
+        page, "delay_map", e.estimator, path, "Delay of each day", _caption(e.estimator, results.output_unit)
     )
 
 
@@ -108,10 +110,16 @@ def bound_lines(axes: Axes, x: Floats, e: EstimatorResults, results: Results, *,
     return lines
 
 
-def _caption(unit: str) -> str:
+def _caption(name: str, unit: str) -> str:
     text = (
         "One mark per day. The blue line is the travel time of the wave at the day's discharge, as a delay: "
-        f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. Hollow marks are "
-        "days whose data alone favour another delay, or none; triangles lie at d_min or d_max."
+        f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. "
     )
-    return text if unit == "m" else f"{text} {NO_JUMP}"
+    if name in UNJUDGED:
+        text += "Triangles lie at d_min or d_max."
+    else:
+        text += (
+            "Hollow marks are days whose data alone favour another delay, or none; "
+            "triangles lie at d_min or d_max."
+        )
+    return text if unit == "m" else f"{text} {no_jump(name)}"

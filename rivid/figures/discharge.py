@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rivid.figures import FigureFile, style
 from rivid.figures.delay_map import MARKS
 from rivid.figures.selection import candidates, found, kinds
-from rivid.figures.words import NO_JUMP, count, duration, estimator_words
+from rivid.figures.words import count, duration, estimator_words, no_jump, trust
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -68,7 +68,11 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
                 mark = {**MARKS[name], "linestyle": "none", "markeredgewidth": 0.7}
                 y = (e.delay + 1 + (shift if n > 12 else 0))[days]
                 axes.plot(Q[days], y, markersize=size, alpha=0.75, zorder=3, **mark)
-                handles.append(style.dot(f"{name} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}))
+                handles.append(
+                    style.dot(
+                        f"{trust(name, e.estimator)} ({int(days.sum()):,})", **{**mark, "markersize": 4.5}
+                    )
+                )
         flow_axis(axes, Q[shown])
         handles += bounds_over_flow(page, e, shown, results.sample_time)
     else:
@@ -84,7 +88,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     path = folder / f"delay_discharge_{e.estimator}.png"
     style.save(page.figure, path)
     return style.figure_file(
-        page, "delay_discharge", e.estimator, path, "Delay and discharge", _caption(results)
+        page, "delay_discharge", e.estimator, path, "Delay and discharge", _caption(results, e.estimator)
     )
 
 
@@ -146,8 +150,8 @@ def _smooth(values: Floats, groups: int = 60) -> Floats:
     return np.array([np.median(part) for part in np.array_split(values, groups)])
 
 
-def _caption(results: Results) -> str:
-    return _CAPTION if results.output_unit == "m" else f"{_CAPTION} {NO_JUMP}"
+def _caption(results: Results, name: str) -> str:
+    return _CAPTION if results.output_unit == "m" else f"{_CAPTION} {no_jump(name)}"
 
 
 _CAPTION = (

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from rivid.errors import ConfigError
 from rivid.figures import FigureFile, style
 from rivid.figures.tdr import grey_limits
-from rivid.figures.words import delays, response_unit
+from rivid.figures.words import delays, method, response_unit
 from rivid.results import EstimatorResults, Results
 
 
@@ -86,7 +86,9 @@ def draw(results: Results, folder: Path, *, day: dt.date | None = None) -> Figur
         _panel(axes, bar, e, i, results.sample_time, _limits(shown))
     path = folder / "fir_day.png"
     style.save(page.figure, path)
-    return style.figure_file(page, "fir_day", "", path, f"Impulse responses of {chosen}", _caption(results))
+    return style.figure_file(
+        page, "fir_day", "", path, f"Impulse responses of {chosen}", _caption(results, shown)
+    )
 
 
 def _limits(shown: list[tuple[EstimatorResults, int]]) -> tuple[float, float]:
@@ -143,10 +145,13 @@ def _panel(
         spine.set_linewidth(0.5)
 
 
-def _caption(results: Results) -> str:
+def _caption(results: Results, shown: list[tuple[EstimatorResults, int]]) -> str:
+    text = _CAPTION
+    if any(method(e.estimator) == "CUSUM" for e, _ in shown):
+        text += " CUSUM does not shape the response: there, the step is where its mean is found to change."
     if results.output_unit == "m":
-        return _CAPTION
-    return f"{_CAPTION} The dashed blue line is t50: half of a step has arrived."
+        return text
+    return f"{text} The dashed blue line is t50: half of a step has arrived."
 
 
 _CAPTION = (

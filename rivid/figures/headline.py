@@ -8,10 +8,12 @@ from rivid.figures import passage
 from rivid.figures.selection import candidates, estimates_delay, found, rayleigh
 from rivid.figures.words import (
     RAYLEIGH,
+    UNJUDGED,
     count,
     delays,
     duration,
     listed,
+    method,
     number,
     output_words,
     share,
@@ -34,7 +36,7 @@ class Facts:
     Attributes
     ----------
     days, answered, with_delay : int
-        Rows; those with an impulse response; those with a delay.
+        Rows; those with an answer; those with a delay.
     common : tuple of float
         The two most frequent delays [samples], in order; one or none where there are no two.
     common_days : int
@@ -92,11 +94,15 @@ def _median(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 
 
 def leading(results: Results) -> EstimatorResults | None:
-    """The estimator the headline speaks of: jmap, or else the first with delays, or the first at all."""
+    """The estimator the headline speaks of.
+
+    jmap, or else the first that judges its delays, the first with delays, or the first at all.
+    """
     having = [e for e in results.estimators if e.dates]
     with_delay = [e for e in having if estimates_delay(e)]
     named = [e for e in with_delay if e.estimator == "jmap"]
-    return next(iter(named + with_delay + having), None)
+    judging = [e for e in with_delay if e.estimator not in UNJUDGED]
+    return next(iter(named + judging + with_delay + having), None)
 
 
 def headline(results: Results) -> list[str]:
@@ -139,6 +145,12 @@ def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
     words = delays(f.common, T_s)
     if f.days == 1:
         return f"On {e.dates[0]} the delay is {words}."
+    if _piled(e, f):
+        edges = " or ".join(number(d) for d in f.common)
+        return (
+            f"On {f.common_days:,} of {f.days:,} days {e.estimator} finds no delay inside what was tried: its "
+            f"answer is the edge, d = {edges}."
+        )
     if f.common_days < SPREAD_OUT * f.with_delay:
         low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
         return (
@@ -148,6 +160,13 @@ def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
     if f.common_days == f.days:
         return f"On all {f.days:,} days the delay is {words}."
     return f"On {f.common_days:,} of {f.days:,} days the delay is {words}."
+
+
+def _piled(e: EstimatorResults, f: Facts) -> bool:
+    """Whether most days lie at the two ends of the delays tried."""
+    tried = candidates(e)
+    ends = (float(tried[0]), float(tried[-1]))
+    return f.common == ends and tried.size > 2 and f.common_days >= SPREAD_OUT * f.with_delay
 
 
 def _rest(e: EstimatorResults, f: Facts) -> list[str]:
@@ -163,6 +182,8 @@ def _rest(e: EstimatorResults, f: Facts) -> list[str]:
 
 def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     """When the output first moves, and what the hydraulics say of it."""
+    if _piled(e, f):
+        return []
     T_s, days = results.sample_time, found(e)
     output = output_words(results.output_unit)
     usual = f.common if f.common_days >= SPREAD_OUT * f.with_delay else (f.median,)
@@ -189,8 +210,9 @@ def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -
     worth = "is worth little here" if little else "says no more than t50 here"
     whose = "the prior's" if e.estimator in RAYLEIGH else "chance"
     text = (
-        f"The jump delay d of {e.estimator} {worth}: the JMAP looks for a jump, and a dispersive river has "
-        f"none. {'It' if f.with_delay == 1 else 'Its median'} is {delays([f.median], T_s)}"
+        f"The jump delay d of {e.estimator} {worth}: the {method(e.estimator)} looks for a jump, and a "
+        "dispersive river has none. "
+        f"{'It' if f.with_delay == 1 else 'Its median'} is {delays([f.median], T_s)}"
     )
     if f.with_delay > passage.FEW:
         text += f", on four days in five it lies anywhere from {number(low)} to {number(high)}"
@@ -209,6 +231,8 @@ def _adjacent(values: tuple[float, ...]) -> bool:
 
 def _prior(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     """How much of the answer the prior decides."""
+    if e.estimator in UNJUDGED:
+        return [f"{e.estimator} does not tell on which days the data single the delay out; jmap does."]
     rayleighs = e.estimator in RAYLEIGH
     cause = "the answer is the prior's" if rayleighs else "the answer may be chance"
     alone = "the data alone favour another delay, or none"

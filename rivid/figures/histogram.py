@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
 from rivid.figures.selection import candidates, found, rayleigh
-from rivid.figures.words import NO_JUMP, RAYLEIGH, count, estimator_words, number, statuses, time_unit
+from rivid.figures.words import (
+    RAYLEIGH,
+    UNJUDGED,
+    count,
+    estimator_words,
+    no_jump,
+    number,
+    statuses,
+    time_unit,
+    trust,
+)
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -83,7 +93,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         e.estimator,
         path,
         "How often each delay",
-        _caption(e.estimator in RAYLEIGH, results.output_unit),
+        _caption(e.estimator, results.output_unit),
     )
 
 
@@ -115,9 +125,12 @@ def _bars(page: style.Sheet, e: EstimatorResults, places: Floats) -> list[object
         drawn = page.axes.bar(places, share, bottom=below, width=0.78, color=colours[name], linewidth=0)
         for patch in (drawn.patches[0], drawn.patches[-1]):
             patch.set(hatch="////", edgecolor=style.ACCENT)
-        handles.append(Patch(color=colours[name], label=f"{name} ({round(share.sum() * n / 100):,})"))
+        handles.append(
+            Patch(color=colours[name], label=f"{trust(name, e.estimator)} ({round(share.sum() * n / 100):,})")
+        )
         below = below + share
-    page.axes.set_ylim(0, 1.06 * below.max())
+    at_bounds = max(float(below[0]), float(below[-1]))
+    page.axes.set_ylim(0, max(1.06 * float(below.max()), 1.22 * at_bounds))  # the bounds' names stay readable
     return handles
 
 
@@ -140,12 +153,14 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
         )  # fmt: skip
 
 
-def _caption(with_prior: bool, unit: str) -> str:
-    text = (
-        "Share of days at each delay d. Dark: the data alone say the same delay, to within a sample. Light: "
-        "they favour another, or none, so the prior, or chance, decides. Hatched bars lie at d_min or d_max: "
-        "the delay may be outside."
-    )
-    if with_prior:
+def _caption(name: str, unit: str) -> str:
+    text = "Share of days at each delay d. "
+    if name not in UNJUDGED:
+        text += (
+            "Dark: the data alone say the same delay, to within a sample. Light: "
+            "they favour another, or none, so the prior, or chance, decides. "
+        )
+    text += "Hatched bars lie at d_min or d_max: the delay may be outside."
+    if name in RAYLEIGH:
         text += " The line is the Rayleigh prior itself, before any data."
-    return text if unit == "m" else f"{text} {NO_JUMP}"
+    return text if unit == "m" else f"{text} {no_jump(name)}"

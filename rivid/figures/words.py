@@ -14,17 +14,24 @@ ESTIMATOR_WORDS = {
     "jmap-uniform": "JMAP, uniform prior, fixed alpha (Table V)",
     "jmap-uniform-estimated": "JMAP, uniform prior, alpha estimated",
     "jmap-degenerate": "JMAP without the inverse-gamma prior",
+    "direct": "direct approach, least squares in (8) (Table IV)",
+    "indirect": "indirect approach, least squares in (10) (Table IV)",
+    "cusum-ml": "CUSUM on the ML response",
+    "cusum-map": "CUSUM on the MAP response",
 }
 """What an estimator is, in a few words."""
 
 RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
 """Estimators that weigh the delay with the Rayleigh prior (26)."""
 
+UNJUDGED = frozenset({"direct", "indirect", "cusum-ml", "cusum-map"})
+"""Estimators that do not tell whether the data single their delay out."""
+
+WITHOUT_FIR = frozenset({"direct", "indirect"})
+"""Estimators that have no impulse response."""
+
 HOURS_FROM = 7200
 """Durations from here on [s] are told in hours."""
-
-NO_JUMP = "The JMAP looks for a jump; a dispersive river has none, so t50 says more than d."
-"""What every figure of a river's jump delay says below it."""
 
 NO_ANSWER = ("failed", "unidentifiable", "pending")
 """Statuses of days without an answer, the gravest first."""
@@ -33,6 +40,33 @@ NO_ANSWER = ("failed", "unidentifiable", "pending")
 def estimator_words(name: str) -> str:
     """The estimator in words; its bare name where there are none."""
     return ESTIMATOR_WORDS.get(name, name)
+
+
+def method(name: str) -> str:
+    """What looks for the jump.
+
+    Examples
+    --------
+    >>> method("cusum-ml"), method("jmap-uniform")
+    ('CUSUM', 'JMAP')
+    """
+    return "CUSUM" if name.startswith("cusum") else "JMAP"
+
+
+def no_jump(name: str) -> str:
+    """What every figure of a river's jump delay says below it."""
+    return f"The {method(name)} looks for a jump; a dispersive river has none, so t50 says more than d."
+
+
+def trust(kind: str, name: str) -> str:
+    """How far to trust a delay, in the words of a legend; an estimator that does not judge has delays only.
+
+    Examples
+    --------
+    >>> trust("data decide", "jmap"), trust("data decide", "direct"), trust("at a bound", "direct")
+    ('data decide', 'delay', 'at a bound')
+    """
+    return "delay" if kind == "data decide" and name in UNJUDGED else kind
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:
