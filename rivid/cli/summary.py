@@ -9,6 +9,9 @@ from rivid.config import Config
 from rivid.figures.words import RAYLEIGH, count, delays, duration, number, share
 from rivid.run import Summary
 
+NAME_WIDTH = 14
+"""The column of names is no wider; a longer one moves its own line only."""
+
 
 def print_summary(summary: Summary, config: Config, shown: str) -> None:
     """Counts and the main numbers of each estimator, the days that failed now, and where to look.
@@ -25,7 +28,7 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
         f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
     )
     names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
-    width = max((len(name) for name in summary.counts), default=0)
+    width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
     for name, counts in summary.counts.items():
         rows = summary.rows.filter(names == name)
         numbers = _numbers(name, rows, config)

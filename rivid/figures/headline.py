@@ -148,8 +148,8 @@ def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
     if _piled(e, f):
         edges = " or ".join(number(d) for d in f.common)
         return (
-            f"On {f.common_days:,} of {f.days:,} days {e.estimator} finds no delay inside what was tried: its "
-            f"answer is the edge, d = {edges}."
+            f"On {f.common_days:,} of {f.days:,} days {e.estimator} finds no delay inside what was tried: "
+            f"its answer is the edge, d = {edges}."
         )
     if f.common_days < SPREAD_OUT * f.with_delay:
         low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
