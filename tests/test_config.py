@@ -3,7 +3,7 @@
 import pytest
 
 from rivid.config import Config, load_config, parse
-from rivid.core.settings import JmapSettings
+from rivid.core.settings import CusumSettings, JmapSettings, SearchSettings
 from rivid.errors import ConfigError
 
 
@@ -40,6 +40,23 @@ def test_bounds_come_from_the_reach():
         ({"input": {"units": {"flow": "cfs"}}}, ["unknown column 'flow'"]),
         ({"input": {"time_zone": "Mars/Base"}}, ["Mars/Base", "not a time zone"]),
         ({"jmap": {"sigma_d": 0}}, ["jmap.sigma_d"]),
+        ({"search": {"dmax": 9}}, ["unknown key search.dmax", "d_max, d_min"]),
+        ({"search": {"d_max": 1001}}, ["search.d_max = 1001", "less than or equal to 1000"]),
+        ({"search": {"d_min": 0}}, ["search.d_min = 0", "greater than or equal to 1"]),
+        ({"cusum": {"threshold": 0}}, ["cusum.threshold = 0", "greater than 0"]),
+        ({"cusum": {"drift": -0.1}}, ["cusum.drift = -0.1"]),
+        ({"cusum": {"sd": float("inf")}}, ["cusum.sd = inf", "finite"]),
+        ({"cusum": {"mean": float("nan")}}, ["cusum.mean = nan", "finite"]),
+        ({"cusum": {"mean_lags": 1.5}}, ["cusum.mean_lags = 1.5", "integer"]),
+        ({"cusum": {"moment": "start"}}, ["cusum.moment = 'start'", "'onset' or 'alarm'"]),
+        (
+            {"reach": {"kind": "river"}, "run": {"estimators": ["direct"]}},
+            ["direct", "river", "leave it out"],
+        ),
+        (
+            {"input": {"u_Qo": ""}, "run": {"estimators": ["direct"]}},
+            ["direct", 'u_Qo = ""', "name the column"],
+        ),
     ],
 )
 def test_a_fault_names_the_key_what_came_and_what_is_valid(raw, words):
@@ -66,3 +83,34 @@ def test_a_file_that_is_not_toml_is_told(tmp_path, text):
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(ConfigError, match="cannot read"):
         load_config(tmp_path / "none.toml")
+
+
+def test_searches_and_cusum_have_the_defaults_of_the_core_and_the_delays_of_jmap():
+    config = Config()
+    assert config.search_settings() == SearchSettings() and config.cusum_settings() == CusumSettings()
+    config = parse({"jmap": {"d_min": 2, "d_max": 20}, "cusum": {"d_max": 9, "drift": 1.5}}, Config)
+    assert config.search_settings() == SearchSettings(2, 20)
+    assert config.cusum_settings() == CusumSettings(d_min=2, d_max=9, drift=1.5)
+    bounds = parse({"reach": {"length": 3000, "width": 80, "depth": 5}, "jmap": {"d_max": "bounds"}}, Config)
+    assert bounds.search_settings().d_max == bounds.jmap_settings().d_max < 15
+
+
+def test_searches_and_cusum_refuse_contradictions_and_name_their_table():
+    for table, settings in (("search", "search_settings"), ("cusum", "cusum_settings")):
+        with pytest.raises(ConfigError, match=rf"\[{table}\] d_min = 9 and d_max = 4: expected 1 <= d_min"):
+            getattr(parse({table: {"d_min": 9, "d_max": 4}}, Config), settings)()
+    assert parse({"search": {"d_max": 28}}, Config).search_settings().d_max == 28, "it has no FIR"
+    with pytest.raises(ConfigError, match=r"\[cusum\] d_max = 28 needs an FIR of order >= 31, .*order = 30"):
+        parse({"cusum": {"d_max": 28}}, Config).cusum_settings()
+
+
+def test_an_indirect_search_needs_no_outflow():
+    config = parse({"input": {"u_Qo": ""}, "run": {"estimators": ["indirect"]}}, Config)
+    assert config.run.estimators == ["indirect"]
+
+
+def test_only_the_tables_that_are_worked_with_count():
+    assert set(Config().as_used()) == set(Config.model_fields) - {"search", "cusum"}
+    for name, table in (("direct", "search"), ("indirect", "search"), ("cusum-map", "cusum")):
+        used = parse({"run": {"estimators": ["jmap", name]}}, Config).as_used()
+        assert set(used) & {"search", "cusum"} == {table}
