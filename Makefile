@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures pictures sample-data lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures paper-page sensitivity pictures sample-data lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -67,8 +67,14 @@ exam-mutations: setup  ## parts of the diagnosis taken out one by one: the exam 
 diagnose-real: setup  ## the hidden bypass of Glen Canyon Dam, written to docs/diagnose_real.md
 	$(BIN)/python -m benchmarks.diagnose_real
 
-figures: run  ## redraw the figures of the sample year from its stored results
-	$(BIN)/rivid figures $(OUT)/basse_isere
+figures: run  ## the paper's figures of the sample year, and the cascade's, on one page
+	$(BIN)/rivid figures $(OUT)/basse_isere --paper
+
+paper-page: setup  ## the paper's claims beside what is found here, written to docs/paper.md
+	$(BIN)/python -m benchmarks.paper
+
+sensitivity: setup  ## what the estimate hangs on, written to docs/sensitivity.md
+	$(BIN)/python -m benchmarks.sensitivity
 
 pictures: run glen-canyon  ## the pictures of the README, from these runs
 	mkdir -p docs/pictures

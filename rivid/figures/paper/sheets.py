@@ -184,5 +184,5 @@ def save(page: Sheet, folder: Path, stem: str, number: str, title: str, caption:
     # ids inside an SVG are hashes: of a fixed salt, so that the bytes are the same each time
     with matplotlib.rc_context({"svg.hashsalt": stem, "svg.fonttype": "path"}), replacing(vector) as scratch:
         page.figure.savefig(scratch, format="svg", dpi=VECTOR_DPI, metadata={"Date": None, "Creator": None})
-    width, height = page.figure.get_size_inches() * style.DPI
-    return PaperFigure(number, title, caption, vector, png, int(width), int(height))
+    width, height = page.figure.canvas.get_width_height()
+    return PaperFigure(number, title, caption, vector, png, width, height)
