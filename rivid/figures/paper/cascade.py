@@ -131,14 +131,16 @@ def draw(reaches: Sequence[CascadeReach], folder: Path) -> PaperFigure:
     title = "Delays of the reaches of a cascade"
     halved = [r.name for r in reaches if _width(r.estimated) <= _width(r.empirical) / 2]
     told = f"interval halved on {listed(halved)}" if halved else "no interval is halved"
-    page = sheet("19", title, f"JMAP with uniform prior · nine days of ten lie in an interval · {told}")
+    page = sheet("19", title, f"JMAP with uniform prior · {told}")
     axes = page.panels[0]
     top = 1.0
     span = max(r.length for r in reaches) / 1000
     shift = 0.016 * span
     for r in reaches:
         x, top = r.length / 1000, max(top, r.empirical[1], float(np.nanmax(r.delay, initial=1)))
-        axes.plot([x - shift] * 2, r.empirical, color=style.LIGHT, lw=9, solid_capstyle="butt", zorder=2)
+        axes.plot(
+            [x - 1.3 * shift] * 2, r.empirical, color=style.LIGHT, lw=9, solid_capstyle="butt", zorder=2
+        )
         axes.plot([x + shift] * 2, r.estimated, color=style.INK, lw=2.2, zorder=3)
         for edge in r.estimated:
             axes.plot([x + 0.6 * shift, x + 1.4 * shift], [edge] * 2, color=style.INK, lw=2.2, zorder=3)
@@ -168,7 +170,9 @@ def draw(reaches: Sequence[CascadeReach], folder: Path) -> PaperFigure:
     style.second_axis(axes, reaches[0].sample_time, "[minutes]")
     handles: list[object] = [
         Patch(color=style.LIGHT, label="operators' interval (nominal ± 3 T_s)"),
-        style.dot("estimated", marker="|", color=style.INK, markersize=9, markeredgewidth=2),
+        style.dot(
+            "estimated: nine days of ten", marker="|", color=style.INK, markersize=9, markeredgewidth=2
+        ),
         style.dot("share of days", marker="o", color=style.ACCENT, markersize=6, markeredgewidth=0),
     ]
     if any(len(r.truth) for r in reaches):

@@ -74,7 +74,7 @@ def jmap_histograms(estimates: Estimates, folder: Path) -> PaperFigure:
         right=0.25,
         bottom=0.85,
         height=2.9,
-        top=1.02,
+        top=0.92,
     )
     for axes, (letter, name, words) in zip(page.panels, panels(estimates), strict=True):
         _histogram(axes, estimates, estimates.of(name), stacked=True)
@@ -108,7 +108,7 @@ def jmap_histograms(estimates: Estimates, folder: Path) -> PaperFigure:
 def maps(estimates: Estimates, folder: Path) -> PaperFigure:
     """Fig. 17: the delay of each day for three priors."""
     title = "Delay of each day (JMAP)"
-    page = sheet("17", title, _who(estimates), rows=3, gap=(0.0, 0.34), height=1.75, top=1.02)
+    page = sheet("17", title, _who(estimates), rows=3, gap=(0.0, 0.34), height=1.75, top=0.92)
     s, T = estimates.settings, estimates.results.sample_time
     named: dict[str, object] = {}
     for axes, (letter, name, words) in zip(page.panels, panels(estimates), strict=True):

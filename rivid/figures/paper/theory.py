@@ -76,7 +76,7 @@ def priors(estimates: Estimates, day: int, folder: Path) -> PaperFigure:
         "11", title,
         f"{results.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
         f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[day]}",
-        height=2.7, columns=2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=1.02,
+        height=2.7, columns=2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=0.9,
     )  # fmt: skip
     left, right = page.panels
     d = np.arange(s.d_min, s.d_max + 1.0)
