@@ -39,11 +39,11 @@ class EstimatorResults:
     t50 : ndarray, shape (n,)
         River reaches only: the lag by which half of a step has arrived [samples], from the FIR.
     fir : ndarray, shape (n, M)
-        Impulse response [output unit per m3/s].
+        Impulse response [output unit per m3/s]; M is 0 where the estimator has none.
     candidates : ndarray, shape (K,)
         The delays tried [samples]; empty where the estimator has none.
     criterion : ndarray, shape (n, K)
-        The criterion of each candidate.
+        The criterion of each candidate; of CUSUM its g at lag d + 1, large after a change.
     alpha, noise_sd, roughness_sd, condition : ndarray, shape (n,)
         The row's columns of the same name in delays.csv.
     mean_inflow : ndarray, shape (n,)
@@ -73,7 +73,7 @@ class EstimatorResults:
 
     @property
     def answered(self) -> Bools:
-        """Rows with an FIR that may be believed as far as its status goes (ok, degenerate)."""
+        """Rows with an answer that may be believed as far as its status goes (ok, degenerate)."""
         return np.array([s in ("ok", "degenerate") for s in self.status], bool)
 
 

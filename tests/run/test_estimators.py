@@ -17,7 +17,7 @@ from rivid.estimators import Days, build
 from rivid.figures.words import ESTIMATOR_WORDS
 from rivid.results import load_results
 from tests.daily import FIRST, ZONE, a_day, write_days
-from tests.run.test_run import rivid
+from tests.run.test_run import bytes_of, rivid
 
 ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
 
@@ -201,6 +201,14 @@ def test_figures_and_report_do_without_what_an_estimator_lacks(logs, tmp_path):
     assert all(f"<code>{name}</code>" in page for name in shown)
     assert "there, the step is where its mean is found to change" in page
     assert "the data alone say the same" not in page, "none of these can tell"
+
+
+def test_the_bytes_do_not_depend_on_the_batches_a_day_sits_in(logs, all_of_them, tmp_path):
+    whole, out = all_of_them[0], tmp_path / "out"
+    words = [word for name in ESTIMATORS for word in ("--estimator", name)]
+    for last in ("2008-03-10", "2008-03-12", "2008-03-20"):
+        rivid("run", logs, "--out", out, "--no-figures", "--to", last, *words)
+    assert bytes_of(out) == bytes_of(whole)
 
 
 def test_results_without_an_impulse_response_come_back_without_one(all_of_them):
