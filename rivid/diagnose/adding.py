@@ -9,7 +9,7 @@ from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.fit import Model, calibrate
 from rivid.diagnose.gap import residual_of
 from rivid.diagnose.happenings import as_effect, lock, rain, search
-from rivid.diagnose.linear import Evaluation, Linear, evaluate
+from rivid.diagnose.linear import Evaluation, Linear, evaluate, limited
 from rivid.diagnose.naming import ABSORBED, Choice
 from rivid.diagnose.noise import day_weights
 from rivid.diagnose.propose import Proposal
@@ -107,18 +107,20 @@ def varied(
     key = next((k for k in ("size", "inflow") if effect is not None and hasattr(effect, k)), None)
     if effect is None or key is None or effect.dates is None or not model.free[-1]:
         return model, linear, after
-    knots = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
-    if knots < 2:
-        return model, linear, after
-    report(f"{effect.name}: a size that varies with the date")
-    sizes = (float(getattr(effect, key)),) * knots
-    larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
-    larger = calibrate(larger, fit, steps=3, report=report)
-    other = larger.linear(linear.record, linear.split)
-    told = evaluate(other)
-    select = linear.split.select
-    gain = (told.likelihood - after.likelihood)[select].sum()
-    return (larger, other, told) if gain > 2.0 * knots else (model, linear, after)
+    most = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
+    for knots in (most, most // 2):
+        if knots < 2:
+            break
+        report(f"{effect.name}: a size that varies with the date")
+        sizes = (float(getattr(effect, key)),) * knots
+        larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
+        larger = calibrate(larger, fit, steps=3, report=report)
+        other = larger.linear(linear.record, linear.split)
+        told = evaluate(other)
+        gain = limited((told.likelihood - after.likelihood)[linear.split.select]).sum()
+        if gain > 2.0 * knots:
+            return larger, other, told
+    return model, linear, after
 
 
 def recoded(

@@ -17,6 +17,8 @@ from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.gap import DayErrors, day_errors
 from rivid.diagnose.noise import NoiseModel, day_weights, fit_noise
 
+ODD = 4.0
+"""A day counts for at most so many times the usual day's gain."""
 REFITS = 2
 """Turns of least squares and noise for a candidate."""
 
@@ -183,3 +185,9 @@ def evaluate(
         b[p:], error[p:], shift, error[:p], left, noise, noise.log_likelihood(model.used(left)),
         0.5 * float(moved @ moved), day_errors(record, left, noise), weights,
     )  # fmt: skip
+
+
+def limited(gain: Floats) -> Floats:
+    """What days gain [nats], odd ones limited; shape (days,)."""
+    usual = ODD * float(np.median(np.abs(gain))) + 5.0
+    return np.asarray(np.clip(gain, -usual, usual))

@@ -108,7 +108,8 @@ class RiverResponse:
         """Discharge at the lower end [m3/s], shape (days, n): means about each sample."""
         flows = real_flows(record, changes)
         delay, exponent, _, _, _, gain = (p.natural for p in self.parameters)
-        slow = _trailing(record.time, flows.inflow, SLOW * delay)
+        whole = flows.inflow + sum((1.0 - part.place) * part.flow for part in flows.added)
+        slow = _trailing(record.time, whole, SLOW * delay)  # a wave is as fast as all water makes it
         later = delay * ((np.maximum(slow, 0.05 * self.flow) / self.flow) ** -exponent - 1.0)
         came = gain * self._arrived(record, flows.inflow, later, 1.0)
         for part in flows.added:

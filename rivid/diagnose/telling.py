@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from rivid.diagnose.fit import Model
     from rivid.diagnose.study import Round, Study
 
+LEAST_RATIO = 3.0
+"""Of a peak in the spectrum to its surroundings: no response is all right, and a hump no rhythm."""
 SPEAKS = 0.01
 """p of the place of what is left, from which it speaks."""
 
@@ -227,8 +229,9 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
         unit=unit,
     )  # fmt: skip
     said = []
+    rhythm = seen.rhythm and seen.peak_ratio > LEAST_RATIO
     known = any(0.7 < seen.peak_period / period < 1.4 for period in study.swings())
-    if seen.rhythm and not known:
+    if rhythm and not known:
         said.append(f"a swing with a period of {seen.peak_period / 60:.0f} min")
     if place is not None and place.p_value <= SPEAKS and abs(place.size) > 0.5 * last.noise.inflow_sd:
         said.append(place.text)
@@ -236,9 +239,7 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
         return None
     size = float(np.sqrt(np.mean(w[record.used] ** 2)))
     dates = place.windows[0] if place is not None and place.windows else None
-    return Unknown(
-        Where(dates=dates), size, tuple(said), seen.peak_period if seen.rhythm and not known else None
-    )
+    return Unknown(Where(dates=dates), size, tuple(said), seen.peak_period if rhythm and not known else None)
 
 
 def _evidence(study: "Study") -> Evidence:

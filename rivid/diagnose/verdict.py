@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rivid.diagnose.data import Floats
+from rivid.diagnose.linear import limited
 from rivid.diagnose.result import Gap, Unknown, Verdict
 
 if TYPE_CHECKING:
@@ -14,8 +15,6 @@ WORSE = 1.01
 """A name does not hold where the sealed error grows by more than this factor at every horizon."""
 HELD = 0.25
 """Or where less than this share of what it gained on the selecting days is found on the sealed ones."""
-ODD = 4.0
-"""A day counts for at most so many times the usual day's gain."""
 
 
 def verdict_of(study: "Study", gap: Gap, unknown: Unknown | None) -> tuple[Verdict, str]:
@@ -91,9 +90,3 @@ def _likelier(study: "Study") -> bool:
     gain = limited(change)
     sealed, select = gain[study.split.sealed].mean(), gain[study.split.select].mean()
     return bool(sealed > max(HELD * select, 0.0))
-
-
-def limited(gain: Floats) -> Floats:
-    """What days gain [nats], odd ones limited; shape (days,)."""
-    usual = ODD * float(np.median(np.abs(gain))) + 5.0
-    return np.asarray(np.clip(gain, -usual, usual))

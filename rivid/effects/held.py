@@ -48,15 +48,17 @@ def moved(flow: Floats, world: World, delay: float) -> Floats:
     ndarray, shape of the time grid
     """
     ends = edges(world)
+    passed = np.concatenate(
+        [np.zeros((*flow.shape[:-1], 1)), np.cumsum(flow * np.diff(ends), axis=-1)], axis=-1
+    )
     result = np.empty(flow.shape)
     for row in np.ndindex(flow.shape[:-1]):
         at, held = ends[row], flow[row]
-        passed = np.concatenate([[0.0], np.cumsum(held * np.diff(at))])
         asked = at - delay
-        volume = np.interp(asked, at, passed)
+        volume = np.interp(asked, at, passed[row])
         volume += held[0] * np.minimum(asked - at[0], 0.0) + held[-1] * np.maximum(asked - at[-1], 0.0)
-        result[row] = np.diff(volume) / np.diff(at)
-    return result
+        result[row] = volume[1:] - volume[:-1]
+    return np.asarray(result / np.diff(ends))
 
 
 def spread(flow: Floats, world: World, deviation: float) -> Floats:
