@@ -13,6 +13,9 @@ LEVEL = 0.01
 LEAST_T = 2.0
 SURE, LEAST_SURE = 1e-6, 12.0
 """p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter."""
+DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
+"""p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
+material: what no response takes upon itself can be small and sure."""
 FEW_BLOCKS = 3
 """With fewer blocks of selecting days on which it acts, t says little, and the gain alone decides."""
 MATERIAL = (0.06, 0.08, 0.20)
@@ -79,7 +82,20 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
         return bool(min(gains) > A_DAY)
     if is_material(proposal):
         return proposal.gain_select > 6.0
-    return proposal.name in ABSORBED and bool(min(gains) > A_DAY)
+    if proposal.name in ABSORBED:
+        return bool(min(gains) > A_DAY)
+    return _is_small_but_sure(proposal)
+
+
+def _is_small_but_sure(proposal: Proposal) -> bool:
+    """Whether an effect that takes little from the error is beyond doubt all the same."""
+    return bool(
+        proposal.p_value <= DOUBTLESS
+        and proposal.gain_fit > SMALL_GAINS[0]
+        and proposal.gain_select > SMALL_GAINS[1]
+        and proposal.t >= LEAST_T
+        and proposal.improvement.max() >= SMALLEST
+    )
 
 
 def is_material(proposal: Proposal) -> bool:

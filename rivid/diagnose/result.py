@@ -279,6 +279,8 @@ class Gap:
     steps : tuple of Step
     by_regime : tuple of Regime
         The gap by the state of the reach, events as known beforehand.
+    rmse_described : tuple of float or None
+        With all effects, events timed on the day itself; None where there are no events.
     """
 
     heldout_dates: tuple[dt.date, ...]
@@ -291,6 +293,7 @@ class Gap:
     closed_forecast: float | None
     steps: tuple[Step, ...]
     by_regime: tuple[Regime, ...] = ()
+    rmse_described: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

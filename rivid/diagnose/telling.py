@@ -188,6 +188,7 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
             told = tuple(_unforeseen(study, r.after, coded).rmse(sealed).tolist())
             forecast = np.array(told) if r is named[-1] else forecast
         steps.append(Step(r.choice.proposal.name, told, ahead))
+    described = tuple(end.tolist()) if coded.any() else None
     if coded.any():
         forecast = _unforeseen(study, study.last_evaluation, coded).rmse(sealed)
     closed = closed_forecast = None
@@ -198,7 +199,7 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s",
         rmse_baseline=tuple(base.tolist()), rmse_augmented=tuple(forecast.tolist()),
         rmse_floor=None if floor is None else tuple(floor), closed=closed, closed_forecast=closed_forecast,
-        steps=tuple(steps),
+        steps=tuple(steps), rmse_described=described,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rivid.diagnose.bins import Bins, Map, Scores, Tables, as_scores, hour_map, sums, tables
 from rivid.diagnose.drivers import Driver, drivers, in_words
-from rivid.diagnose.segments import segment
+from rivid.diagnose.segments import FEWEST_BLOCKS, segment
 
 __all__ = [
     "Bins", "Driver", "Map", "Place", "Scores", "Tables", "as_scores", "drivers", "hour_map", "strongest",
@@ -109,6 +109,8 @@ def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bo
         usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
         g = ((scores.score - usual * scores.information) * inside).sum(1)
         q = (scores.information * inside).sum(1)
+        if len(np.unique(scores.block[q > 0.0])) < FEWEST_BLOCKS:
+            break  # on too few days for dates of their own
         cut = segment(g, q, scores.block, sign=sign, level=level, seed=seed)
         now = cut.mask if cut.found else np.ones_like(days)
         if (now == days).all():

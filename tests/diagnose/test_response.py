@@ -366,10 +366,15 @@ def test_a_river_keeps_its_water_whatever_its_flow():
 
 
 def test_a_flow_beside_a_river_travels_what_is_left():
-    response = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0))
+    """With a delay that no flow changes; what enters at the upper dam goes as what that dam lets go."""
+    response = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0, exponent=0.0))
     record = one_row(np.full(300, 200.0))
     pulse = np.zeros((1, 300))
     pulse[0, 60] = 5.0
+    faster = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0, exponent=0.7))
+    beside = faster.baseline(record, Changes(added=(AddedFlow(0.0, pulse),)))
+    logged = faster.baseline(replace(record, inflow=record.inflow + pulse))
+    np.testing.assert_allclose(beside, logged, atol=1e-9)
     base = response.baseline(record)
     for place in (0.0, 0.5, 1.0):
         came = (response.baseline(record, Changes(added=(AddedFlow(place, pulse),))) - base)[0]
