@@ -56,9 +56,7 @@ def search_histograms(estimates: Estimates, folder: Path) -> PaperFigure:
         Patch(facecolor=style.FAINT, edgecolor=style.ACCENT, hatch="////", linewidth=0, label="at a bound")
     ]
     _legend_at_the_right(page.figure, handles)
-    caption = (
-        "Both pile up at the bounds: the smallest delay is too fast to be true, the largest means beyond."
-    )
+    caption = "Share of days at each delay. Hatched bars lie at the bounds: the largest means beyond."
     return save(page, folder, "fig09", "9", title, caption)
 
 
@@ -129,7 +127,7 @@ def maps(estimates: Estimates, folder: Path) -> PaperFigure:
         name_panel(axes, letter, words)
     handles = [named[kind] for kind in MARKS if kind in named]
     _legend_at_the_right(page.figure, handles, edge=0.72)
-    caption = "One mark a day. Without a prior on d the marks scatter; with it they lie where the prior does."
+    caption = "One mark a day; hollow where the data without the prior's terms do not say the same."
     return save(page, folder, "fig17", "17", title, caption)
 
 

@@ -68,14 +68,14 @@ def level(year: Year, folder: Path) -> PaperFigure:
     h = year.mean_level
     facts = f"{h.min():.2f} to {h.max():.2f} m; over a day it moves by {daily_range(year.level):.2f} m"
     page = _by_day(year, "3", "Mean daily level", facts, h, "level [m above the datum]")
-    caption = "Level at the downstream dam: it is drawn down when much water is let out."
+    caption = "Mean of each day's level at the downstream dam."
     return save(page, folder, "fig03", "3", "Mean daily level", caption)
 
 
 def froude(year: Year, folder: Path) -> PaperFigure:
     """Fig. 4: mean daily Froude number (6)."""
     F = year.bounds.froude
-    facts = f"{F.min():.3f} to {F.max():.3f}: far below 2, so the bounds (5) hold"
+    facts = f"{F.min():.3f} to {F.max():.3f}; the bounds (5) hold below 2"
     page = _by_day(year, "4", "Mean daily Froude number", facts, F, "Froude number [-]")
     page.panels[0].set_ylim(0, 1.08 * float(F.max()))
     caption = "Inertial over gravity forces (6), from the day's mean discharge."
@@ -119,7 +119,7 @@ def bounds_by_day(year: Year, folder: Path) -> PaperFigure:
     x, g = with_gaps(day_numbers(year.dates), g)
     _two_bounds(page, x, g, with_gaps(day_numbers(year.dates), k)[1])
     _travel_time_axis(axes, T)
-    caption = "From Figs 2 and 4: the fastest wave needs nearly the same time on every day of the year."
+    caption = "The bounds of Fig. 5 for each day's mean discharge (Fig. 2) and Froude number (Fig. 4)."
     return save(page, folder, "fig06", "6", title, caption)
 
 
