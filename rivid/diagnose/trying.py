@@ -125,11 +125,14 @@ def exchanged(pool: list[Proposal], old: Proposal, new: Proposal) -> list[Propos
 
 
 def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
-    """The proposal that gains most where it was fitted, and not where it was to be confirmed."""
+    """The proposal that gains most where it was fitted, and not where it was to be confirmed.
+
+    What a poor response lacks of a wave is not asked: it comes and goes with the flow.
+    """
     share = CONFIRMED * float(model.split.select.sum() / model.split.fit.sum())
     found = [
         p for p in pool
-        if can_be_tried(p) and p.p_value <= LEVEL
+        if can_be_tried(p) and p.name not in ABSORBED and p.p_value <= LEVEL
         and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit
     ]  # fmt: skip
     return max(found, key=lambda p: p.gain_fit, default=None)
