@@ -12,7 +12,7 @@ from rivid.diagnose.happenings import as_effect, lock, rain, search
 from rivid.diagnose.linear import Evaluation, Linear, evaluate, limited
 from rivid.diagnose.naming import ABSORBED, Choice
 from rivid.diagnose.noise import day_weights
-from rivid.diagnose.propose import Proposal
+from rivid.diagnose.proposal import Proposal
 from rivid.diagnose.response import vector_of
 from rivid.diagnose.study import Round
 from rivid.effects import Effect

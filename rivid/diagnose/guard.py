@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.linear import Evaluation, Linear
-from rivid.diagnose.propose import Proposal
+from rivid.diagnose.proposal import Proposal
 from rivid.effects import CATALOGUE, Effect
 
 OF_THE_LEVEL = ("leakage", "gate_head_effect", "storage_area_slope")

@@ -8,7 +8,7 @@ from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.events import PRICE, PULSES, RECESSIONS, Events, Kind, find_events
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.noise import WALK_LIMIT
-from rivid.diagnose.propose import Proposal, compared
+from rivid.diagnose.proposal import Proposal, compared
 from rivid.diagnose.seiche import seiche
 from rivid.diagnose.timetable import sizes, timetable
 from rivid.effects import Effect

@@ -6,7 +6,7 @@ import numpy as np
 
 from rivid.diagnose.data import Floats
 from rivid.diagnose.linear import Evaluation, Linear
-from rivid.diagnose.propose import Proposal
+from rivid.diagnose.proposal import Proposal
 
 LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""

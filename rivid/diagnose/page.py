@@ -12,7 +12,8 @@ from typing import Any
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.diagnose.evidence import Evidence
-from rivid.diagnose.result import ClosedLoop, Diagnosis, Gap, NamedEffect, Regime
+from rivid.diagnose.loop_result import ClosedLoop
+from rivid.diagnose.result import Diagnosis, Gap, NamedEffect, Regime
 from rivid.diagnose.spelling import (
     aside,
     capital,

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnose.evidence import Evidence
-from rivid.diagnose.result import ClosedLoop, Diagnosis, Gap, LoopDay
+from rivid.diagnose.loop_result import ClosedLoop, LoopDay
+from rivid.diagnose.result import Diagnosis, Gap
 from rivid.diagnose.spelling import name_words, scale_of
 from rivid.diagnose.wording import loop_words
 from rivid.figures import FigureFile

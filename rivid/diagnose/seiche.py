@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from rivid.diagnose.data import Floats
 from rivid.diagnose.linear import Evaluation, Linear
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.propose import Proposal, compared
+from rivid.diagnose.proposal import Proposal, compared
 from rivid.effects import Effect
 
 Bools = NDArray[np.bool_]

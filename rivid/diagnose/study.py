@@ -7,7 +7,7 @@ from rivid.diagnose.data import Floats, Record
 from rivid.diagnose.fit import Model
 from rivid.diagnose.linear import Evaluation, Linear
 from rivid.diagnose.naming import Choice
-from rivid.diagnose.propose import Proposal
+from rivid.diagnose.proposal import Proposal
 from rivid.effects import Effect
 
 

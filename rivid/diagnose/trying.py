@@ -15,7 +15,8 @@ from rivid.diagnose.data import Record
 from rivid.diagnose.fit import Model
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.naming import ABSORBED, LEVEL, is_material
-from rivid.diagnose.propose import Proposal, compared, worth
+from rivid.diagnose.proposal import Proposal, compared
+from rivid.diagnose.propose import worth
 from rivid.errors import RividError
 
 MOST_TRIALS = 5

@@ -6,17 +6,8 @@ Every sentence carries its numbers, and none says more than the days allow.
 import math
 from collections.abc import Sequence
 
-from rivid.diagnose.result import (
-    VERDICTS,
-    ClosedLoop,
-    Diagnosis,
-    Estimate,
-    Gap,
-    NamedEffect,
-    Operators,
-    Unknown,
-    Where,
-)
+from rivid.diagnose.loop_result import ClosedLoop, Operators
+from rivid.diagnose.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Unknown, Where
 from rivid.diagnose.spelling import (
     capital,
     closed_words,

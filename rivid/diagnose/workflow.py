@@ -17,7 +17,8 @@ from rivid.diagnose.happenings import happenings
 from rivid.diagnose.kernel import kernels_of
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.naming import Choice, choose
-from rivid.diagnose.propose import Proposal, proposals
+from rivid.diagnose.proposal import Proposal
+from rivid.diagnose.propose import proposals
 from rivid.diagnose.response import Response
 from rivid.diagnose.response_choice import Calibrated, as_candidates, calibrated
 from rivid.diagnose.result import Diagnosis

@@ -9,7 +9,7 @@ from rivid.diagnose.adding import dropped, patched
 from rivid.diagnose.fit import calibrate
 from rivid.diagnose.linear import evaluate
 from rivid.diagnose.naming import Choice
-from rivid.diagnose.propose import Proposal
+from rivid.diagnose.proposal import Proposal
 from rivid.diagnose.study import Round
 from rivid.effects import CATALOGUE
 from tests.diagnose.pools import fitted, season

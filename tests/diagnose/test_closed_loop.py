@@ -10,15 +10,17 @@ import pytest
 from rivid.diagnose import closed_loop as loops
 from rivid.diagnose import operator_law
 from rivid.diagnose.blocks import split
-from rivid.diagnose.closed_loop import closed_loop, cut, run_day
+from rivid.diagnose.closed_loop import closed_loop
 from rivid.diagnose.fit import Model
 from rivid.diagnose.hydraulic_response import HydraulicResponse
 from rivid.diagnose.linear_response import LinearPool
+from rivid.diagnose.loop_run import cut, run_day
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.operator_law import Law, SetPoint, beyond, identify, judged
+from rivid.diagnose.operator_law import Law, beyond, identify, judged
 from rivid.diagnose.operator_moves import looks, moves, step_of
 from rivid.diagnose.response import gauge_of
 from rivid.diagnose.result import Diagnosis
+from rivid.diagnose.set_point import SetPoint
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes, Gate, Leak, Pond

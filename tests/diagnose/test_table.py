@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rivid.diagnose.result import VERDICTS, ClosedLoop, Estimate, Unknown, Where
+from rivid.diagnose.loop_result import ClosedLoop
+from rivid.diagnose.result import VERDICTS, Estimate, Unknown, Where
 from rivid.diagnose.table import WIDTH, summary
 from rivid.diagnose.wording import LABELS, MAY_NOT_SAY, sure_words
 from tests.diagnose.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of

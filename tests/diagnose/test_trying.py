@@ -9,7 +9,8 @@ from rivid.diagnose.adding import added, stepped
 from rivid.diagnose.fit import calibrate
 from rivid.diagnose.kernel import kernels_of
 from rivid.diagnose.linear import evaluate
-from rivid.diagnose.propose import Proposal, proposals
+from rivid.diagnose.proposal import Proposal
+from rivid.diagnose.propose import proposals
 from rivid.diagnose.trials import pool_trials
 from rivid.diagnose.trying import (
     WORTH,
