@@ -23,6 +23,7 @@ from rivid.diagnose.result import (
     Where,
     closed_share,
 )
+from rivid.diagnose.segments import FEWEST_BLOCKS
 from rivid.diagnose.spectrum import spectrum
 from rivid.diagnose.verdict import verdict_of
 from rivid.diagnose.where import as_scores, drivers, strongest
@@ -44,6 +45,25 @@ def too_few(record: Record, least: int) -> Diagnosis:
         "insufficient_data",
         f"{record.days} days can be used: expected {least} or more, to have days that fit, that select and "
         "that confirm.",
+        "none",
+    )
+
+
+def too_still(record: Record) -> Diagnosis:
+    """The answer where nothing moves: a response cannot be seen at rest."""
+    return Diagnosis(
+        "insufficient_data",
+        f"the flows of {record.days} days never move: expected commands that change, for a response to be "
+        "seen; check the columns",
+        "none",
+    )
+
+
+def no_candidates() -> Diagnosis:
+    """The answer where nothing may be named."""
+    return Diagnosis(
+        "insufficient_data",
+        "no effect may be named: expected one or more in the library; [diagnose] exclude leaves none",
         "none",
     )
 
@@ -225,10 +245,12 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
     seen = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
     unit = "m3/s"
     w = np.where(record.used, evidence.inflow_after, 0.0)
-    place = strongest(
-        as_scores(w, record.used, study.split.block), drivers(record, study.split.block), record.dates,
-        unit=unit,
-    )  # fmt: skip
+    place = None
+    if len(np.unique(study.split.block[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # else no place is sure
+        place = strongest(
+            as_scores(w, record.used, study.split.block), drivers(record, study.split.block), record.dates,
+            unit=unit,
+        )  # fmt: skip
     said = []
     rhythm = seen.rhythm and seen.peak_ratio > LEAST_RATIO
     known = any(0.7 < seen.peak_period / period < 1.4 for period in study.swings())

@@ -7,6 +7,8 @@ looked at once, at the end.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from rivid.diagnose.adding import added, dropped, echoes, patched, recoded, varied
 from rivid.diagnose.blocks import Split, split
 from rivid.diagnose.data import Floats, Record
@@ -23,7 +25,7 @@ from rivid.diagnose.response import Response
 from rivid.diagnose.response_choice import Calibrated, as_candidates, calibrated
 from rivid.diagnose.result import Diagnosis
 from rivid.diagnose.study import Round, Study
-from rivid.diagnose.telling import tell, too_few
+from rivid.diagnose.telling import no_candidates, tell, too_few, too_still
 from rivid.diagnose.trials import Trial, trials_of
 from rivid.diagnose.trying import (
     MOST_TRIALS,
@@ -88,6 +90,10 @@ def diagnose(
     """
     if record.days < FEWEST_DAYS or not split(record.dates).complete:
         return too_few(record, FEWEST_DAYS), None
+    if not np.ptp(record.inflow, axis=1).any() and not np.ptp(record.outflow, axis=1).any():
+        return too_still(record), None
+    if not classes:
+        return no_candidates(), None
     study = look(record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report)
     return tell(study, classes, floor)
 

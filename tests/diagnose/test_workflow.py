@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from rivid.errors import ConfigError, NoDataError
 from rivid.logs.write import write_days
 from rivid.scenario import load_scenario
 from rivid.simulate import simulate
+from tests.diagnose import pools
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 UNEVEN = load_scenario(SCENARIOS / "uneven.toml")
@@ -104,6 +106,21 @@ def test_nothing_is_named_where_nothing_is_missing():
 def test_too_few_days_give_no_name():
     told, evidence = answer(season(9, 79))
     assert told.verdict == "insufficient_data" and evidence is None and "9 days" in told.reason
+
+
+def test_where_nothing_moves_or_may_be_named_there_is_no_answer():
+    record = pools.season(5, days=20)
+    still = replace(record, inflow=0.0 * record.inflow + 300.0, outflow=0.0 * record.outflow + 300.0)
+    told, evidence = diagnose(still, pools.nominal(still), effect_classes())
+    assert told.verdict == "insufficient_data" and evidence is None and "never move" in told.reason
+    told, evidence = diagnose(record, pools.nominal(record), {})
+    assert told.verdict == "insufficient_data" and evidence is None and "exclude" in told.reason
+
+
+def test_twenty_days_are_enough_for_an_answer():
+    record = pools.season(5, days=20)
+    told, evidence = diagnose(record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR)
+    assert told.verdict == "no_gap" and evidence is not None, told.reason
 
 
 def test_an_empty_directory_is_said(tmp_path):
