@@ -1,6 +1,5 @@
 """The noise of greatest likelihood, and the weights of days that are noisier than most."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,9 @@ Floats = NDArray[np.float64]
 
 DAY_LIMIT = 1.3
 """A day's mean square may be this many times the median's before the day loses weight."""
+
+STEP = 1e-4
+"""Of the differences that give slopes, in logarithms."""
 
 
 def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
@@ -88,11 +90,10 @@ def fit_noise(
     RividError
         Where there is too little to fit.
     """
-    from rivid.diagnose import kalman
+    from rivid.diagnose.kalman import gather
 
-    days = kalman.gather(residual)
-    there = days.patterns[days.pattern]
-    both = there[:, 1:] & there[:, :-1]
+    days = gather(residual)
+    both = days.there[:, 1:] & days.there[:, :-1]
     if not np.diff(days.values, axis=1)[both].any():
         raise RividError("residual has no day that moves: nothing to fit a noise to; check the logs")
     limits = limits_of(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
@@ -112,39 +113,33 @@ def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits
     """The likeliest model that the starts lead to."""
     from scipy.optimize import minimize
 
-    from rivid.diagnose import kalman
+    from rivid.diagnose.kalman import lanes
+    from rivid.diagnose.kalman_days import log_likelihoods
 
     used = weights > 0.0
-    z, pattern = days.values[used], days.pattern[used]
-    w = weights[used] / (
-        weights @ days.patterns[days.pattern].sum(1)
-    )  # a mean a sample: one tolerance fits all
+    w = weights[used] / (weights @ days.there.sum(1))  # a mean a sample: one tolerance fits all
+    order, ends, there = lanes(days.pattern[used], days.patterns)
+    values = np.ascontiguousarray(days.values[used][order].T)
+    free = len(limits.free)
+    around = STEP * np.concatenate([np.zeros((1, free)), np.eye(free), -np.eye(free)])
 
-    def model(p: Floats) -> NoiseModel:
-        return replace(limits.model, **dict(zip(limits.free, np.exp(p).tolist(), strict=True)))
-
-    def cost(p: Floats) -> float:
-        return -float(w @ kalman.log_likelihoods(z, pattern, days.patterns, model(p).system()))
-
-    h = 1e-4 * np.eye(len(limits.free))
-
-    def slope(p: Floats) -> Floats:
-        return np.array([(cost(p + d) - cost(p - d)) / 2e-4 for d in h])
+    def cost(p: Floats) -> tuple[float, Floats]:
+        """Less the mean log-likelihood of a sample, and its slopes by central differences."""
+        likelihoods = np.empty((len(around), len(order)))
+        systems = limits.systems(p + around)
+        likelihoods[:, order] = log_likelihoods(values, ends, there, systems, limits.model.diffuse)
+        here, *near = (-float(w @ row) for row in likelihoods)
+        return here, (np.array(near[:free]) - np.array(near[free:])) / (2.0 * STEP)
 
     low, high = np.log(limits.low), np.log(limits.high)
-    bounds = list(zip(low, high, strict=True))
-    ends = []
+    found = []
     for start in starts:
         given = np.array([max(getattr(start, name), 1e-300) for name in limits.free])
-        p = np.clip(np.log(given), low, high)
-        ends.append(
+        found.append(
             minimize(
-                cost,
-                p,
-                jac=slope,
-                method="L-BFGS-B",
-                bounds=bounds,
+                cost, np.clip(np.log(given), low, high), jac=True, method="L-BFGS-B",
+                bounds=list(zip(low, high, strict=True)),
                 options={"maxiter": 200, "ftol": 1e-10, "gtol": 1e-6},
             )
-        )
-    return model(min(ends, key=lambda end: float(end.fun)).x)
+        )  # fmt: skip
+    return limits.at(min(found, key=lambda end: float(end.fun)).x)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rivid.diagnose.kalman import System
 
 Floats = NDArray[np.float64]
+Number = float | Floats
 
 
 class Smoothed(NamedTuple):
@@ -115,36 +116,40 @@ class NoiseModel:
         RividError
             Where shapes do not fit, or a column lacks a sample that `like` has.
         """
-        from rivid.diagnose import kalman
+        from rivid.diagnose.kalman import gather, lanes
+        from rivid.diagnose.kalman_days import innovations
 
         given = np.asarray(columns, float)
         if given.ndim < 2:
             raise RividError(f"columns have shape {given.shape}: expected (..., days, n)")
-        stack = given.reshape(-1, *given.shape[-2:])
-        days = kalman.gather(stack.sum(0) if like is None else like)
-        there = days.patterns[days.pattern]
-        if stack.shape[1:] != there.shape:
+        stack = np.ascontiguousarray(given.reshape(-1, *given.shape[-2:]))
+        days = gather(stack.sum(0) if like is None else like)
+        if stack.shape[1:] != days.values.shape:
             raise RividError(
-                f"columns have shape {given.shape}: expected (..., days, n) = (..., {there.shape})"
+                f"columns have shape {given.shape}: expected (..., days, n) = (..., {days.values.shape})"
             )
-        values = np.where(there, stack, 0.0)
-        if not np.isfinite(values).all():
+        m = self.system()
+        white, finite = innovations(stack, *lanes(days.pattern, days.patterns), m.matrix, m.diffuse)
+        if not finite:
             raise RividError(
                 "a column is not finite where the residual is: simulate it on every sample that is read"
             )
-        m = self.system()
-        K, S, _ = kalman.all_gains(days.patterns, m, False)
-        return np.asarray(kalman.innovations(values, days.pattern, K, S, m)).reshape(given.shape)
+        return np.asarray(white).reshape(given.shape)
 
     def log_likelihood(self, residual: ArrayLike) -> Floats:
         """Log-likelihood of each day, shape (days,), of a residual (days, n) [m]; NaN is missing.
 
         For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
         """
-        from rivid.diagnose import kalman
+        from rivid.diagnose.kalman import gather, lanes
+        from rivid.diagnose.kalman_days import log_likelihoods
 
-        days = kalman.gather(residual)
-        return np.asarray(kalman.log_likelihoods(days.values, days.pattern, days.patterns, self.system()))
+        days = gather(residual)
+        order, ends, there = lanes(days.pattern, days.patterns)
+        m, values = self.system(), np.ascontiguousarray(days.values[order].T)
+        out = np.empty(len(order))
+        out[order] = log_likelihoods(values, ends, there, m.matrix, m.diffuse)[0]
+        return out
 
     def forecast_errors(self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30) -> Floats:
         """Residual at origin + horizon less its forecast from what is known at the origin [m].
@@ -163,9 +168,10 @@ class NoiseModel:
         ndarray, shape (days, origins)
             NaN where the target is missing, or nothing was read up to the origin.
         """
-        from rivid.diagnose import kalman
+        from rivid.diagnose.kalman import gains, gather
+        from rivid.diagnose.kalman_smoother import filtered
 
-        days = kalman.gather(residual)
+        days = gather(residual)
         n = days.values.shape[1]
         if horizon < 1 or every < 1 or first < 0 or first + horizon >= n:
             raise RividError(
@@ -173,25 +179,27 @@ class NoiseModel:
                 "use a shorter horizon or longer rows"
             )
         m = self.system()
-        K, _, _ = kalman.all_gains(days.patterns, m, False)
-        states, _ = kalman.filtered(days.values, days.pattern, K, m)
+        K, _, _ = gains(np.ascontiguousarray(days.patterns.T), m.matrix, m.diffuse, False)
+        states, _ = filtered(days.values, days.pattern, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
         forecast = x + m.c * w * (m.phi ** np.arange(horizon)).sum() + m.psi**horizon * s
-        there = days.patterns[days.pattern]
+        there = days.there
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
         return np.where(known, days.values[:, origin + horizon] - forecast, np.nan)
 
     def smooth(self, residual: ArrayLike) -> Smoothed:
         """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
-        from rivid.diagnose import kalman
+        from rivid.diagnose.kalman import gains, gather
+        from rivid.diagnose.kalman_smoother import filtered, smoothed
 
-        days = kalman.gather(residual)
+        days = gather(residual)
         m = self.system()
-        K, S, kept = kalman.all_gains(days.patterns, m, True)
-        states, v = kalman.filtered(days.values, days.pattern, K, m)
-        mean, variance = kalman.smoothed(states, v, days.pattern, days.patterns, K, S, kept, m)
+        there = np.ascontiguousarray(days.patterns.T)
+        K, S, P = gains(there, m.matrix, m.diffuse, True)
+        states, v = filtered(days.values, days.pattern, K, m)
+        mean, variance = smoothed(states, v, days.pattern, there, K, S, P, m)
         x, w, s = np.moveaxis(mean, -1, 0)
         if self.surface_area is None:
             return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
@@ -215,14 +223,27 @@ class NoiseModel:
         """What the filter is made of."""
         from rivid.diagnose.kalman import System
 
-        T, A = self.sample_time, self.surface_area
-        return System(
-            c=0.0 if A is None else T / A,
-            phi=float(np.exp(-T / self.inflow_memory)),
-            psi=float(np.exp(-T / self.level_memory)),
-            walk=float(self.walk_sd) ** 2,
-            inflow=float(self.inflow_sd) ** 2,
-            level=float(self.level_sd) ** 2,
-            gauge=float(self.gauge_sd) ** 2,
-            diffuse=A is not None,
-        )
+        told = entries(*(getattr(self, f.name) for f in fields(self)))
+        c, phi, psi, walk, inflow, level, gauge = (float(entry) for entry in told)
+        return System(c, phi, psi, walk, inflow, level, gauge, self.diffuse)
+
+    @property
+    def diffuse(self) -> bool:
+        """Whether nothing is known of where a day starts."""
+        return self.surface_area is not None
+
+
+def entries(
+    gauge_sd: Number,
+    walk_sd: Number,
+    inflow_sd: Number,
+    inflow_memory: Number,
+    level_sd: Number,
+    level_memory: Number,
+    sample_time: float,
+    surface_area: float | None,
+) -> tuple[Number, ...]:
+    """c, phi, psi, and the variances of v, w, s and e, of numbers or arrays alike."""
+    T, A = sample_time, surface_area
+    phi, psi = np.exp(-T / inflow_memory), np.exp(-T / level_memory)
+    return 0.0 if A is None else T / A, phi, psi, walk_sd**2, inflow_sd**2, level_sd**2, gauge_sd**2

@@ -1,12 +1,12 @@
 """Where the fit of a noise may end, and where it starts: one start can end in an optimum of its own."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.diagnose.noise_model import NoiseModel
+from rivid.diagnose.noise_model import NoiseModel, entries
 
 if TYPE_CHECKING:
     from rivid.diagnose.kalman import Days
@@ -26,6 +26,16 @@ class Limits(NamedTuple):
     high: Floats
     scale: float
 
+    def at(self, point: Floats) -> NoiseModel:
+        """The model at the logarithms of the free fields, shape (f,)."""
+        return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
+
+    def systems(self, points: Floats) -> Floats:
+        """What the filters of many models (q, f) are made of, shape (q, 7)."""
+        numbers = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
+        numbers |= dict(zip(self.free, np.exp(points).T, strict=True))
+        return np.stack(np.broadcast_arrays(*entries(**numbers)), axis=1)
+
 
 def limits_of(
     days: "Days",
@@ -37,7 +47,7 @@ def limits_of(
     memory_floor: float | None,
 ) -> Limits:
     """Limits by how much a sample usually changes; arguments as of the fit."""
-    there, n = days.patterns[days.pattern], days.values.shape[1]
+    there, n = days.there, days.values.shape[1]
     both = there[:, 1:] & there[:, :-1]
     scale = float(np.sqrt(np.mean(np.diff(days.values, axis=1)[both] ** 2) / 2.0))
     longest = 10.0 * n * T  # a day cannot tell a longer memory from an endless one
