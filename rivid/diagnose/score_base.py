@@ -24,6 +24,7 @@ class Base(NamedTuple):
     block: Ints  # 0, 1, ... of each used day
     e: Floats  # (blocks, p) X'r~ of each block
     H: Floats  # (blocks, p, p) X'X of each block
+    white: float  # mean square of r: 1, were the noise model right
 
 
 def base_of(residual: ArrayLike, nuisance: ArrayLike, blocks: ArrayLike, weights: ArrayLike | None) -> Base:
@@ -60,7 +61,7 @@ def base_of(residual: ArrayLike, nuisance: ArrayLike, blocks: ArrayLike, weights
     per_day = X.transpose(1, 0, 2)
     e = by_block(per_day @ r[:, :, None], block, many)[..., 0]
     H = by_block(per_day @ per_day.transpose(0, 2, 1), block, many)
-    return Base(r, X, root, day, block, e, H)
+    return Base(r, X, root, day, block, e, H, float((r * r).sum() / np.count_nonzero(r)))
 
 
 def used_columns(columns: Floats, day: Ints, root: Floats, what: str) -> Floats:

@@ -91,11 +91,16 @@ def windows_of(base: Base, candidate: Candidate) -> Windows:
     enough = ((sums.days[end] > sums.days[first]).sum(1)) >= FEWEST_BLOCKS + (0 if candidate.hours else k - 1)
     first, end = first[enough], end[enough]
     v, c, q = (a[end] - a[first] for a in (sums.v, sums.c, sums.q))
+    runs = [(0, k)]
+    if candidate.hours:
+        runs = [(i, j) for i in range(k) for j in range(i + 1, k + 1)]
+        v, c, q = _up_to(v), _up_to(c), _up_to(_up_to(q))
     scores, shrink, place = [], [], []
-    for h0, h1 in [(i, j) for i in range(k) for j in range(i + 1, k + 1)] if candidate.hours else [(0, k)]:
+    for h0, h1 in runs:
         if candidate.hours:
-            part = v[..., h0:h1].sum(-1)[..., None], c[..., h0:h1].sum(-1)[..., None]
-            t, s, good = _standard(base, *part, q[..., h0:h1, h0:h1].sum((-1, -2))[..., None, None])
+            part = q[h1, h1] - q[h0, h1] - q[h1, h0] + q[h0, h0]
+            run = (v[h1] - v[h0])[..., None], (c[h1] - c[h0])[..., None], part[..., None, None]
+            t, s, good = _standard(base, *run)
         else:
             t, s, good = _standard(base, v, c, q)
         scores.append(t)
@@ -105,17 +110,23 @@ def windows_of(base: Base, candidate: Candidate) -> Windows:
     return Windows(np.concatenate(scores), np.concatenate(shrink), np.concatenate(place), candidate.sign)
 
 
+def _up_to(parts: Floats) -> Floats:
+    """Sums over the first parts of the day, (..., k) to (k + 1, ...)."""
+    sums = np.zeros((parts.shape[-1] + 1, *parts.shape[:-1]))
+    np.cumsum(np.moveaxis(parts, -1, 0), axis=0, out=sums[1:])
+    return sums
+
+
 def _standard(base: Base, v: Floats, c: Floats, q: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Scores with V = 1 and the data's shrinkage, of the windows that count, and which those are."""
     C = c.sum(1)  # (windows, p, k)
     raw = q.sum(1)
     Q = raw - np.einsum("wpk,wpl->wkl", C, C)
     s = v - np.einsum("bp,wpk->wbk", base.e, C)
-    a = c - np.einsum("bpr,wrk->wbpk", base.H, C)
+    a = c - np.tensordot(C, base.H, (1, 2)).transpose(0, 2, 3, 1)  # c - H C of each window and block
     kept = Q - np.einsum("wbpk,wbpl->wkl", a, a)  # E[sum s_b s_b'], where E[s s'] = Q
-    white = float((base.r * base.r).sum() / np.count_nonzero(base.r))  # 1, were the noise model right
     shown = np.einsum("wbk,wbl->wkl", s, s)
-    V = MODEL_SHARE * white * kept + (1.0 - MODEL_SHARE) * shown
+    V = MODEL_SHARE * base.white * kept + (1.0 - MODEL_SHARE) * shown
     good = (least_share(Q, raw) > LEAST_LEFT) & (least_share(kept, Q) > LEAST_LEFT)
     L, q_root, kept_root = (np.linalg.cholesky(m[good]) for m in (V, Q, kept))
     inverse = np.linalg.inv(L)
