@@ -145,6 +145,41 @@ def test_the_innovations_of_its_own_noise_are_white_with_variance_one(model):
     assert all(abs((r[:, lag:] * r[:, :-lag]).mean()) < 4.5 * error for lag in (1, 2, 5, 20))
 
 
+@pytest.mark.parametrize("alike", [True, False])
+@every_model
+def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
+    """With a few patterns of gaps, and with one of its own for each day."""
+    rng = np.random.default_rng(7)
+    z = model.simulate(11, N, rng)
+    z[:4, :5] = np.nan
+    if not alike:
+        z[rng.random(z.shape) < 0.3] = np.nan
+    z[10] = np.nan
+    columns = rng.normal(size=(3, 11, N))
+    together, likely = model.whiten(columns, like=z), model.log_likelihood(z)
+    for day in range(11):
+        assert likely[day] == model.log_likelihood(z[day : day + 1])[0]
+        for column, white in zip(columns, together, strict=True):
+            assert (model.whiten(column[day : day + 1], like=z[day : day + 1])[0] == white[day]).all()
+
+
+def test_many_models_at_once_are_as_likely_as_each_alone():
+    from rivid.diagnose.kalman import gather, lanes
+    from rivid.diagnose.kalman_days import log_likelihoods
+    from rivid.diagnose.noise_starts import limits_of
+
+    z = POOL.simulate(9, N, np.random.default_rng(8))
+    z[3:5, 10:20] = np.nan
+    days = gather(z)
+    limits = limits_of(days, 133.0, 6.7e5, True, 1e-3, None, None)
+    points = np.random.default_rng(9).uniform(np.log(limits.low), np.log(limits.high), (5, 6))
+    order, ends, there = lanes(days.pattern, days.patterns)
+    values = np.ascontiguousarray(days.values[order].T)
+    together = log_likelihoods(values, ends, there, limits.systems(points), True)
+    for point, likely in zip(points, together, strict=True):
+        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z)[order], rtol=1e-12)
+
+
 def test_a_constant_level_error_says_nothing_in_a_pool_and_a_constant_inflow_something_in_a_river():
     assert np.allclose(POOL.whiten(np.full((2, N), 3.0)), 0.0, atol=1e-9)
     assert (MODELS["river"].whiten(np.full((2, N), 3.0)) > 0.0).all()
