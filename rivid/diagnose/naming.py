@@ -11,8 +11,10 @@ from rivid.diagnose.proposal import Proposal
 LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""
 LEAST_T = 2.0
+SURE_IF_MATERIAL = 1e-4
 SURE, LEAST_SURE = 1e-6, 12.0
-"""p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter."""
+"""p (larger for what takes much from the error), and gain on the selecting days [nats], from which half that
+t is enough: few blocks scatter."""
 DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
 """p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
 material: what no response takes upon itself can be small and sure."""
@@ -67,7 +69,8 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     gains = proposal.gain_fit / days[0], proposal.gain_select / days[1]
     if proposal.events is not None:  # rare by nature, and each has paid its price
         return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and is_material(proposal)
-    sure = proposal.p_value <= SURE and proposal.gain_select > LEAST_SURE and proposal.t >= 1.0
+    limit = SURE_IF_MATERIAL if is_material(proposal) else SURE
+    sure = proposal.p_value <= limit and proposal.gain_select > LEAST_SURE and proposal.t >= 1.0
     sure = sure and proposal.name not in ABSORBED
     if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False
@@ -120,21 +123,49 @@ def choose(
         Names that are in; a second of the same name is refused but for releases.
     """
     best: dict[str, Proposal] = {}
+    able: dict[str, Proposal] = {}
     for p in proposals:
         if p.name in taken and "release" not in p.name:
             continue
         if p.name not in best or p.gain_select > best[p.name].gain_select:
             best[p.name] = p
-    able = [p for p in best.values() if stands(p, model, round_number)]
+    for p in proposals:  # of windows of the same name the one that takes most from the error
+        if p.name in taken and "release" not in p.name or not stands(p, model, round_number):
+            continue
+        if p.name not in able or _ahead(p, able[p.name]):
+            able[p.name] = best[p.name] = p
     if not able:
         return None
-    top = max(p.gain_select for p in able)
-    near = [p for p in able if p.gain_select >= (1.0 - CLOSE) * top]
+    able = _by_error(able)
+    top = max(p.gain_select for p in able.values())
+    near = [p for p in able.values() if p.gain_select >= (1.0 - CLOSE) * top]
     named = max(near, key=lambda p: float(p.gain_fit + p.gain_select))
     others = sorted((p for p in best.values() if p.name != named.name), key=lambda p: -float(p.gain_select))
     runner = others[0] if others else None
     margin = None if runner is None else 1.0 - max(runner.gain_select, 0.0) / named.gain_select
     return Choice(named, tied_with(named, others, model, before), runner, margin)
+
+
+def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
+    """Without those that take less from the error than another, where the error speaks.
+
+    A flow where there is none turns the knobs of a poor response: likelier, but no nearer to the level.
+    """
+    flows = {
+        name: float(p.improvement.mean())
+        for name, p in able.items()
+        if p.events is None and not p.level_noise and name not in ABSORBED
+    }
+    best = max(flows.values(), default=0.0)
+    return {name: p for name, p in able.items() if flows.get(name, best) >= (1.0 - CLOSE) * best}
+
+
+def _ahead(one: Proposal, other: Proposal) -> bool:
+    """Whether a proposal is better than another of its name."""
+    if one.window == other.window:
+        return one.gain_select > other.gain_select
+    # a slow noise that stands for a constant inflow makes a part of the season likelier than the whole
+    return float(one.improvement.mean()) > float(other.improvement.mean())
 
 
 def tied_with(named: Proposal, others: list[Proposal], model: Linear, before: Evaluation) -> tuple[str, ...]:

@@ -47,8 +47,6 @@ class Proposal:
         Whether the proposal is a noise of the level (wind, a seiche).
     spreads : dict of str to float
         Standard errors of a noise's parameters, where they are known.
-    other : Proposal or None
-        The same effect in another window, which may turn out better in the simulator.
     gains : ndarray of shape (days,), or None
         Of a noise: what each day gains by it [nats].
     """
@@ -69,7 +67,6 @@ class Proposal:
     events: Events | None = None
     level_noise: bool = False
     spreads: dict[str, float] = field(default_factory=dict)
-    other: "Proposal | None" = None
     gains: Floats | None = None
 
 

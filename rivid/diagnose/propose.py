@@ -28,8 +28,6 @@ DATES_PRICE = 12.0
 """What dates have to gain against none [nats]."""
 CLEAR = 15.0
 """Or those whose window gains as many nats."""
-CONTENDER = 0.15
-"""Share of the best window's gain from which another is kept in mind."""
 ALWAYS = 0.9
 """A window that holds this share of the days is no window."""
 Baseline = Callable[[Sequence[Effect]], Floats]
@@ -116,16 +114,8 @@ def proposals(
         if p_flips > LOOK and span.gain < CLEAR and not _promising(w, free_of, rows):
             continue
         found_ = [_measured(model, before, trial, c, w, one_span, p_flips, shown) for one_span in spans]
-        ranked = sorted((f for f in found_ if f is not None), key=worth)
-        if len(ranked) > 1 and worth(ranked[0]) > CONTENDER * worth(ranked[1]):
-            ranked[1] = replace(ranked[1], other=ranked[0])
-        result += ranked[-1:]
+        result += [f for f in found_ if f is not None]
     return sorted(result, key=lambda p: -p.gain_select)
-
-
-def worth(proposal: Proposal) -> float:
-    """Of two windows the one that gains more; dates have to gain their price."""
-    return proposal.gain_fit + proposal.gain_select - (DATES_PRICE if proposal.window[0] else 0.0)
 
 
 def _promising(w: Floats, r: Floats, rows: np.ndarray) -> bool:

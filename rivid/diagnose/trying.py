@@ -14,9 +14,9 @@ from rivid.diagnose.adding import added
 from rivid.diagnose.data import Record
 from rivid.diagnose.fit import Model
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
-from rivid.diagnose.naming import ABSORBED, LEVEL, is_material
+from rivid.diagnose.naming import ABSORBED, LEVEL
 from rivid.diagnose.proposal import Proposal, compared
-from rivid.diagnose.propose import worth
+from rivid.diagnose.trials import Window
 from rivid.errors import RividError
 
 MOST_TRIALS = 5
@@ -60,15 +60,8 @@ def in_simulator(
 ) -> Tried:
     """Fit the model with a proposal in it, and measure the proposal anew.
 
-    A proposal whose reach cannot be simulated gains nothing. Of two windows the better one is kept, one
-    that takes nothing from the error last.
+    A proposal whose reach cannot be simulated gains nothing.
     """
-    if proposal.other is not None:
-        both = [
-            in_simulator(model, linear, before, replace(one, other=None), fit, report)
-            for one in (proposal, proposal.other)
-        ]
-        return max(both, key=lambda tried: (is_material(tried.proposal), worth(tried.proposal)))
     report(f"trying {proposal.name}")
     try:
         larger, spreads = added(model, proposal, fit, report)
@@ -114,15 +107,16 @@ def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> li
         if can_be_tried(p) and p.name not in (*taken, *ABSORBED) and p.p_value <= LEVEL / 2**count
         and p.gain_fit > 0 and p.gain_fit + p.gain_select > WORTH
     ]  # fmt: skip
-    found: dict[str, Proposal] = {}
+    found: dict[tuple[str, Window], Proposal] = {}
     for p in sorted(able, key=lambda p: -(p.gain_fit + p.gain_select)):
-        found.setdefault(p.name, p)
-    return list(found.values())[:RIVALS]
+        found.setdefault((p.name, p.window), p)
+    names = list(dict.fromkeys(name for name, _ in found))[:RIVALS]
+    return [p for (name, _), p in found.items() if name in names]
 
 
 def exchanged(pool: list[Proposal], old: Proposal, new: Proposal) -> list[Proposal]:
-    """The pool with a proposal as it turned out; what else its name was tried at is gone."""
-    return [new, *(p for p in pool if p.name != old.name)]
+    """The pool with a proposal as it turned out; what else its name was tried at in its window is gone."""
+    return [new, *(p for p in pool if p.name != old.name or p.window != old.window)]
 
 
 def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:

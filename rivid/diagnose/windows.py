@@ -45,7 +45,8 @@ def chance_of(
 
     Sign flips cannot make a small p for a window of few blocks, however large its gain. Here the gain is
     taken as the noise model's, divided by what the blocks scatter more than it says once the effect is taken
-    out, and by two for the windows' own choice; all windows of the library count.
+    out, and by two for the windows' own choice; all windows of the library count, for the whole season its
+    candidates only.
 
     Parameters
     ----------
@@ -79,6 +80,8 @@ def chance_of(
     longest = float(np.bincount(block).max())  # no more than if the days of a block were one
     inflation = float(np.clip((sums**2).sum() / q.sum(), 1.0, 2.0 * longest))
     windows = library * days * (days + 1) / 2 * max(n * (n - 1), 1)
+    if span.first == 0 and span.last == days - 1 and span.hours is None:
+        windows = library  # the whole season is looked at whatever the search finds
     return float(min(1.0, windows * np.exp(-gain / (2.0 * inflation))))
 
 

@@ -64,19 +64,6 @@ def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood(seed):
     np.testing.assert_allclose(again.likelihood, tried.after.likelihood)
 
 
-def test_of_two_windows_the_simulator_decides():
-    record = season(33, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
-    model, linear, evaluation, pool = found(record, "diurnal_inflow")
-    part = replace(
-        pool[0],
-        effect=replace(pool[0].effect, dates=(record.dates[3], record.dates[9])),
-        window=((record.dates[3], record.dates[9]), None),
-        other=pool[0],
-    )
-    tried = in_simulator(model, linear, evaluation, part, record.take(linear.split.fit), quiet)
-    assert tried.model.effects[-1].dates is None and tried.proposal.other is None
-
-
 def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
     record = season(31, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
     model, linear, evaluation, pool = found(record, "diurnal_inflow")
@@ -129,8 +116,8 @@ def test_only_what_is_no_chance_and_gains_a_lot_is_tried_without_standing():
 
 def test_a_proposal_takes_the_place_of_all_its_name_was_tried_at():
     old, other, lag = made("clock_offset", 9, 9), made("clock_offset", 5, 5), made("outflow_lag", 1, 1)
-    new = replace(old, gain_fit=3.0)
-    assert exchanged([old, other, lag], old, new) == [new, lag]
+    new, dated = replace(old, gain_fit=3.0), replace(other, window=((None, None), None))
+    assert exchanged([old, other, dated, lag], old, new) == [new, dated, lag]
 
 
 def test_what_gains_only_where_it_was_fitted_is_contradicted():
