@@ -1,11 +1,12 @@
 """Proposals that are no columns: events found one by one, jumps of the gauge, and noises (wind, a seiche)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.events import PRICE, PULSES, RECESSIONS, Events, Kind, find_events
+from rivid.diagnose.events import PRICE, PULSES, RECESSIONS, Event, Events, Kind, find_events
 from rivid.diagnose.linear import Evaluation, Linear, evaluate
 from rivid.diagnose.noise import WALK_LIMIT
 from rivid.diagnose.proposal import Proposal, compared
@@ -19,6 +20,8 @@ FEWEST = 3
 """Events of a kind must be so many."""
 ALIKE = 0.75
 """Releases are alike: their sizes vary by less than this share, rain's by more or less."""
+A_STORM = 3 * HOUR
+"""Events that follow each other within this are one storm."""
 SCHEDULED = 0.002
 """p of a timetable from which events are somebody's."""
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
@@ -99,7 +102,7 @@ def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effec
     if kind.shape == "pulse" and sizes(events.events).variation > ALIKE:
         return None
     if kind.shape == "recession":
-        clock = timetable(events.events)
+        clock = timetable(_storms(events.events))
         if clock.p_value <= SCHEDULED and clock.share > 0.5:
             return None  # rain keeps no hours
     record = model.record
@@ -112,6 +115,18 @@ def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effec
         kind.name, f"{len(events.events)} events", made, (), (None, None), _chance(fit), after,
         events.coded[None], fit, select, t, better, blocks, events=events,
     )  # fmt: skip
+
+
+def _storms(events: Sequence[Event]) -> list[Event]:
+    """The first event of each storm: a rise that took its time is coded as several that follow each other."""
+    found: list[Event] = []
+    last = -np.inf
+    for event in sorted(events, key=lambda e: (e.day, e.start_s)):
+        at = event.day * DAY + event.start_s
+        if at - last > A_STORM:
+            found.append(event)
+        last = at
+    return found
 
 
 def _chance(gain: float) -> float:

@@ -28,6 +28,8 @@ BAND = 2.5
 """Frequencies within this factor of the peak are fitted."""
 WIDEST = 0.7
 """Damping times period at most: a wider hump is no swing."""
+PRESENT = 0.8
+"""Share of the days on which a seiche is seen."""
 SMALLEST = 0.002
 """Amplitude [m]."""
 
@@ -203,6 +205,8 @@ def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal 
     if swing.amplitude < SMALLEST:
         return None
     gains = np.where(whole, swing.gains, 0.0)
+    if (gains[whole & (split.fit | split.select)] > 0.0).mean() < PRESENT:
+        return None  # a clock or a gate that is wrong for a while rings as well
     after = _with(before, gains)
     quiet = np.zeros(record.days)
     fit, select, t, _, blocks = compared(model, before, after, quiet, quiet + 1.0)
