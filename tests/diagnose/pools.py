@@ -11,6 +11,7 @@ from rivid.diagnose.data import as_record
 from rivid.diagnose.fit import Model, calibrate
 from rivid.diagnose.linear import evaluate
 from rivid.diagnose.linear_response import LinearPool
+from rivid.diagnose.proposal import Proposal
 from rivid.scenario import load_scenario
 from rivid.simulate import simulate
 
@@ -48,3 +49,15 @@ def fitted(record):
     model = calibrate(fresh(record, nominal(record)), record.take(dealt.fit))
     linear = model.linear(record, dealt)
     return model, linear, evaluate(linear)
+
+
+def made(name, fit, select, p=1e-6, t=3.0, improvement=0.2, **others):
+    """A proposal by hand."""
+    record = season(1, days=20)
+    _, _, evaluation = fitted(record)
+    window = others.pop("window", (None, None))
+    column = np.ones((1, *record.time.shape))
+    better = np.full(3, improvement)
+    return Proposal(
+        name, name, None, (), window, p, evaluation, column, fit, select, t, better, 4, **others
+    )  # fmt: skip

@@ -9,7 +9,6 @@ from rivid.diagnose.adding import added, stepped
 from rivid.diagnose.fit import calibrate
 from rivid.diagnose.kernel import kernels_of
 from rivid.diagnose.linear import evaluate
-from rivid.diagnose.proposal import Proposal
 from rivid.diagnose.propose import proposals
 from rivid.diagnose.trials import pool_trials
 from rivid.diagnose.trying import (
@@ -21,7 +20,7 @@ from rivid.diagnose.trying import (
     worth_trying,
 )
 from rivid.effects import CATALOGUE
-from tests.diagnose.pools import fitted, season
+from tests.diagnose.pools import fitted, made, season
 
 
 def found(record, *names):
@@ -38,16 +37,6 @@ def found(record, *names):
 
 def quiet(_):
     """No report."""
-
-
-def made(name, fit, select, p=1e-6, **others):
-    """A proposal by hand."""
-    record = season(1, days=20)
-    _, _, evaluation = fitted(record)
-    return Proposal(
-        name, name, None, (), (None, None), p, evaluation, np.ones((1, *record.time.shape)), fit, select, 3.0,
-        np.full(3, 0.2), 4, **others,
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("seed", [31, 32])
