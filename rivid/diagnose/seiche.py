@@ -28,6 +28,8 @@ BAND = 2.5
 """Frequencies within this factor of the peak are fitted."""
 WIDEST = 0.7
 """Damping times period at most: a wider hump is no swing."""
+LEAST_CONTRAST = 4.0
+"""A lower hump is what a poor response leaves."""
 PRESENT = 0.8
 """Share of the days on which a seiche is seen."""
 SMALLEST = 0.002
@@ -52,6 +54,8 @@ class Swing:
         Log-likelihood gained on each day [nats].
     tried : int
         At how many periods it was looked for.
+    contrast : float
+        Power at the peak over what is there without it.
     """
 
     period: float
@@ -60,6 +64,7 @@ class Swing:
     spreads: Floats
     gains: Floats
     tried: int
+    contrast: float
 
 
 def periodograms(innovations: Floats, used: Bools) -> Floats:
@@ -154,7 +159,13 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
     days = int(fit.sum())
-    return Swing(*limited(p), _spreads(lambda q: days * cost(spectra(q)), p)[:3], gains, tried)
+    return Swing(
+        *limited(p),
+        _spreads(lambda q: days * cost(spectra(q)), p)[:3],
+        gains,
+        tried,
+        float((S / white(p[3:])).max()),
+    )
 
 
 def _lowest(cost: Callable[[Floats], float], start: Floats) -> tuple[Floats, float]:
@@ -202,7 +213,7 @@ def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal 
     swing = find_swing(power, gain, split.fit & whole, effect, record.sample_time, n)
     if swing.damping < LEAST_DAMPING or swing.damping > 0.99 * WIDEST / swing.period:
         return None
-    if swing.amplitude < SMALLEST:
+    if swing.amplitude < SMALLEST or swing.contrast < LEAST_CONTRAST:
         return None
     gains = np.where(whole, swing.gains, 0.0)
     if (gains[whole & (split.fit | split.select)] > 0.0).mean() < PRESENT:

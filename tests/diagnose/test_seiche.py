@@ -71,7 +71,7 @@ def test_a_swing_is_found_with_its_period_damping_and_size(seed):
     swing = found(residual(rng, 40, wandering(rng, 40, **said)))
     for name, spread in zip(said, swing.spreads, strict=True):
         assert abs(np.log(getattr(swing, name) / said[name])) < 4.0 * spread + 0.02, name
-    assert swing.gains.mean() > 20.0 and (swing.spreads < 0.2).all()
+    assert swing.contrast > 5.0 and swing.gains.mean() > 20.0 and (swing.spreads < 0.2).all()
 
 
 def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing():
