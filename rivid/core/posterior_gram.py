@@ -1,0 +1,59 @@
+"""Sums of products that every structure of the posterior shares, once for each day and kind of noise."""
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from rivid.core.posterior_noise import prewhiten
+
+Floats = NDArray[np.float64]
+
+Y_LAGS = 2
+O_LAGS = 2
+
+
+def columns(with_outflow: bool) -> list[str]:
+    """Names of the leading columns of :func:`gram`: constant, outflow's lags, the level's, its value now."""
+    outflow = [f"o{k}" for k in range(1, O_LAGS + 1)] if with_outflow else []
+    return ["one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0"]
+
+
+def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int) -> tuple[Floats, int]:
+    """Gram matrices of the regressors, prewhitened by each kind of noise.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (days, N)
+        Deviations from the day's first sample.
+    o : ndarray, shape (days, N), or None
+        The same of the outflow, where it is logged.
+    polynomials : ndarray, shape (kinds, 3)
+        C of each kind of noise.
+    n_lags : int
+        Lags 1 to `n_lags` of u count.
+
+    Returns
+    -------
+    G : ndarray, shape (K, K, kinds, days)
+        Columns as :func:`columns` names them, then u's lags 1 to `n_lags`.
+    n_rows : int
+        Rows that count, N - n_lags: those for which every lag lies in the day.
+    """
+    days, N = u.shape
+    series = np.stack([y, u] if o is None else [y, u, o], axis=1)
+    white = prewhiten(series, polynomials)
+    one = prewhiten(np.ones((1, 1, N)), polynomials)[0, :, 0]
+    n = N - n_lags
+    names = columns(o is not None)
+    lead = len(names)
+    X = np.empty((days, len(polynomials), lead + n_lags, n))
+    for i, name in enumerate(names):
+        if name == "one":
+            X[:, :, i] = one[:, n_lags:]
+        else:
+            k = int(name[1:])
+            X[:, :, i] = white[:, :, 0 if name[0] == "y" else 2, n_lags - k : N - k]
+    windows = sliding_window_view(white[:, :, 1, : N - 1], n, axis=-1)  # row r holds lag n_lags - r
+    X[:, :, lead:] = windows[:, :, ::-1]
+    G = np.matmul(X, X.swapaxes(-1, -2))
+    return np.ascontiguousarray(np.moveaxis(G, (0, 1), (3, 2))), n
