@@ -11,10 +11,9 @@ from rivid.diagnose.proposal import Proposal
 LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""
 LEAST_T = 2.0
-SURE_IF_MATERIAL = 1e-4
-SURE, LEAST_SURE = 1e-6, 12.0
-"""p (larger for what takes much from the error), and gain on the selecting days [nats], from which half that
-t is enough: few blocks scatter."""
+SURE, SURE_IF_MATERIAL = (1e-6, 12.0), (1e-4, 6.0)
+"""p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter. Also for what
+takes enough from the error."""
 DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
 """p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
 material: what no response takes upon itself can be small and sure."""
@@ -71,8 +70,8 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     gains = proposal.gain_fit / days[0], proposal.gain_select / days[1]
     if proposal.events is not None:  # rare by nature, and each has paid its price
         return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and is_material(proposal)
-    limit = SURE_IF_MATERIAL if is_material(proposal) else SURE
-    sure = proposal.p_value <= limit and proposal.gain_select > LEAST_SURE and proposal.t >= 1.0
+    limit, least = SURE_IF_MATERIAL if is_material(proposal) else SURE
+    sure = proposal.p_value <= limit and proposal.gain_select > least and proposal.t >= 1.0
     sure = sure and proposal.name not in ABSORBED
     if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False
