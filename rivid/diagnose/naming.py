@@ -12,8 +12,8 @@ LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""
 LEAST_T = 2.0
 SURE, SURE_IF_MATERIAL = (1e-6, 12.0), (1e-4, 6.0)
-"""p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter. Also for what
-takes enough from the error."""
+"""p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter. The
+second pair is for what takes enough from the error."""
 DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
 """p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
 material: what no response takes upon itself can be small and sure."""
