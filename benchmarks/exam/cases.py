@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent.parent
-SIZES_FILE = ROOT / "configs" / "scenarios" / "exam" / "sizes.toml"
+SIZES_FILE = ROOT / "benchmarks" / "exam" / "sizes.toml"
 FIRST_SEED = 5000
 
 ALLOWED = frozenset({"wave_attenuation", "flow_dependent_delay"})

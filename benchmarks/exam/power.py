@@ -12,7 +12,7 @@ Noises have no column. Wind: where the noise with a level part is expected to be
 NEEDED^2 / 2 in log-likelihood. A seiche: the same from the spectra, by Whittle's likelihood, above white gauge
 noise.
 
-Usage: python -m benchmarks.exam.power, which writes configs/scenarios/exam/sizes.toml
+Usage: python -m benchmarks.exam.power, which writes benchmarks/exam/sizes.toml
 """
 
 from collections.abc import Callable

@@ -63,7 +63,7 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> Run:
         Where the water runs dry, or the response is of another kind.
     """
     first = int(np.argmax(day.used[0]))
-    plain = _without_fronts(reach)
+    plain = without_fronts(reach)
     outflow = day.outflow.copy()
     level = np.full(day.time.shape[1] - first, np.nan)
     for _ in range(TURNS):
@@ -178,7 +178,7 @@ def _pool(
     return level + seen, decided
 
 
-def _without_fronts(reach: Response) -> Response:
+def without_fronts(reach: Response) -> Response:
     """The same reach without what is a plain sum of lagged flows, which no loop over time contains."""
     if isinstance(reach, LinearPool):
         if reach.fronts == "none":

@@ -33,6 +33,8 @@ LEAST_OFFSET = 2.0
 """Samples that a clock must be off where it always was."""
 LEAST_STEP = 50.0
 """What a jump of the gauge must gain, once [nats]."""
+WAVE = {"flow_dependent_delay", "wave_attenuation", "clock_offset"}
+"""How a wave is late: one of them is named, a second one only with dates of its own."""
 TWIN = {"sensor_drift": "lateral_inflow", "lateral_inflow": "sensor_drift"}
 """All but one column: 0.996."""
 SAME = 0.95
@@ -130,6 +132,8 @@ def choose(
             continue
         if p.name not in best or p.gain_select > best[p.name].gain_select:
             best[p.name] = p
+    if WAVE & set(taken):
+        proposals = [p for p in proposals if p.name not in WAVE or p.window[0] is not None]
     proposals = [p for p in proposals if TWIN.get(p.name) not in taken]  # what the one leaves looks like it
     for p in proposals:  # of windows of the same name the one that takes most from the error
         if p.name in taken and "release" not in p.name or not stands(p, model, round_number):

@@ -14,7 +14,7 @@ from rivid.diagnose.closed_loop import closed_loop
 from rivid.diagnose.fit import Model
 from rivid.diagnose.hydraulic_response import HydraulicResponse
 from rivid.diagnose.linear_response import LinearPool
-from rivid.diagnose.loop_run import cut, run_day
+from rivid.diagnose.loop_run import cut, run_day, without_fronts
 from rivid.diagnose.noise import NoiseModel
 from rivid.diagnose.operator_law import Law, beyond, identify, judged
 from rivid.diagnose.operator_moves import looks, moves, step_of
@@ -267,7 +267,7 @@ def test_corrections_by_lagged_flows_agree_with_the_outflow_that_was_decided(kin
     outflow[0, run.first :] = run.outflow
     alone = reach.simulate(dataclasses.replace(day, outflow=outflow), changes)[0, run.first :]
     assert np.ptp(run.level - alone) < 2.5e-3, "only a constant apart, that sets the first level"
-    plain = loops._without_fronts(reach).simulate(dataclasses.replace(day, outflow=outflow), changes)
+    plain = without_fronts(reach).simulate(dataclasses.replace(day, outflow=outflow), changes)
     assert np.ptp(run.level - plain[0, run.first :]) > 6e-3, "the corrections matter here"
 
 
