@@ -1,7 +1,12 @@
-"""Evidence of every place of the inflow's front, in every structure, from one shared elimination.
+"""Evidence of every place of the inflow's front, in every equation, from one shared elimination.
 
 The front lies at ``x = d + 1 - w`` samples: a sample's inflow begins to act at lag d + 1 with the share w,
-the rest comes a lag later, ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``.
+the rest comes a lag later: ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``. The equations:
+
+- first and second order: ``y[k] = a1 y[k-1] (+ a2 y[k-2]) + b1 v[k] + b2 v[k-1] + g1 o[k-1] + g2 o[k-2] + c``:
+  a front that moves the level as it arrives, and waves that run to and fro behind the dam;
+- store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): nothing but volume;
+- drifting store: the same with an unlogged inflow that comes and goes.
 """
 
 from typing import NamedTuple
@@ -10,15 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from rivid.core.posterior_noise import DRIFT_MEMORY, N_DRIFT, N_GAUGE, N_WHITE
+from rivid.core.posterior_gram import O_LAGS
+from rivid.core.posterior_noise import DRIFT_MEMORY, N_DRIFT, N_PLAIN
 
 Floats = NDArray[np.float64]
 
 SHARES = np.arange(10, 0, -1) / 10.0
 """w of the candidates; the first is the sharp front at a sampling instant."""
 
-MOST_T = 30.0
-"""Beyond so many standard errors a jump is sure to be positive, and below minus so many sure not to be."""
+SURE_T = 9.0
+"""Beyond so many standard errors a jump is positive (a chance of 1e-19 is none)."""
+
+LEAST_T = -30.0
+"""More standard errors below zero than these are counted as these."""
 
 SMALLEST_PIVOT = 1e-9
 """A column of which less than this share is left by those before it is not used."""
@@ -30,54 +39,44 @@ class Structure(NamedTuple):
     Attributes
     ----------
     name : str
+    order : int
+        Coefficients of the level's own lags; none for a store.
     taps : int
         Coefficients of the front: v at lag 0 and, with two, at lag 1.
     parameters : int
         All coefficients and the noise variance.
     noises : slice
-        Kinds of noise it goes with.
+        The kinds of noise it goes with.
     """
 
     name: str
+    order: int
     taps: int
     parameters: int
     noises: slice
 
+    @property
+    def is_store(self) -> bool:
+        """Whether it knows volumes only."""
+        return self.order == 0
+
 
 def structures(with_outflow: bool) -> tuple[Structure, ...]:
-    """The equations: first and second order with free coefficients, a store, a store with drifting inflow."""
-    plain, drift = slice(0, N_WHITE + N_GAUGE), slice(N_WHITE + N_GAUGE, N_WHITE + N_GAUGE + N_DRIFT)
+    """The equations, in the order in which :func:`log_evidence` gives them."""
+    plain, drift = slice(0, N_PLAIN), slice(N_PLAIN, N_PLAIN + N_DRIFT)
     o = int(with_outflow)
     return (
-        Structure("first order", 2, 5 + 2 * o, slice(None)),
-        Structure("second order", 2, 6 + 2 * o, slice(None)),
-        Structure("store", 1, 3 + o, plain),
-        Structure("drifting store", 1, 3 + o, drift),
+        Structure("first order", 1, 2, 5 + O_LAGS * o, plain),
+        Structure("second order", 2, 2, 6 + O_LAGS * o, slice(0, N_PLAIN + N_DRIFT)),
+        Structure("store", 0, 1, 3 + o, plain),
+        Structure("drifting store", 0, 1, 3 + o, drift),
     )
-
-
-def eliminate(G: Floats, scale: Floats, k: int) -> Floats:
-    """Schur complement: every column less what column k explains of it; k is dropped.
-
-    Parameters
-    ----------
-    G : ndarray, shape (K, K, ...)
-    scale : ndarray, shape (K, ...)
-        Sums of squares before anything was explained. A column with no more than :data:`SMALLEST_PIVOT` of
-        it left explains nothing.
-    """
-    keep = np.arange(len(G)) != k
-    pivot = G[k, k]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(pivot > SMALLEST_PIVOT * scale[k], 1.0 / pivot, 0.0)
-    row = G[k, keep]
-    return G[keep][:, keep] - row[:, None] * (row * inverse)
 
 
 def log_evidence(
     G: Floats, n_rows: int, with_outflow: bool, first: int, last: int
 ) -> tuple[list[Floats], list[Floats]]:
-    """Log evidence of each structure, kind of noise and place of the front.
+    """Log evidence of each equation, kind of noise and place of the front.
 
     Parameters
     ----------
@@ -95,98 +94,99 @@ def log_evidence(
     nothing : list of ndarray, shape (kinds, days)
         The same without any front.
     """
-    scale = np.einsum("iifb->ifb", G).copy()
-    o = 2 if with_outflow else 0
     kinds = structures(with_outflow)
+    _, _, plain, drift = (s.noises for s in kinds)
+    o = O_LAGS if with_outflow else 0
+    size = np.ascontiguousarray(np.einsum("iifb->ifb", G))
 
-    rest = eliminate(G, scale, 0)  # the constant; then o1, o2, y1, y2, y0, u1...
-    scale = scale[1:]
-    plain, drift = kinds[2].noises, kinds[3].noises
+    rest, size = _eliminate(G, size)  # of the constant; left: o1, o2, y1, y2, y0, u1 ...
     drifting = _drifting(rest[:, :, drift], o)
     if with_outflow:
-        drifting = eliminate(drifting, scale[0:1, drift], 0)  # o1
-        rest = eliminate(rest, scale, 0)
-        scale = scale[1:]
-    # o2, y1, y2, y0, u...
-    o -= with_outflow
-    lead = o + 2
-    store = _contract(rest[:, :, plain], [(lead, 1.0), (o, -1.0)], lead + 1)
-    if with_outflow:
-        rest, scale = eliminate(rest, scale, 0), scale[1:]
-    rest, scale = eliminate(rest, scale, 0), scale[1:]  # y1; left: y2, y0, u...
-    first_order = rest[1:, 1:]
-    second_order = eliminate(rest, scale, 0)
-    left = (first_order, second_order, store, drifting)
-    u_scale = scale[2:]
-    answers = [
-        _scores(R, u_scale[:, s.noises], n_rows, s, first, last) for R, s in zip(left, kinds, strict=True)
+        drifting, _ = _eliminate(drifting, np.maximum(size[:1, drift], 1e-300))
+        rest, size = _eliminate(rest, size)  # of o1; left: o2, y1, y2, y0, u1 ...
+    store = _combined(
+        rest[:, :, plain], {o + 1 if with_outflow else 2: 1.0, o - 1 if with_outflow else 0: -1.0}
+    )
+    for _ in range(o - 1):
+        rest, size = _eliminate(rest, size)
+    rest, size = _eliminate(rest, size)  # of y1; left: y2, y0, u1 ...
+    second, _ = _eliminate(rest, size)
+    u_size = size[2:]
+    left = (rest[1:, 1:, plain], second, store, drifting)
+    scores = [
+        _scores(R, u_size[:, s.noises], n_rows, s, first, last) for R, s in zip(left, kinds, strict=True)
     ]
-    return [a for a, _ in answers], [b for _, b in answers]
+    return [fronts for fronts, _ in scores], [nothing for _, nothing in scores]
 
 
-def _contract(R: Floats, response: list[tuple[int, float]], front: int) -> Floats:
-    """Rows and columns of a response made of several columns, then of u's lags from column `front` on."""
-    n = len(R) - front
-    out = np.empty((n + 1, n + 1, *R.shape[2:]))
+def _eliminate(G: Floats, size: Floats) -> tuple[Floats, Floats]:
+    """Schur complement: every column less what the first explains of it; the first is dropped.
+
+    `size` holds the sums of squares before anything was explained: a column of which only rounding is left
+    explains nothing.
+    """
+    pivot = G[0, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(pivot > SMALLEST_PIVOT * size[0], 1.0 / pivot, 0.0)
+    row = G[0, 1:]
+    return G[1:, 1:] - row[:, None] * (row * inverse), size[1:]
+
+
+def _combined(R: Floats, response: dict[int, float]) -> Floats:
+    """Rows and columns of a response made of several columns, then of those behind the last of them."""
+    front = max(response) + 1
+    out = np.empty((len(R) - front + 1, len(R) - front + 1, *R.shape[2:]))
     out[1:, 1:] = R[front:, front:]
-    row = sum(c * R[i, front:] for i, c in response)
-    out[0, 1:], out[1:, 0] = row, row
-    out[0, 0] = sum(a * b * R[i, j] for i, a in response for j, b in response)
+    out[0, 1:] = out[1:, 0] = sum(c * R[i, front:] for i, c in response.items())
+    out[0, 0] = sum(a * b * R[i, j] for i, a in response.items() for j, b in response.items())
     return out
 
 
 def _drifting(R: Floats, o: int) -> Floats:
     """The store's equation less rho times the same a sample before: outflow, response, u's lags."""
-    rho = DRIFT_MEMORY
-    K = len(R)
-    lead = o + 3
-    T = np.zeros((int(o > 0) + 1 + K - lead - 1, K))
-    if o:
-        T[0, 0], T[0, 1] = 1.0, -rho
-    at = int(o > 0)
-    T[at, o + 2], T[at, o], T[at, o + 1] = 1.0, -1.0 - rho, rho
-    for k in range(K - lead - 1):
-        T[at + 1 + k, lead + k], T[at + 1 + k, lead + k + 1] = 1.0, -rho
-    half = np.einsum("ij,jkfb->ikfb", T, R)
-    return np.einsum("ikfb,lk->ilfb", half, T)
+    rho, lead = DRIFT_MEMORY, o + 3
+    half = _drifted(R, o, rho, lead)
+    return _drifted(half.swapaxes(0, 1), o, rho, lead).swapaxes(0, 1)
 
 
-def _scores(R: Floats, u_scale: Floats, n: int, s: Structure, first: int, last: int) -> tuple[Floats, Floats]:
+def _drifted(R: Floats, o: int, rho: float, lead: int) -> Floats:
+    """Rows ``o1 - rho o2``, ``y0 - (1 + rho) y1 + rho y2`` and ``u_l - rho u_(l+1)``."""
+    outflow = [(R[0] - rho * R[1])[None]] if o else []
+    response = R[o + 2] - (1.0 + rho) * R[o] + rho * R[o + 1]
+    return np.concatenate([*outflow, response[None], R[lead:-1] - rho * R[lead + 1 :]])
+
+
+def _scores(R: Floats, u_size: Floats, n: int, s: Structure, first: int, last: int) -> tuple[Floats, Floats]:
     """Profile likelihood less half ln n for each parameter, with the chance that the front is positive."""
-
-    def diagonal(k: int, start: int) -> Floats:
-        """R[l, l + k] for the lags l = start .. of each candidate."""
-        i = np.arange(start + first, start + last + 1)
-        return R[i, i + k]
-
+    lag = np.arange(first + 1, last + 2)
     yy = R[0, 0]
-    aa, ab, bb = diagonal(0, 1), diagonal(1, 1), diagonal(0, 2)
-    a0, b0 = R[1 + first : 2 + last, 0], R[2 + first : 3 + last, 0]
+    aa, ab, bb, a0, b0 = R[lag, lag], R[lag, lag + 1], R[lag + 1, lag + 1], R[lag, 0], R[lag + 1, 0]
     if s.taps == 2:
-        ac, bc, cc, c0 = diagonal(2, 1), diagonal(1, 2), diagonal(0, 3), R[3 + first : 4 + last, 0]
-    out = np.empty((len(aa), len(SHARES), *yy.shape))
-    penalty = 0.5 * s.parameters * np.log(n) + np.log(yy.shape[0])
-    floor = 1e-13 * yy
-    dead = ~(aa > SMALLEST_PIVOT * u_scale[first : last + 1])
+        ac, bc, cc, c0 = R[lag, lag + 2], R[lag + 1, lag + 2], R[lag + 2, lag + 2], R[lag + 2, 0]
+    out = np.empty((len(yy), len(lag), len(SHARES), yy.shape[1]))
+    penalty = 0.5 * s.parameters * np.log(n) + np.log(len(yy))
+    dead = ~(aa > SMALLEST_PIVOT * u_size[first : last + 1])
     with np.errstate(divide="ignore", invalid="ignore"):
         for i, w in enumerate(SHARES):
             v = 1.0 - w
             g00 = w * w * aa + 2.0 * w * v * ab + v * v * bb
             r0 = w * a0 + v * b0
-            if s.taps == 1:
-                theta, spread = r0 / g00, g00
-                rss = yy - r0 * theta
-            else:
+            without = yy
+            if s.taps == 2:
                 g11 = w * w * bb + 2.0 * w * v * bc + v * v * cc
                 g01 = w * w * ab + w * v * (ac + bb) + v * v * bc
                 r1 = w * b0 + v * c0
-                spread = g00 - g01 * g01 / g11
-                theta = (r0 - g01 / g11 * r1) / spread
-                rss = yy - r1 * r1 / g11 - theta * theta * spread
-            rss = np.maximum(rss, floor)
-            t = theta * np.sqrt(spread * n / rss)
-            score = -0.5 * n * np.log(rss) - penalty + log_ndtr(np.clip(t, -MOST_T, MOST_T))
-            out[:, i] = np.where(dead | ~np.isfinite(score), -np.inf, score)
-        without = 0.5 * (s.parameters - s.taps) * np.log(n) + np.log(yy.shape[0])
-        nothing = np.where(yy > 0.0, -0.5 * n * np.log(yy) - without, -np.inf)
-    return np.moveaxis(out, 2, 0), nothing
+                slope = g01 / g11
+                g00 -= slope * g01
+                r0 -= slope * r1
+                without = yy - r1 * r1 / g11
+            theta = r0 / g00
+            rss = np.maximum(without - theta * r0, 1e-13 * yy)
+            t = r0 * np.sqrt(n / (g00 * rss))
+            score = -0.5 * n * np.log(rss) - penalty
+            doubtful = t < SURE_T
+            score[doubtful] += log_ndtr(np.maximum(t[doubtful], LEAST_T))
+            out[:, :, i] = np.where(dead | ~np.isfinite(score), -np.inf, score).swapaxes(0, 1)
+        fewer = 0.5 * (s.parameters - s.taps) * np.log(n) + np.log(len(yy))
+        nothing = np.where(yy > 0.0, -0.5 * n * np.log(yy) - fewer, -np.inf)
+    return out, nothing

@@ -1,4 +1,4 @@
-"""Sums of products that every structure of the posterior shares, once for each day and kind of noise."""
+"""Sums of products that every equation of the posterior shares, once for each day and kind of noise."""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,10 +12,10 @@ Y_LAGS = 2
 O_LAGS = 2
 
 
-def columns(with_outflow: bool) -> list[str]:
+def columns(with_outflow: bool) -> tuple[str, ...]:
     """Names of the leading columns of :func:`gram`: constant, outflow's lags, the level's, its value now."""
     outflow = [f"o{k}" for k in range(1, O_LAGS + 1)] if with_outflow else []
-    return ["one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0"]
+    return ("one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0")
 
 
 def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int) -> tuple[Floats, int]:
@@ -38,6 +38,11 @@ def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: in
         Columns as :func:`columns` names them, then u's lags 1 to `n_lags`.
     n_rows : int
         Rows that count, N - n_lags: those for which every lag lies in the day.
+
+    Notes
+    -----
+    Products run over the leading columns and u's first lag only. Lags of u among themselves follow from it:
+    ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
     """
     days, N = u.shape
     series = np.stack([y, u] if o is None else [y, u, o], axis=1)
@@ -53,7 +58,18 @@ def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: in
         else:
             k = int(name[1:])
             X[:, :, i] = white[:, :, 0 if name[0] == "y" else 2, n_lags - k : N - k]
-    windows = sliding_window_view(white[:, :, 1, : N - 1], n, axis=-1)  # row r holds lag n_lags - r
+    inflow = white[:, :, 1]
+    windows = sliding_window_view(inflow[..., : N - 1], n, axis=-1)  # row r holds lag n_lags - r
     X[:, :, lead:] = windows[:, :, ::-1]
-    G = np.matmul(X, X.swapaxes(-1, -2))
-    return np.ascontiguousarray(np.moveaxis(G, (0, 1), (3, 2))), n
+    rows = np.matmul(X[:, :, : lead + 1], X.swapaxes(-1, -2))
+    G = np.empty((lead + n_lags, lead + n_lags, len(polynomials), days))
+    G[: lead + 1] = np.moveaxis(rows, (0, 1), (3, 2))
+    G[lead + 1 :, : lead + 1] = G[: lead + 1, lead + 1 :].swapaxes(0, 1)
+    enter = np.moveaxis(inflow[..., n_lags - 1 :: -1], (0, 1), (2, 1))  # what lag i + 1 reaches back to
+    leave = np.moveaxis(inflow[..., N - 2 : N - n_lags - 2 : -1], (0, 1), (2, 1))
+    enter, leave = np.ascontiguousarray(enter), np.ascontiguousarray(leave)
+    for i in range(n_lags - 1):
+        row = G[lead + i, lead + i : -1] + enter[i + 1] * enter[i + 1 :] - leave[i] * leave[i:-1]
+        G[lead + i + 1, lead + i + 1 :] = row
+        G[lead + i + 1 :, lead + i + 1] = row
+    return G, n

@@ -16,10 +16,10 @@ Floats = NDArray[np.float64]
 CHUNK = 25
 """Samples that one product filters at once."""
 
-GAUGE_RATIOS = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
+GAUGE_RATIOS = (2.0, 0.5, 0.15, 0.045, 0.015)
 """Variance of the equation's own noise over that of the gauge, ``a = 1 - q^-1``."""
 
-DRIFT_RATIOS = (0.032, 0.0056, 0.001, 0.00018, 0.000032)
+DRIFT_RATIOS = (0.01, 0.0015, 0.0003, 0.00005)
 """The same where the unlogged inflow drifts, ``a = (1 - q^-1)(1 - rho q^-1)``."""
 
 DRIFT_MEMORY = 0.98
@@ -51,7 +51,7 @@ def spectral_factor(a: Floats, ratio: float) -> Floats:
     both[len(a) - 1] += ratio
     roots = np.roots(both)
     inside = roots[np.abs(roots) < 1.0]
-    return np.real(np.poly(inside))
+    return np.asarray(np.real(np.poly(inside)), float)
 
 
 @lru_cache(maxsize=1)
@@ -64,7 +64,8 @@ def noise_bank() -> Floats:
     return np.array(rows)
 
 
-N_WHITE, N_GAUGE, N_DRIFT = 1, len(GAUGE_RATIOS), len(DRIFT_RATIOS)
+N_PLAIN, N_DRIFT = 1 + len(GAUGE_RATIOS), len(DRIFT_RATIOS)
+"""How many of the bank are for white noise and the gauge's, and for a drifting inflow beside it."""
 
 
 def prewhiten(series: Floats, polynomials: Floats) -> Floats:
@@ -104,4 +105,5 @@ def prewhiten(series: Floats, polynomials: Floats) -> Floats:
     for j in range(1, n_chunks):
         ends = filtered[..., j - 1, -2:]
         filtered[..., j, :] += ends[..., 1:] * last[:, None] + ends[..., :1] * before[:, None]
-    return filtered.reshape(days, len(polynomials), S, -1)[..., :N]
+    whole: Floats = filtered.reshape(days, len(polynomials), S, -1)
+    return whole[..., :N]

@@ -1,23 +1,20 @@
 """p(d | y) against brute force: one regression for every day, equation, noise and place of the front."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.special import expit, logsumexp
 from scipy.stats import norm
 
-from rivid.core.posterior import GUARD, PosteriorSettings, posterior
+from rivid.core.posterior import GUARD, posterior
+from rivid.core.posterior_fir import MODELS
 from rivid.core.posterior_front import log_evidence, structures
 from rivid.core.posterior_gram import gram
 from rivid.core.posterior_noise import DRIFT_MEMORY, noise_bank, prewhiten, spectral_factor
+from rivid.core.posterior_settings import PosteriorSettings
 from tests.core.posterior_days import linear_days, wave_days
 
 N = 300
-
-
-def mixture(edge, centres, widths, weight):
-    return weight @ (1 / (1 + np.exp((centres - edge) / widths)))
 
 
 def delayed(series, k, rows):
@@ -80,41 +77,89 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
             assert fronts[which][k, d, j, i] == pytest.approx(slow, abs=1e-4)
 
 
+def slow_posterior(u, y, o, s):
+    """Weights, travel times and errors of every model of a day, by one regression for each."""
+    first, last = s.d_min - GUARD, s.d_max + GUARD
+    y, u, o = y - y[0], u - u[0], o - o[0]
+    within, between, places, errors = [], [], [], []
+    for structure in structures(True):
+        kinds = noise_bank()[structure.noises]
+        store = structure.is_store
+        logs, priors = [], []
+        for C in kinds:
+            for d in range(first, last + 1):
+                for w in np.arange(10, 0, -1) / 10:
+                    logs.append(slow_evidence(y, u, o, structure, C, len(kinds), d, w, last + 4))
+                    priors.append(0.1 if store else (1 - s.sharp) / 10 + (s.sharp if w == 1 else 0))
+                    x = d + 1 - w
+                    places.append(x if store else (x + s.wave_lead) / (1 + s.wave_lag))
+                    errors.append(s.store_error if store else s.wave_error)
+        logs, priors = np.array(logs), np.array(priors)
+        inside = np.exp((logs - logs.max()) / (s.store_temperature if store else s.wave_temperature)) * priors
+        within.append(inside / inside.sum())
+        between.append(logsumexp(logs / s.between_temperature, b=priors))
+    share = np.exp(np.array(between) - logsumexp(between))
+    weight = np.concatenate([p * inside for p, inside in zip(share, within, strict=True)])
+    return weight, np.array(places), np.array(errors)
+
+
 @pytest.mark.parametrize("days", [linear_days, wave_days])
 def test_probability_is_the_flattened_sum_over_all_models(days):
     u, y, o, _ = days(2, 5, N)
-    s = PosteriorSettings(d_min=2, d_max=6, order=20)
+    s = PosteriorSettings(d_min=3, d_max=6, order=20)
     result = posterior(u, y, o, s)
-    bank, first, last = noise_bank(), s.d_min - GUARD, s.d_max + GUARD
     for i in range(2):
-        logs, places, spreads = [], [], []
-        for structure in structures(True):
-            kinds = bank[structure.noises]
-            wave = structure.taps == 2
-            for C in kinds:
-                for d in range(first, last + 1):
-                    for w in np.arange(10, 0, -1) / 10:
-                        value = slow_evidence(
-                            *(a[i] - a[i, 0] for a in (y, u, o)), structure, C, len(kinds), d, w, last + 4
-                        )  # fmt: skip
-                        prior = (1 - s.sharp) / 10 + (s.sharp if w == 1 else 0) if wave else 0.1
-                        logs.append(value / s.temperature + np.log(prior))
-                        x = d + 1 - w
-                        places.append((x + s.wave_lead) / (1 + s.wave_lag) if wave else x)
-                        spreads.append(s.edge_wave if wave else s.edge_store)
-        weight = np.exp(np.array(logs) - max(logs))
-        weight /= weight.sum()
+        weight, places, errors = slow_posterior(u[i], y[i], o[i], s)
 
-        centres, widths = np.array(places), np.array(spreads)
-        below = partial(mixture, centres=centres, widths=widths, weight=weight)
+        def below(edge, weight=weight, places=places, errors=errors):
+            return weight @ expit((edge - places) / errors)
 
         p = np.array([below(d + 1) - below(d) for d in result.candidates])
         assert np.allclose(result.probability[i], p / p.sum(), atol=1e-4)
-        assert result.beyond[i, 0] == pytest.approx(below(s.d_min), abs=1e-4)
-        assert result.beyond[i, 1] == pytest.approx(1 - below(s.d_max + 1), abs=1e-4)
-        assert below(result.place[i]) == pytest.approx(0.5, abs=0.03)
-        assert below(result.place_low[i]) == pytest.approx(0.05, abs=0.03)
-        assert below(result.place_high[i]) == pytest.approx(0.95, abs=0.03)
+        assert result.beyond[i] == pytest.approx([below(s.d_min), 1 - below(s.d_max + 1)], abs=1e-4)
+        best = result.candidates[np.argmax(p)]
+        assert result.right[i] == pytest.approx(below(best + 1.1) - below(best - 0.1), abs=1e-4)
+        for place, level in ((result.place, 0.5), (result.place_low, 0.05), (result.place_high, 0.95)):
+            assert below(place[i] - 0.1) <= level <= below(place[i] + 0.1)
+
+
+@pytest.mark.parametrize("with_outflow", [True, False])
+@pytest.mark.parametrize("days", [linear_days, wave_days])
+def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outflow):
+    u, y, o, _ = days(1, 9, N)
+    s = PosteriorSettings(d_min=3, d_max=6, order=25)
+    result = posterior(u, y, o if with_outflow else None, s)
+    d_hat = result.candidates[np.argmax(result.probability[0])]
+    u, y, o = (a[0] - a[0, 0] for a in (u, y, o))
+    models = []
+    for structure in structures(with_outflow):
+        kinds = noise_bank()[structure.noises]
+        for C in kinds:
+            for d in range(1, 9):
+                for w in np.arange(10, 0, -1) / 10:
+                    x = d + 1 - w
+                    place = x if structure.is_store else (x + s.wave_lead) / (1 + s.wave_lag)
+                    if np.floor(place + 1e-9) == d_hat:
+                        out = o if with_outflow else None
+                        log = slow_evidence(y, u, out, structure, C, len(kinds), d, w, s.d_max + GUARD + 4)
+                        models.append((log, structure, C, d, w))
+    models = sorted(models, key=lambda m: -m[0])[:MODELS]
+    weight = np.exp((np.array([m[0] for m in models]) - models[0][0]) / s.between_temperature)
+    weight /= weight.sum()
+    h = np.zeros(s.order)
+    for share, (_, structure, C, d, w) in zip(weight, models, strict=True):
+        white = [None if a is None else lfilter([1.0], C, a) for a in (y, u, o if with_outflow else None)]
+        rows = np.arange(s.d_max + GUARD + 4, N)
+        response, X = regression(structure.name, *white, lfilter([1.0], C, np.ones(N)), d, w, rows)
+        theta = np.linalg.lstsq(X, response, rcond=None)[0]
+        front = np.zeros(s.order)
+        for tap in range(structure.taps):
+            front[d + 1 + tap] += theta[tap] * w
+            front[d + 2 + tap] += theta[tap] * (1 - w)
+        a = [-1.0] if structure.is_store else list(-theta[structure.taps :][: structure.order])
+        h += share * lfilter([1.0], [1.0, *a], front)
+    assert np.allclose(result.fir[0], h, atol=1e-4 * np.abs(h).max())
+    assert (result.fir_sd[0][d_hat + 2 :] > 0).all()
 
 
 def test_prewhitening_is_the_recursive_filter():
