@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam import answered, recorded
+from benchmarks.exam.answering import Logs, answer
 from benchmarks.measure import functions_in_turn, machine, median, table
 from rivid.reach.saint_venant import Channel, Flow, simulate
 from rivid.scenario import load_scenario
@@ -21,6 +21,8 @@ ROOT = Path(__file__).parent.parent
 T_S = 133.0
 PER_DAY = 650
 RUNS = 5
+REACH = {"reach": {"name": "pool", "length": 8200.0, "width": 81.6, "bed_level": 124.3}}
+"""What a user would say of the reach to diagnose."""
 
 
 def commands(days: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -108,8 +110,9 @@ def diagnoses() -> str:
     base = load_scenario(ROOT / "configs" / "scenarios" / "effects" / "diurnal_inflow.toml")
     rows = []
     for days in (60, 332):
-        record = recorded(closed(base.model_copy(update={"days": days}), 1))
-        took = functions_in_turn({"diagnose": lambda r=record: answered(r)}, 1)["diagnose"][0]
+        season = closed(base.model_copy(update={"days": days}), 1)
+        logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
+        took = functions_in_turn({"diagnose": lambda of=logs: answer(of)}, 1)["diagnose"][0]
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         rows.append([str(days), f"{took:.0f} s", f"{peak:.0f} MB"])
     return table(["days", "diagnosis", "memory of the process at most"], rows)

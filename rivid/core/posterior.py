@@ -169,9 +169,9 @@ def _answer(
     beyond = np.stack([p[:, : inside.start].sum(axis=1), p[:, inside.stop :].sum(axis=1)], axis=1)
     candidates = np.arange(s.d_min, s.d_max + 1)
     within, right = p[:, inside], right[:, inside]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        probability = within / within.sum(axis=1, keepdims=True)
-    known = np.isfinite(probability).all(axis=1)
+    known: Bools = np.asarray(np.isfinite(p).all(axis=1))
+    probability = within + 1e-300  # where all lies beyond the range, nothing tells its delays apart
+    probability /= probability.sum(axis=1, keepdims=True)
     ranked = np.argsort(-np.where(known[:, None], within, 0.0), axis=1, kind="stable")
     best = ranked[:, 0]
     every = np.arange(len(p))

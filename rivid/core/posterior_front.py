@@ -3,7 +3,7 @@
 The front lies at ``x = d + 1 - w`` samples: a sample's inflow begins to act at lag d + 1 with the share w,
 the rest comes a lag later: ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``. The equations:
 
-- first and second order: ``y[k] = a1 y[k-1] (+ a2 y[k-2]) + b1 v[k] + b2 v[k-1] + g1 o[k-1] + g2 o[k-2] + c``:
+- first and second order: ``y[k] = a1 y[k-1] (+ a2 y[k-2]) + b1 v[k] + b2 v[k-1] + g1 o[k-1] + g2 o[k-2] + c``
   a front that moves the level as it arrives, and waves that run to and fro behind the dam;
 - store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): nothing but volume;
 - drifting store: the same with an unlogged inflow that comes and goes.
