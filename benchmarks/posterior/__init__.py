@@ -1,0 +1,1 @@
+"""p(d | y) on simulated reaches with known delays: worlds, scores, the page."""

@@ -1,0 +1,210 @@
+"""Simulated worlds for p(d | y): those its constants were chosen on, and others that took no part.
+
+A world is many short seasons of one kind of reach. Each season has a length of its own, drawn from the seed,
+so that the delays cover the range and their fractions are even.
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.errors import ConfigError
+from rivid.scenario import Scenario, load_scenario
+from rivid.simulate import Season, simulate
+
+SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
+SEASON = 6
+"""Days of one length of the reach."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class World:
+    """Days of one kind of reach, and their truth.
+
+    Attributes
+    ----------
+    name : str
+    u, y, o : ndarray, shape (days, N)
+        Inflow command [m3/s], level [m] and outflow command [m3/s].
+    delay : ndarray of int, shape (days,)
+        True delay d [samples]: the front of a small wave at the day's mean flow needs `travel` samples, and
+        ``d = ceil(travel) - 1`` (:func:`rivid.simulate.true_delay`): a command of sample k is seen first at
+        sample k + d + 1. But for a travel time of whole samples that is its floor.
+    travel : ndarray, shape (days,)
+        The travel time of that front, fraction included [samples].
+    sample_time : float
+        T_s [s].
+    """
+
+    name: str
+    u: Floats
+    y: Floats
+    o: Floats
+    delay: Ints
+    travel: Floats
+    sample_time: float
+
+    @property
+    def other(self) -> Ints:
+        """The delay beyond the nearest sampling instant where that is within 0.1 samples, else `delay`."""
+        edge = np.round(self.travel)
+        near = np.abs(self.travel - edge) < 0.1
+        return np.where(near, 2 * edge - 1 - self.delay, self.delay).astype(np.intp)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A kind of reach.
+
+    Attributes
+    ----------
+    base : str
+        A scenario file.
+    length : (float, float)
+        Shortest and longest reach [m].
+    gain : (float, float)
+        K_h [m2/s] of the people on the shortest and on the longest reach: a short pool answers faster, a
+        strong hand would make it swing.
+    changes : dict
+        Tables of the scenario, over the file's.
+    """
+
+    base: str
+    length: tuple[float, float]
+    gain: tuple[float, float]
+    changes: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def scenario(self, length: float, days: int) -> Scenario:
+        """The scenario of one length."""
+        said = load_scenario(SCENARIOS / f"{self.base}.toml").model_dump(exclude_unset=True)
+        for table, values in self.changes.items():
+            said[table] = said.get(table, {}) | values
+        reach = said["reach"]
+        along = (length - self.length[0]) / (self.length[1] - self.length[0])
+        gain = self.gain[0] + along * (self.gain[1] - self.gain[0])
+        said["operators"] = said["operators"] | {"level_gain": gain}
+        said["reach"] = reach | {"length": length, "surface_area": length * reach["width"]}
+        return Scenario.model_validate(said | {"days": days, "missing_days": 0})
+
+
+QUIET = {"noise": 0.001, "quantum": 0.001}
+ROUGH = {"noise": 0.01, "quantum": 0.01}
+LINEAR, WAVES = ((2700.0, 14400.0), (-90.0, -480.0)), ((2600.0, 13000.0), (-55.0, -85.0))
+UNEVEN = ((2600.0, 12300.0), (-70.0, -140.0))
+
+
+def _sampled(T_s: float) -> dict[str, dict[str, Any]]:
+    """Another sample time; the dispatcher acts as often in an hour."""
+    return {"reach": {"sample_time": T_s}, "programme": {"activity": min(0.4 * T_s / 133.0, 1.0)}}
+
+
+DEVELOPMENT = {
+    "linear": Recipe("basse_isere", *LINEAR),
+    "linear, quiet gauge": Recipe("basse_isere", *LINEAR, {"level": QUIET}),
+    "linear, rough gauge": Recipe("basse_isere", *LINEAR, {"level": ROUGH}),
+    "linear, 60 s": Recipe("basse_isere", (1250.0, 6500.0), (-40.0, -200.0), _sampled(60.0)),
+    "linear, 240 s": Recipe("basse_isere", (4900.0, 26000.0), (-160.0, -800.0), _sampled(240.0)),
+    "linear, much weather": Recipe("basse_isere", *LINEAR, {"weather": {"inflow": 6.0, "memory": 7200.0}}),
+    "hydraulic": Recipe("hydraulic", *WAVES),
+    "hydraulic, quiet gauge": Recipe("hydraulic", *WAVES, {"level": QUIET}),
+    "hydraulic, rough gauge": Recipe("hydraulic", *WAVES, {"level": ROUGH}),
+    "hydraulic, 60 s": Recipe("hydraulic", (1300.0, 5900.0), (-30.0, -70.0), _sampled(60.0)),
+    "hydraulic, 240 s": Recipe("hydraulic", (4700.0, 22000.0), (-75.0, -85.0), _sampled(240.0)),
+    "uneven": Recipe("uneven", *UNEVEN),
+    "uneven, much weather": Recipe("uneven", *UNEVEN, {"weather": {"inflow": 5.0, "memory": 7200.0}}),
+}
+OTHER_HANDS = {
+    "feedforward": 0.8, "feedforward_spread": 0.15, "dead_band": 0.04, "trim_time": 36000.0,
+    "look": [1500.0, 3600.0], "notice": 10.0,
+}  # fmt: skip
+PROOF = {
+    "linear, wide, other people": Recipe(
+        "basse_isere", (3400.0, 17500.0), (-60.0, -300.0),
+        _sampled(180.0)
+        | {"reach": {"sample_time": 180.0, "width": 125.0, "depth": 4.2, "wave_depth": 5.2},
+           "operators": OTHER_HANDS, "level": {"noise": 0.005, "quantum": 0.005},
+           "weather": {"inflow": 3.0, "memory": 10800.0}},
+    ),
+    "hydraulic, wide and smooth": Recipe(
+        "hydraulic", (3400.0, 14500.0), (-80.0, -130.0),
+        _sampled(180.0)
+        | {"reach": {"sample_time": 180.0, "width": 125.0, "depth": 4.4},
+           "channel": {"slope": 1.2e-4, "manning": 0.022, "bed_level": 124.9},
+           "level": {"noise": 0.005, "quantum": 0.005}},
+    ),
+    "hydraulic, narrow and rough": Recipe(
+        "hydraulic", (2100.0, 9300.0), (-35.0, -55.0),
+        _sampled(100.0)
+        | {"reach": {"sample_time": 100.0, "width": 58.0, "depth": 5.5},
+           "channel": {"slope": 3.5e-4, "manning": 0.037, "bed_level": 123.4},
+           "flow": {"mean": 190.0, "lowest": 80.0, "highest": 500.0},
+           "programme": {"activity": 0.3, "swing": 80.0}, "level": {"noise": 0.002, "quantum": 0.01}},
+    ),
+    "uneven, other people": Recipe(
+        "uneven", (2500.0, 10500.0), (-22.0, -45.0),
+        _sampled(120.0)
+        | {"channel": {"width_modes": [0.1, -0.09, 0.06], "bed_modes": [-0.2, 0.25],
+                       "manning_modes": [-0.1, 0.1], "side_slope": 2.0, "manning": 0.026},
+           "operators": OTHER_HANDS, "level": {"noise": 0.004, "quantum": 0.01},
+           "weather": {"inflow": 3.0, "memory": 43200.0, "place": 0.3}},
+    ),
+}  # fmt: skip
+KINDS = {"development": DEVELOPMENT, "proof": PROOF}
+
+
+@lru_cache(maxsize=4)
+def _worlds(kind: str, seed: int, days: int) -> tuple[World, ...]:
+    if kind not in KINDS:
+        raise ConfigError(f"kind = {kind!r}: expected one of {', '.join(KINDS)}")
+    return tuple(
+        _world(name, recipe, np.random.default_rng([seed, k, list(KINDS).index(kind)]), days)
+        for k, (name, recipe) in enumerate(KINDS[kind].items())
+    )
+
+
+def _world(name: str, recipe: Recipe, rng: np.random.Generator, days: int) -> World:
+    """Seasons of evenly spread lengths, side by side."""
+    parts = -(-days // SEASON)
+    share = (rng.permutation(parts) + rng.random(parts)) / parts
+    lengths = recipe.length[0] + share * (recipe.length[1] - recipe.length[0])
+    seasons: list[Season] = []
+    for i, length in enumerate(lengths):
+        scenario = recipe.scenario(float(length), min(SEASON, days - i * SEASON))
+        first = scenario.first_day.replace(month=int(rng.integers(1, 13)))  # low and high water
+        seasons.append(simulate(scenario.model_copy(update={"first_day": first}), int(rng.integers(2**31))))
+    u, y, o, delay, travel = (
+        np.concatenate([getattr(season, key) for season in seasons])
+        for key in ("inflow", "level", "outflow", "delay", "travel_time")
+    )
+    T_s = seasons[0].sample_time
+    return World(name, u, y, o, delay, travel / T_s, T_s)
+
+
+def worlds(kind: str, seed: int, days: int) -> list[World]:
+    """Worlds of a kind, the same for the same seed.
+
+    Parameters
+    ----------
+    kind : str
+        "development" or "proof": what is chosen may look at the first only.
+    seed : int
+    days : int
+        Of each world; fewer than a few dozen do not cover all delays.
+
+    Returns
+    -------
+    list of World
+
+    Raises
+    ------
+    ConfigError
+        For another kind.
+    """
+    return list(_worlds(kind, seed, days))
