@@ -1,0 +1,116 @@
+"""Evidence of every response of a river window: gain integrated out, noise variance at its best.
+
+For one kind of noise and one response h the whitened window is ``y = Z c + g x + e``, ``x = U h``: c is flat,
+the gain g has a normal prior and is positive, e is white of variance s2.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from rivid.core.posterior_river_noise import SINE, Sums
+from rivid.core.posterior_river_response import ResponseGrid
+
+Floats = NDArray[np.float64]
+
+SURE_T = 7.0
+"""Beyond so many standard errors a gain is positive."""
+
+FLOOR = 1e-9
+"""Least share of the output's variance that is noise."""
+
+
+class Evidence(NamedTuple):
+    """Log evidence with the posterior of the gain.
+
+    Attributes
+    ----------
+    log : ndarray
+        Log of the marginal likelihood, noise variance at its best.
+    gain, gain_variance : ndarray
+        Mean and variance of the gain before it is cut at zero.
+    """
+
+    log: Floats
+    gain: Floats
+    gain_variance: Floats
+
+
+def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float) -> Evidence:
+    """ln p(y | h) with the gain integrated out and s2 where the evidence is nearly highest.
+
+    Parameters
+    ----------
+    yy, xy, xx : ndarray
+        Sums of products, shapes that broadcast.
+    m : int
+        Rows less columns of Z.
+    gain, gain_sd : float
+        Prior of the gain, cut at zero.
+
+    Returns
+    -------
+    Evidence
+
+    Notes
+    -----
+    s2 is found by three steps of expectation and maximisation from the least-squares fit.
+    """
+    precision0 = 1.0 / gain_sd**2
+    xx = np.maximum(xx, 1e-300)
+    floor = FLOOR * yy / m + 1e-300
+    s2 = np.maximum((yy - xy * np.maximum(xy, 0.0) / xx) / m, floor)
+    for _ in range(3):
+        variance = s2 / (xx + precision0 * s2)
+        g = (xy + gain * precision0 * s2) / (xx + precision0 * s2)
+        s2 = np.maximum((yy - 2.0 * g * xy + (g * g + variance) * xx) / m, floor)
+    variance = s2 / (xx + precision0 * s2)
+    g = (xy + gain * precision0 * s2) / (xx + precision0 * s2)
+    log = -0.5 * m * np.log(2.0 * np.pi * s2) - 0.5 * (yy - 2.0 * g * xy + g * g * xx) / s2
+    log += 0.5 * np.log(variance * precision0) - 0.5 * (g - gain) ** 2 * precision0
+    t = g / np.sqrt(variance)
+    doubtful = t < SURE_T
+    log[doubtful] += log_ndtr(t[doubtful])
+    return Evidence(log - log_ndtr(gain / gain_sd), g, variance)
+
+
+def evidence(sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float) -> Evidence:
+    """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine."""
+    C, B, n, _ = sums.uu.shape
+    shapes, T, _ = grid.h.shape
+    xx = np.empty((C, B, shapes, T))
+    for shape, part, lags in grid.blocks:
+        h = grid.h[shape, part, lags]
+        xx[:, :, shape, part] = np.einsum("cbtl,tl->cbt", np.matmul(h, sums.uu[:, :, lags, lags]), h)
+    flat = grid.h.reshape(-1, n)
+    xy = np.matmul(sums.uy, flat.T).reshape(C, B, shapes, T)
+    xz = np.matmul(flat, sums.uz).reshape(C, B, shapes, T, SINE)
+    logs, gains, variances = [], [], []
+    yy = sums.yy
+    for columns in (slice(0, 1), slice(1, SINE)):  # the level first, then the sine besides
+        part = xz[..., columns]
+        yz = sums.yz[:, columns]
+        xx = xx - np.einsum("...z,...z->...", part, part)
+        xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
+        yy = yy - np.einsum("bz,bz->b", yz, yz)
+        m = n_rows - columns.stop
+        found = marginal(yy[:, None, None], xy, xx, m, gain, gain_sd)
+        logs.append(found.log - 0.5 * columns.stop * np.log(n_rows))
+        gains.append(found.gain)
+        variances.append(found.gain_variance)
+    return Evidence(*(np.stack(x, axis=2) for x in (logs, gains, variances)))
+
+
+def nothing(sums: Sums, n_rows: int) -> Floats:
+    """Log evidence without any response, shape (B, 2)."""
+    out = []
+    yy = sums.yy
+    for columns in (slice(0, 1), slice(1, SINE)):
+        yz = sums.yz[:, columns]
+        yy = yy - np.einsum("bz,bz->b", yz, yz)
+        m = n_rows - columns.stop
+        s2 = np.maximum(yy / m, 1e-300)
+        out.append(-0.5 * m * np.log(2.0 * np.pi * s2) - 0.5 * m - 0.5 * columns.stop * np.log(n_rows))
+    return np.stack(out, axis=1)

@@ -1,0 +1,76 @@
+"""Settings of the posterior of a river's travel time: the one home of their defaults."""
+
+from dataclasses import dataclass
+from math import ceil, inf
+
+from rivid.errors import ConfigError
+
+GUARD = 2.0
+"""Travel times beyond each edge of the range [samples]: no answers, but a reason not to give one."""
+
+
+@dataclass(frozen=True)
+class RiverSettings:
+    """How the probability of a river's travel time is made.
+
+    Temperatures and spread were chosen on simulated rivers and on a measured one, and proved on others (see
+    `benchmarks/posterior_river.py`).
+
+    Parameters
+    ----------
+    d_min, d_max : int
+        Travel times t50 that can be answered [samples], ``1 <= d_min < d_max``.
+    warm : int
+        Samples before each window that are history only; at least :attr:`n_lags`.
+    day : int
+        Samples in a day, the period of a daily inflow that no log holds.
+    gain, gain_sd : float
+        Prior of the response's sum [-]: near 1, for the water arrives.
+    temperature : float
+        By which the log evidence of one day's rows is divided, 1 or more.
+    temperature_growth : float
+        Power with which that grows as the window has more rows than a day.
+    spread, spread_share : float
+        Standard error that no window can see [samples, share of t50]: no river is one of the families.
+    widest : float
+        Widest 90 % band that is an answer [samples], beyond it half of t50 is allowed.
+    """
+
+    d_min: int = 1
+    d_max: int = 40
+    warm: int = 96
+    day: int = 96
+    gain: float = 1.0
+    gain_sd: float = 0.35
+    temperature: float = 1.5
+    temperature_growth: float = 0.57
+    spread: float = 0.3
+    spread_share: float = 0.01
+    widest: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.d_min < self.d_max:
+            raise ConfigError(
+                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min < d_max (samples)"
+            )
+        if self.warm < self.n_lags:
+            raise ConfigError(
+                f"warm = {self.warm}: d_max = {self.d_max} needs {self.n_lags} samples of history or more"
+            )
+        if not 1.0 <= self.temperature < inf:
+            raise ConfigError(f"temperature = {self.temperature}: expected 1 or more")
+        for name in ("temperature_growth", "spread_share"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ConfigError(f"{name} = {getattr(self, name)}: expected a share, 0 to 1")
+        for name in ("day", "gain", "gain_sd", "spread", "widest"):
+            if not 0.0 < getattr(self, name) < inf:
+                raise ConfigError(f"{name} = {getattr(self, name)}: expected a positive number")
+
+    @property
+    def n_lags(self) -> int:
+        """Longest lag of a response [samples]."""
+        return ceil(1.9 * (self.d_max + GUARD)) + 4
+
+    def flattening(self, n_rows: int) -> float:
+        """Temperature of a window of so many rows."""
+        return max(1.0, self.temperature * float((n_rows / self.day) ** self.temperature_growth))
