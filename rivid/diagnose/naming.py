@@ -163,7 +163,7 @@ def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
         if p.events is None and not p.level_noise and name not in ABSORBED
     }
     best = max(flows.values(), default=0.0)
-    return {name: p for name, p in able.items() if flows.get(name, best) >= (1.0 - CLOSE) * best}
+    return {name: p for name, p in able.items() if flows.get(name, best) >= best - CLOSE * abs(best)}
 
 
 def _ahead(one: Proposal, other: Proposal) -> bool:

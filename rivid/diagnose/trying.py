@@ -27,6 +27,8 @@ NEAR_ABSORBED = 0.15
 """The same, between effects that a response can take upon itself."""
 CONFIRMED = 0.1
 """Share of its gain a fitting day that a selecting day does not even reach where a name is contradicted."""
+DOUBT = 0.05
+"""Level at which something may be said not to hold."""
 WORTH = 40.0
 """What a proposal that does not stand must gain to be tried all the same [nats]."""
 
@@ -122,12 +124,13 @@ def exchanged(pool: list[Proposal], old: Proposal, new: Proposal) -> list[Propos
 def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
     """The proposal that gains most where it was fitted, and not where it was to be confirmed.
 
-    What a poor response lacks of a wave is not asked: it comes and goes with the flow.
+    What a poor response lacks of a wave is not asked: it comes and goes with the flow. The test of the whole
+    season is blunter here than for a name, as half of the season speaks against it.
     """
     share = CONFIRMED * float(model.split.select.sum() / model.split.fit.sum())
     found = [
         p for p in pool
-        if can_be_tried(p) and p.name not in ABSORBED and p.p_value <= LEVEL
+        if can_be_tried(p) and p.name not in ABSORBED and p.p_value <= DOUBT
         and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit
     ]  # fmt: skip
     return max(found, key=lambda p: p.gain_fit, default=None)

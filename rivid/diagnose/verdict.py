@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rivid.diagnose.data import Floats
+from rivid.diagnose.holding import held_share
 from rivid.diagnose.linear import limited
 from rivid.diagnose.result import Gap, Unknown, Verdict
 
@@ -15,6 +16,8 @@ WORSE = 1.01
 """A name does not hold where the sealed error grows by more than this factor at every horizon."""
 HELD = 0.25
 """Or where less than this share of what it gained on the selecting days is found on the sealed ones."""
+HALF = 0.5
+"""Or where, with two standard errors, its size on the sealed days is below this share of its size."""
 
 
 def verdict_of(study: "Study", gap: Gap, unknown: Unknown | None) -> tuple[Verdict, str]:
@@ -56,7 +59,7 @@ def verdict_of(study: "Study", gap: Gap, unknown: Unknown | None) -> tuple[Verdi
 
 
 def fails(study: "Study", base: Floats, end: Floats) -> bool:
-    """Whether the sealed days contradict what was named: by their errors and by their likelihood.
+    """Whether the sealed days contradict what was named: by its size there, their errors, their likelihood.
 
     The error hours ahead is mostly the unknown inflow's; for a lag or a slow gate the likelihood speaks.
 
@@ -66,19 +69,25 @@ def fails(study: "Study", base: Floats, end: Floats) -> bool:
     base, end : ndarray, shape (horizons,)
         Errors on the sealed days before and after.
     """
+    first = study.named[0].choice
+    assert first is not None
+    told = held_share(study.last, study.last_linear, study.last_evaluation, first.proposal.name)
+    if told is not None:  # the size itself tells more than what it gains
+        share, error = told
+        return share + 2.0 * error < HALF
     if _likelier(study):
         return False
     if bool((end > WORSE * base).all()):
         return True
-    first = study.named[0]
-    assert first.choice is not None and first.after is not None
-    promised = first.choice.proposal.improvement
-    columns = first.choice.proposal.columns
+    turn = study.named[0]
+    assert turn.after is not None
+    promised = first.proposal.improvement
+    columns = first.proposal.columns
     active = np.abs(columns).max(axis=(0, 2)) if len(columns) else np.ones(study.record.days)
     sealed = study.split.sealed & (active > 0)
     if not sealed.any() or promised.max() < 0.1:
         return False
-    found = 1.0 - first.after.errors.rmse(sealed) / first.before.errors.rmse(sealed)
+    found = 1.0 - turn.after.errors.rmse(sealed) / turn.before.errors.rmse(sealed)
     return bool((np.nan_to_num(found) < HELD * np.maximum(promised, 0.1)).all())
 
 

@@ -79,6 +79,14 @@ def test_of_two_flows_likelihood_decides_only_where_they_take_as_much_from_the_e
     )
 
 
+def test_where_no_flow_takes_from_the_error_the_one_that_adds_least_is_named(model):
+    """A likelihood beyond doubt may go with an error that grows a little in the mean of the horizons."""
+    worse = made("lateral_inflow", 400, 100, p=1e-9)
+    worse = replace(worse, improvement=worse.improvement * [0.5, -1.0, -1.0])
+    assert worse.improvement.mean() < 0.0 and stands(worse, model[0], 0)
+    assert named([worse], model) is worse
+
+
 def test_a_name_is_given_once_but_for_releases(model):
     once = made("lateral_inflow", 80, 25)
     assert named([once], model, ("lateral_inflow",)) is None

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rivid.diagnose import verdict
 from rivid.diagnose.gap import DayErrors
 from rivid.diagnose.linear import limited
 from rivid.diagnose.result import Gap, Unknown, Where
@@ -35,6 +36,7 @@ def study(end=(1.0, 2.0, 3.0), gain=0.0, tied=(), named=True, contradicted=None,
     )  # fmt: skip
     return SimpleNamespace(
         named=(turn,) if named else (), first_evaluation=before, last_evaluation=after,
+        last=SimpleNamespace(effects=()), last_linear=None,
         record=SimpleNamespace(days=DAYS), split=SimpleNamespace(select=SELECT, sealed=SEALED),
         contradicted=contradicted,
     )  # fmt: skip
@@ -81,3 +83,10 @@ def test_an_odd_day_counts_for_a_few_usual_ones():
     gain = np.r_[np.full(9, 2.0), 500.0, -500.0]
     assert limited(gain)[:9] == pytest.approx(2.0)
     assert limited(gain)[9] == -limited(gain)[10] == pytest.approx(4.0 * 2.0 + 5.0)
+
+
+def test_the_size_on_the_sealed_days_tells_more_than_their_gain(monkeypatch):
+    monkeypatch.setattr(verdict, "held_share", lambda *_: (0.1, 0.1))
+    assert word(gain=5.0) == "did_not_hold"
+    monkeypatch.setattr(verdict, "held_share", lambda *_: (0.4, 0.1))
+    assert word(end=(2.1, 4.2, 6.3)) == "explained"  # a size of a half lies within its error
