@@ -188,7 +188,10 @@ def _row(
         "estimator": estimator.name,
         "status": status,
         "delay_samples": delay,
-        "delay_s": delay * reach.sample_time,
+        "delay_s": (delay if answer.travel is None else _at(answer.travel, i)) * reach.sample_time,
+        "probability": _at(answer.probability, i),
+        "delay_low": _at(answer.delay_low, i),
+        "delay_high": _at(answer.delay_high, i),
         "alpha": _at(answer.alpha, i),
         "noise_sd": float(np.sqrt(_at(answer.noise_variance, i))),
         "roughness_sd": float(np.sqrt(_at(answer.roughness_variance, i))),
@@ -207,10 +210,14 @@ def _row(
     if status != "unidentifiable":
         if answer.fir is not None:
             row["fir"] = answer.fir[i]
+            row["fir_sd"] = None if answer.fir_sd is None else answer.fir_sd[i]
             if reach.kind == "river":
                 row["t50_samples"] = float(half_time(answer.fir[i : i + 1])[0])
+    if status != "unidentifiable" or np.isfinite(_at(answer.probability, i)):
         if answer.candidates is not None and answer.curve is not None:
             row |= _search(answer, answer.candidates, answer.curve, i, delay)
+    if answer.outside is not None and answer.outside[i]:
+        row["at_bound"] = True
     return row
 
 

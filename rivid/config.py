@@ -11,8 +11,10 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from rivid.core.posterior_settings import PosteriorSettings
 from rivid.core.settings import (
     CUSUMS,
+    POSTERIORS,
     SEARCHES,
     CusumSettings,
     EstimatorName,
@@ -21,7 +23,7 @@ from rivid.core.settings import (
     SearchSettings,
 )
 from rivid.errors import ConfigError
-from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, SearchConfig
+from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, PosteriorConfig, SearchConfig
 from rivid.input_config import FLOWS, UNITS, InputConfig, Section
 
 __all__ = ["FLOWS", "UNITS", "Config", "InputConfig", "ReachConfig", "load_config", "load_toml", "parse"]
@@ -95,6 +97,7 @@ class Config(Section):
     jmap: JmapConfig = JmapConfig()
     search: SearchConfig = SearchConfig()
     cusum: CusumConfig = CusumConfig()
+    posterior: PosteriorConfig = PosteriorConfig()
     diagnose: DiagnoseConfig = DiagnoseConfig()
 
     @field_validator("input")
@@ -139,7 +142,7 @@ class Config(Section):
 
         So days that are done stay done where a table changes that nothing works with.
         """
-        tables = {"search": SEARCHES, "cusum": CUSUMS}
+        tables = {"search": SEARCHES, "cusum": CUSUMS, "posterior": POSTERIORS}
         unused = {table for table, names in tables.items() if not set(names) & set(self.run.estimators)}
         return self.model_dump(mode="json", exclude=unused)
 
@@ -150,6 +153,10 @@ class Config(Section):
     def cusum_settings(self) -> CusumSettings:
         """The core's settings of CUSUM; raises ConfigError as :meth:`CusumConfig.settings`."""
         return self.cusum.settings(self.jmap_settings())
+
+    def posterior_settings(self) -> PosteriorSettings:
+        """The core's settings of posterior; raises ConfigError as :meth:`PosteriorConfig.settings`."""
+        return self.posterior.settings(self.jmap_settings())
 
     def jmap_settings(
         self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True

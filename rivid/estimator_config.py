@@ -1,10 +1,11 @@
-"""`[jmap]`, `[search]` and `[cusum]` of the configuration: what the estimators work with."""
+"""`[jmap]`, `[search]`, `[cusum]` and `[posterior]` of the configuration: what the estimators work with."""
 
 from collections.abc import Callable
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
+from rivid.core.posterior_settings import PosteriorSettings
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
 from rivid.errors import ConfigError
 from rivid.input_config import Section
@@ -17,6 +18,11 @@ MAX_ORDER = 1000
 Order = Annotated[int, Field(ge=6, le=MAX_ORDER)]
 Alpha = Annotated[float, Field(ge=1e-9, le=1e14)]
 Delay = Annotated[int, Field(ge=1, le=MAX_ORDER)]
+Temperature = Annotated[float, Field(ge=1, le=1e6)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Part = Annotated[float, Field(ge=0, lt=1)]
+Spread = Annotated[float, Field(gt=0, le=100)]
+"""Of a front's place [samples]."""
 
 
 class JmapConfig(Section):
@@ -84,6 +90,45 @@ class CusumConfig(Section):
                 f"{jmap.order}: raise order or lower d_max"
             )
         return _of_table("cusum", lambda: CusumSettings(**given, d_min=d_min, d_max=d_max))
+
+
+class PosteriorConfig(Section):
+    """`[posterior]`: the settings of :class:`rivid.core.posterior_settings.PosteriorSettings`.
+
+    The delays and the length of the FIR are those of `[jmap]` where not given.
+    """
+
+    d_min: Delay | None = None
+    d_max: Delay | None = None
+    store_temperature: Temperature = PosteriorSettings.store_temperature
+    wave_temperature: Temperature = PosteriorSettings.wave_temperature
+    between_temperature: Temperature = PosteriorSettings.between_temperature
+    sharp: Share = PosteriorSettings.sharp
+    wave_lead: Part = PosteriorSettings.wave_lead
+    wave_lag: Part = PosteriorSettings.wave_lag
+    store_error: Spread = PosteriorSettings.store_error
+    wave_error: Spread = PosteriorSettings.wave_error
+    answer_above: Share = PosteriorSettings.answer_above
+
+    def settings(self, jmap: JmapSettings) -> PosteriorSettings:
+        """The core's settings.
+
+        Raises
+        ------
+        ConfigError
+            For delays in the wrong order, or too long for the FIR.
+        """
+        given = self.model_dump(exclude={"d_min", "d_max"})
+        d_min = jmap.d_min if self.d_min is None else self.d_min
+        d_max = jmap.d_max if self.d_max is None else self.d_max
+        if d_max >= jmap.order:
+            raise ConfigError(
+                f"[posterior] d_max = {d_max} needs an FIR of order >= {d_max + 1}, got [jmap] order = "
+                f"{jmap.order}: raise order or lower d_max"
+            )
+        return _of_table(
+            "posterior", lambda: PosteriorSettings(**given, d_min=d_min, d_max=d_max, order=jmap.order)
+        )
 
 
 def _of_table(table: str, make: Callable[[], T]) -> T:

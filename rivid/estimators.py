@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,11 @@ from rivid.core.change import CusumResult, cusum
 from rivid.core.fir import FirResult, map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, SearchResult, direct, indirect
+from rivid.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rivid.core.posterior import PosteriorResult
+    from rivid.core.posterior_settings import PosteriorSettings
 
 Floats = NDArray[np.float64]
 
@@ -49,9 +55,10 @@ class Answer:
     criterion : ndarray, shape (days, K), or None
         What the delay is the minimum of.
     curve : ndarray, shape (days, K), or None
-        What is kept of every candidate, for whoever doubts: the criterion, or CUSUM's g at lag d + 1.
-    fir : ndarray, shape (days, M), or None
-        h [output unit per m3/s].
+        What is kept of every candidate, for whoever doubts: the criterion, CUSUM's g at lag d + 1, or the
+        probability.
+    fir, fir_sd : ndarray, shape (days, M), or None
+        h and its standard deviation [output unit per m3/s].
     alpha, noise_variance, roughness_variance, condition : ndarray, shape (days,), or None
         As of :class:`rivid.core.jmap.JmapResult`.
     iterations : ndarray of int, shape (days,), or None
@@ -60,6 +67,14 @@ class Answer:
         The delay is the prior's, or chance; None where the estimator cannot tell.
     reason : ndarray of str, shape (days,), or None
         Why there is no answer; empty where that is to be seen from u and y.
+    travel : ndarray, shape (days,), or None
+        The travel time with its fraction [samples], about d to d + 1; NaN on a day without a delay.
+    probability : ndarray, shape (days,), or None
+        That the likeliest delay is right; NaN on a day that has no probabilities to tell.
+    delay_low, delay_high : ndarray, shape (days,), or None
+        Ends of the smallest set of delays that holds 90 % [samples].
+    outside : ndarray of bool, shape (days,), or None
+        The delay lies beyond the candidates.
     """
 
     status: NDArray[np.str_]
@@ -75,6 +90,12 @@ class Answer:
     iterations: NDArray[np.intp] | None = None
     prior_only: NDArray[np.bool_] | None = None
     reason: NDArray[np.str_] | None = None
+    fir_sd: Floats | None = None
+    travel: Floats | None = None
+    probability: Floats | None = None
+    delay_low: Floats | None = None
+    delay_high: Floats | None = None
+    outside: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -112,7 +133,7 @@ def build(config: Config) -> list[Estimator]:
     Raises
     ------
     ConfigError
-        Where settings contradict each other.
+        Where settings contradict each other, or an estimator has no equations for the reach.
     """
     return [_build(name, config) for name in config.run.estimators]
 
@@ -125,6 +146,8 @@ def _build(name: str, config: Config) -> Estimator:
             return _cusum(name, config)
         case "direct" | "indirect":
             return _search(name, config)
+        case "posterior":
+            return _posterior(name, config)
         case "jmap":
             settings = config.jmap_settings()
         case "jmap-uniform":
@@ -232,3 +255,69 @@ def _search(name: str, config: Config) -> Estimator:
 
     because = f"d_max = {settings.d_max}", f"[{table}] d_max"
     return Estimator(name, estimate, settings.d_max + 1 + n_parameters, because, says_at_bound=True)
+
+
+def _posterior(name: str, config: Config) -> Estimator:
+    """The probability of every delay."""
+    settings = config.posterior_settings()
+    probable, needed = _equations(config, settings)
+
+    def estimate(days: Days) -> Answer:
+        return _of_posterior(probable(days), settings, config)
+
+    return Estimator(name, estimate, needed - 1, (f"d_max = {settings.d_max}", _key(config, "d_max")))
+
+
+def _equations(
+    config: Config, settings: "PosteriorSettings"
+) -> tuple[Callable[[Days], "PosteriorResult"], int]:
+    """Who knows the equations of this water, and how many samples they need.
+
+    The one place where one kind of reach, or of logging, is told from another.
+    """
+    if config.reach.kind == "river":
+        raise ConfigError(
+            '[run] estimators has posterior, which explains a level; [reach] kind = "river" has none: '
+            "leave it out"
+        )
+    from rivid.core.posterior import GUARD, posterior  # scipy.special, only where it is asked for
+
+    return lambda days: posterior(days.u, days.y, days.o, settings), 3 * (settings.d_max + GUARD + 4)
+
+
+def _of_posterior(found: "PosteriorResult", s: "PosteriorSettings", config: Config) -> Answer:
+    """A day whose front is not seen, or lies outside, has no probabilities to tell."""
+    outside = found.status == "at_bound"
+    below = found.beyond[:, 0] > found.beyond[:, 1]
+    told = np.isfinite(found.probability).all(axis=1) & (found.link >= 0.5) & ~outside
+    candidates = found.candidates
+    too_short = (
+        f"the delay is shorter than d_min = {s.d_min}: lower {_key(config, 'd_min')}"
+        if s.d_min > 1
+        else "the delay is shorter than one sample: a shorter [reach] sample_time would show it"
+    )
+    too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'd_max')}"
+    unsure = f"no delay is right with a probability of {s.answer_above:g} ([posterior] answer_above)"
+    return Answer(
+        status=np.where(found.status == "ok", "ok", "unidentifiable"),
+        delay=found.delay,
+        candidates=candidates,
+        curve=np.where(told[:, None], found.probability, np.nan),
+        fir=found.fir,
+        fir_sd=found.fir_sd,
+        reason=np.select(
+            [outside & below, outside, told & (found.status != "ok")],
+            [too_short, too_long, unsure],
+            found.message,
+        ),
+        travel=np.where(found.status == "ok", found.place, np.nan),
+        probability=np.where(told, found.right, np.nan),
+        delay_low=np.where(told, candidates[np.argmax(found.in_set, axis=1)], np.nan),
+        delay_high=np.where(told, candidates[::-1][np.argmax(found.in_set[:, ::-1], axis=1)], np.nan),
+        outside=outside,
+    )
+
+
+def _key(config: Config, name: str) -> str:
+    """The key that `name` is taken from: the posterior's own, or that of `[jmap]`."""
+    return f"[{'jmap' if getattr(config.posterior, name) is None else 'posterior'}] {name}"

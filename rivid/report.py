@@ -15,6 +15,7 @@ from rivid.figures.headline import facts, headline, leading
 from rivid.figures.passage import leading_response, passage
 from rivid.figures.selection import estimates_delay
 from rivid.figures.words import (
+    PROBABLE,
     UNJUDGED,
     count,
     day_range,
@@ -22,6 +23,7 @@ from rivid.figures.words import (
     estimator_words,
     number,
     output_words,
+    probability,
     share,
 )
 from rivid.results import EstimatorResults, Results
@@ -90,6 +92,7 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "speaks": _speaks(lead, river),
         "names": [e.estimator for e in results.estimators],
         "unjudged": any(e.estimator in UNJUDGED for e in results.estimators),
+        "probable": any(e.estimator in PROBABLE for e in results.estimators),
         "headline": sentences[0],
         "sentences": sentences[1:],
         "attention": rows[:SHOWN],
@@ -133,8 +136,9 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
         "median": given(delays([f.median], T_s)),
         "modal": given(modal),
         "at_bound": given(f"{f.at_bound:,}"),
+        "probability": "–" if e.probability is None else given(probability(f.probability)),
         "prior_only": "–"
-        if e.estimator in UNJUDGED
+        if e.estimator in UNJUDGED | PROBABLE
         else given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
         "condition": power(f.condition),
         "noise": power(f.noise_sd),

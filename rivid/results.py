@@ -43,13 +43,20 @@ class EstimatorResults:
     candidates : ndarray, shape (K,)
         The delays tried [samples]; empty where the estimator has none.
     criterion : ndarray, shape (n, K)
-        The criterion of each candidate; of CUSUM its g at lag d + 1, large after a change.
+        The criterion of each candidate; of CUSUM its g at lag d + 1, large after a change; of an estimator
+        with probabilities these, p(d | y).
     alpha, noise_sd, roughness_sd, condition : ndarray, shape (n,)
         The row's columns of the same name in delays.csv.
     mean_inflow : ndarray, shape (n,)
         Mean inflow of the data set [m3/s].
     bound_gravity_s, bound_kinematic_s : ndarray, shape (n,)
         Bounds (5) of the travel time [s].
+    probability : ndarray, shape (n,), or None
+        That the likeliest delay is right; None where the estimator gives no probabilities, or on no day.
+    delay_low, delay_high : ndarray, shape (n,), or None
+        Ends of the smallest set of delays that holds 90 % [samples].
+    fir_sd : ndarray, shape (n, M), or None
+        Standard deviation of `fir`.
     """
 
     estimator: str
@@ -70,6 +77,10 @@ class EstimatorResults:
     mean_inflow: Floats
     bound_gravity_s: Floats
     bound_kinematic_s: Floats
+    probability: Floats | None = None
+    delay_low: Floats | None = None
+    delay_high: Floats | None = None
+    fir_sd: Floats | None = None
 
     @property
     def answered(self) -> Bools:
@@ -148,9 +159,13 @@ def load_results(out: Path | str) -> Results:
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
                 t50=_floats(columns["t50_samples"]),
-                fir=_matrix(fir, name, days, "lag")[1],
-                candidates=(curve := _matrix(criterion, name, days, "delay_samples"))[0],
+                fir=_matrix(fir, name, days, "lag", "value")[1],
+                candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
                 criterion=curve[1],
+                probability=_given(columns["probability"]),
+                delay_low=_given(columns["delay_low"]),
+                delay_high=_given(columns["delay_high"]),
+                fir_sd=_spread(fir, name, days),
                 **{
                     key: _floats(columns[column])
                     for key, column in {
@@ -211,7 +226,23 @@ def _bools(column: NDArray[np.generic]) -> Bools:
     return np.array([bool(v) for v in column], bool)
 
 
-def _matrix(table: "pa.Table", estimator: str, days: NDArray[np.int32], axis: str) -> tuple[Floats, Floats]:
+def _given(column: NDArray[np.generic]) -> Floats | None:
+    """A column of numbers; None where it is empty."""
+    values = _floats(column)
+    return values if np.isfinite(values).any() else None
+
+
+def _spread(table: "pa.Table", estimator: str, days: NDArray[np.int32]) -> Floats | None:
+    """Standard deviations of an estimator's responses, where the table has them."""
+    if "sd" not in table.column_names:
+        return None
+    sd = _matrix(table, estimator, days, "lag", "sd")[1]
+    return sd if np.isfinite(sd).any() else None
+
+
+def _matrix(
+    table: "pa.Table", estimator: str, days: NDArray[np.int32], axis: str, value: str
+) -> tuple[Floats, Floats]:
     """A long table (date, estimator, axis, value) as its axis and a (days, axis) matrix."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -221,5 +252,5 @@ def _matrix(table: "pa.Table", estimator: str, days: NDArray[np.int32], axis: st
     labels = np.unique(at)
     matrix = np.full((len(days), len(labels)), np.nan)
     row = np.searchsorted(days, rows["date"].cast(pa.int32()).to_numpy())  # days are in order
-    matrix[row, np.searchsorted(labels, at)] = rows[table.column_names[-1]].to_numpy()
+    matrix[row, np.searchsorted(labels, at)] = rows[value].to_numpy()
     return labels.astype(float), matrix

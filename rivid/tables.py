@@ -1,7 +1,7 @@
 """The results contract: schemas of the tables, and writing them.
 
 A row of a *segment* holds one day and estimator with its FIR and criterion as lists; the tables that
-people read (delays, fir, criterion) are cut from segments.
+people read (delays, fir, criterion, posterior) are cut from segments.
 """
 
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
@@ -55,13 +56,15 @@ SEGMENT = pa.schema(
         ("key", pa.string()),
         *DELAYS,
         ("fir", pa.list_(pa.float64())),
+        ("fir_sd", pa.list_(pa.float64())),
         ("first_candidate", pa.int64()),
         ("curve", pa.list_(pa.float64())),
     ]
 )
-"""What workers write: the row, the content key of its day, its FIR and its whole criterion."""
+"""What workers write: the row, the content key of its day, its FIR, and its whole curve: the criterion of
+every candidate delay, CUSUM's g, or the probability."""
 
-TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet")
+TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """What :func:`write_tables` writes."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -87,7 +90,10 @@ def write_parquet(table: pa.Table, path: Path) -> None:
 
 
 def write_tables(rows: pa.Table, out: Path) -> None:
-    """Write delays.csv, delays.parquet, fir.parquet and criterion.parquet.
+    """Write the :data:`TABLES`.
+
+    fir.parquet has a column `sd` where an estimator of the run gives the spread of its response;
+    posterior.parquet has no row where none gives probabilities.
 
     Parameters
     ----------
@@ -102,9 +108,24 @@ def write_tables(rows: pa.Table, out: Path) -> None:
     with replacing(out / "delays.csv") as scratch:
         pyarrow.csv.write_csv(_safe_for_spreadsheets(delays), scratch, options)
     lag0 = pa.scalar(0, pa.int64())
-    write_parquet(_long(rows, "fir", lag0, "lag", "value"), out / "fir.parquet")
+    write_parquet(_with_spread(_long(rows, "fir", lag0, "lag", "value"), rows), out / "fir.parquet")
     first = rows["first_candidate"]
     write_parquet(_long(rows, "curve", first, "delay_samples", "criterion"), out / "criterion.parquet")
+    sure = rows.filter(rows["probability"].is_valid())
+    first = sure["first_candidate"]
+    write_parquet(_long(sure, "curve", first, "delay_samples", "probability"), out / "posterior.parquet")
+
+
+def _with_spread(fir: pa.Table, rows: pa.Table) -> pa.Table:
+    """The long table of responses, with their standard deviations where a row has them."""
+    given = rows["fir_sd"].is_valid().to_numpy(zero_copy_only=False)
+    if not given.any():
+        return fir
+    lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
+    has = np.repeat(given, lengths)
+    sd = np.zeros(len(has))
+    sd[has] = pc.list_flatten(rows["fir_sd"]).to_numpy()
+    return fir.append_column("sd", pa.array(sd, pa.float64(), mask=~has))
 
 
 def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:

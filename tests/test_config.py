@@ -1,8 +1,12 @@
 """The configuration: defaults are the paper's, faults are told in one line."""
 
+import dataclasses
+import json
+
 import pytest
 
 from rivid.config import Config, load_config, parse
+from rivid.core.posterior_settings import PosteriorSettings
 from rivid.core.settings import CusumSettings, JmapSettings, SearchSettings
 from rivid.errors import ConfigError
 
@@ -28,7 +32,7 @@ def test_bounds_come_from_the_reach():
     ("raw", "words"),
     [
         ({"reach": {"lenght": 1}}, ["unknown key reach.lenght", "length", "sample_time"]),
-        ({"raech": {}}, ["unknown key raech", "input, jmap, reach, run"]),
+        ({"raech": {}}, ["unknown key raech", "input, jmap, posterior, reach, run"]),
         ({"reach": {"length": -1}}, ["reach.length = -1", "greater than 0"]),
         ({"reach": {"length": float("nan")}}, ["reach.length = nan"]),
         ({"reach": {"name": "../x"}}, ["reach.name", "pattern"]),
@@ -110,7 +114,43 @@ def test_an_indirect_search_needs_no_outflow():
 
 
 def test_only_the_tables_that_are_worked_with_count():
-    assert set(Config().as_used()) == set(Config.model_fields) - {"search", "cusum"}
-    for name, table in (("direct", "search"), ("indirect", "search"), ("cusum-map", "cusum")):
+    assert set(Config().as_used()) == set(Config.model_fields) - {"search", "cusum", "posterior"}
+    pairs = (("direct", "search"), ("indirect", "search"), ("cusum-map", "cusum"), ("posterior", "posterior"))
+    for name, table in pairs:
         used = parse({"run": {"estimators": ["jmap", name]}}, Config).as_used()
-        assert set(used) & {"search", "cusum"} == {table}
+        assert set(used) & {"search", "cusum", "posterior"} == {table}
+
+
+def test_the_posteriors_delays_and_order_are_jmaps_where_not_given():
+    config = parse({"jmap": {"order": 40, "d_min": 2, "d_max": 20}}, Config)
+    made = config.posterior_settings()
+    assert (made.d_min, made.d_max, made.order) == (2, 20, 40)
+    own = parse({"jmap": {"order": 40}, "posterior": {"d_min": 3, "d_max": 39}}, Config).posterior_settings()
+    assert (own.d_min, own.d_max, own.order) == (3, 39, 40)
+    bounds = parse({"reach": {"sample_time": 300}, "jmap": {"d_max": "bounds"}}, Config)
+    assert bounds.posterior_settings().d_max == bounds.jmap_settings().d_max < 15
+    assert Config().posterior_settings() == PosteriorSettings()
+
+
+def test_every_setting_of_the_posterior_has_its_key_and_comes_back_from_toml(tmp_path):
+    fields = {f.name: f.default for f in dataclasses.fields(PosteriorSettings) if f.name != "order"}
+    assert set(Config().posterior.model_dump()) == set(fields)
+    odd = {name: value + (1 if isinstance(value, int) else 1e-3) for name, value in fields.items()}
+    path = tmp_path / "c.toml"
+    path.write_text("[posterior]\n" + "".join(f"{name} = {value!r}\n" for name, value in odd.items()))
+    config = load_config(path)
+    made = config.posterior_settings()
+    assert {name: getattr(made, name) for name in odd} == odd
+    assert parse(json.loads(config.model_dump_json(exclude_none=True)), Config) == config
+
+
+def test_the_posterior_refuses_contradictions_and_names_its_table():
+    for table, words in (
+        ({"d_min": 9, "d_max": 4}, r"\[posterior\] d_min = 9 and d_max = 4: expected 1 <= d_min"),
+        ({"d_max": 30}, r"\[posterior\] d_max = 30 needs an FIR of order >= 31, got \[jmap\] order = 30"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            parse({"posterior": table}, Config).posterior_settings()
+    for key, value in (("wave_temperature", 0.9), ("answer_above", 1.1), ("store_error", 0.0), ("sharp", -1)):
+        with pytest.raises(ConfigError, match=rf"posterior\.{key} = {value}"):
+            parse({"posterior": {key: value}}, Config)

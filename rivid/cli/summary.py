@@ -6,7 +6,7 @@ import click
 import numpy as np
 
 from rivid.config import Config
-from rivid.figures.words import RAYLEIGH, count, delays, duration, number, share
+from rivid.figures.words import RAYLEIGH, count, delays, duration, number, probability, share
 from rivid.run import Summary
 
 NAME_WIDTH = 14
@@ -46,7 +46,7 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
 
 def _numbers(name: str, rows: Any, config: Config) -> list[str]:
     """The delay, its doubt, and a river's t50, in words."""
-    T_s, lines = config.reach.sample_time, []
+    T_s, lines, edge = config.reach.sample_time, [], 0
     t50, d = (_finite(rows[column]) for column in ("t50_samples", "delay_samples"))
     if len(t50):
         low, mid, high = np.quantile(t50, [0.1, 0.5, 0.9])
@@ -63,9 +63,16 @@ def _numbers(name: str, rows: Any, config: Config) -> list[str]:
         if prior:
             whose = "the prior's answer" if name in RAYLEIGH else "perhaps chance"
             lines.append(f"{whose}, not the data's, on {share(prior, len(d))}")
-        edge = sum(bool(b) for b in rows["at_bound"].to_pylist())
+        sure = _finite(rows.filter(rows["delay_samples"].is_valid())["probability"])
+        if len(sure):
+            median, least = (probability(float(p)) for p in (np.median(sure), sure.min()))
+            lines.append(f"probability {median} on the median day, {least} on the least sure")
+        edges = zip(rows["at_bound"].to_pylist(), rows["delay_samples"].to_pylist(), strict=True)
+        edge = sum(bool(b) and delay is not None for b, delay in edges)
         if edge:
             lines.append(f"the shortest or longest delay tried on {share(edge, len(d))}")
+    if beyond := sum(bool(b) for b in rows["at_bound"].to_pylist()) - edge:
+        lines.append(f"outside the delays tried on {count(beyond, 'day')}")
     return lines
 
 

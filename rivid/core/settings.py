@@ -22,6 +22,7 @@ EstimatorName = Literal[
     "indirect",
     "cusum-ml",
     "cusum-map",
+    "posterior",
 ]
 ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
 """Names of the estimators that `rivid run` knows."""
@@ -31,6 +32,9 @@ SEARCHES = ("direct", "indirect")
 
 CUSUMS = ("cusum-ml", "cusum-map")
 """Those that look for a change in an FIR made without a delay."""
+
+POSTERIORS = ("posterior",)
+"""Those that give each delay a probability."""
 
 
 @dataclass(frozen=True)

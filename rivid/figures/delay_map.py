@@ -5,12 +5,22 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
 from rivid.figures.dates import calendar
 from rivid.figures.selection import candidates, day_numbers, found, kinds
-from rivid.figures.words import UNJUDGED, count, day_range, estimator_words, no_jump, output_words, trust
+from rivid.figures.words import (
+    PROBABLE,
+    UNJUDGED,
+    count,
+    day_range,
+    estimator_words,
+    no_jump,
+    output_words,
+    trust,
+)
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
@@ -22,6 +32,10 @@ MARKS: dict[str, dict[str, Any]] = {
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
 """How a day is marked; the last that holds for it counts."""
+
+
+DARKEST = 0.45
+"""Opacity of a cell whose delay is certain: marks and lines stay readable on it."""
 
 
 def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -65,6 +79,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     if tried.size:
         style.lag_ticks(axes, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=16)
         axes.yaxis.grid(True)
+    _probabilities(axes, x, e)
     size = float(np.clip(160 / np.sqrt(len(dates)) / 2.4, 2.2, 6.0))
     handles: list[object] = []
     for name, days in kinds(e).items():
@@ -88,6 +103,22 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     return style.figure_file(
         page, "delay_map", e.estimator, path, "Delay of each day", _caption(e.estimator, results.output_unit)
     )
+
+
+def _probabilities(axes: Axes, x: Floats, e: EstimatorResults) -> None:
+    """p(d | y) of each day as a column of cells, the darker the likelier; nothing where there is none."""
+    if e.probability is None:
+        return
+    first, d = int(x[0]), e.candidates
+    p = np.zeros((len(d), int(x[-1]) - first + 1))
+    p[:, (x - first).astype(int)] = np.nan_to_num(e.criterion).T
+    image = np.zeros((*p.shape, 4))
+    image[..., :3] = to_rgb(style.INK)
+    image[..., 3] = DARKEST * p
+    extent = (first - 0.5, x[-1] + 0.5, float(d[0]) - 0.5, float(d[-1]) + 0.5)
+    limits = axes.get_xlim(), axes.get_ylim()
+    axes.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
+    axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def bound_lines(axes: Axes, x: Floats, e: EstimatorResults, results: Results, *, lead: float) -> list[object]:
@@ -117,6 +148,11 @@ def _caption(name: str, unit: str) -> str:
     )
     if name in UNJUDGED:
         text += "Triangles lie at d_min or d_max."
+    elif name in PROBABLE:
+        text += (
+            "Grey cells are the probability of each delay, the darker the likelier; a day of grey cells "
+            "without a mark has no delay that is probable enough. Triangles lie at d_min or d_max."
+        )
     else:
         text += (
             "Hollow marks are days whose data alone favour another delay, or none; "

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from rivid.errors import ConfigError
 from rivid.figures import FigureFile, style
 from rivid.figures.tdr import grey_limits
-from rivid.figures.words import delays, method, response_unit
+from rivid.figures.words import PROBABLE, delays, method, probability, response_unit
 from rivid.results import EstimatorResults, Results
 
 
@@ -22,12 +22,13 @@ def typical_day(results: Results) -> dt.date | None:
     for e in results.estimators:
         for i in np.flatnonzero(e.answered & np.isfinite(e.fir).any(axis=1)):
             answers[e.dates[i]] = answers.get(e.dates[i], 0) + 1
-            conditions.setdefault(e.dates[i], float(e.condition[i]))
+            if np.isfinite(e.condition[i]):
+                conditions.setdefault(e.dates[i], float(e.condition[i]))
     if not answers:
         return None
     most = max(answers.values())
     days = sorted(day for day, n in answers.items() if n == most)
-    logs = np.log10([max(conditions[day], 1.0) if np.isfinite(conditions[day]) else 1.0 for day in days])
+    logs = np.log10([max(conditions.get(day, 1.0), 1.0) for day in days])
     return days[int(np.argmin(np.abs(logs - np.median(logs))))]
 
 
@@ -106,6 +107,9 @@ def _panel(
     k = np.arange(len(h))
     d = e.delay[i]
     axes.axhline(0, color=style.LIGHT, lw=0.7)
+    if e.fir_sd is not None:
+        sd = e.fir_sd[i]
+        axes.fill_between(k, h - 2 * sd, h + 2 * sd, color=style.LIGHT, alpha=0.5, linewidth=0)
     axes.plot(k, h, color=style.INK, lw=1.0, marker="o", ms=2.4)
     axes.set_ylim(limits)
     axes.set_xlim(-0.5, len(h) - 0.5)
@@ -121,6 +125,8 @@ def _panel(
         axes.axvspan(d, d + 1, color=style.ACCENT, alpha=0.18, linewidth=0)
         axes.plot([d, d + 1], h[int(d) : int(d) + 2], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
         notes.append(f"d = {delays([float(d)], sample_time)}")
+        if e.probability is not None:
+            notes.append(f"probability {probability(float(e.probability[i]))}")
     if np.isfinite(e.t50[i]):
         axes.axvline(e.t50[i], color=style.WATER, lw=1.0, ls=(0, (4, 2)))
         notes.append(f"t50 = {delays([round(float(e.t50[i]), 1)], sample_time)}")
@@ -147,8 +153,15 @@ def _panel(
 
 def _caption(results: Results, shown: list[tuple[EstimatorResults, int]]) -> str:
     text = _CAPTION
+    if any(e.estimator in PROBABLE for e, _ in shown):
+        text += (
+            " The posterior's response is the mean of its likeliest equations; where the outflow is logged, "
+            "it is what the level does while the outflow is held, without the people's answer."
+        )
     if any(method(e.estimator) == "CUSUM" for e, _ in shown):
         text += " CUSUM does not shape the response: there, the step is where its mean is found to change."
+    if any(e.fir_sd is not None for e, _ in shown):
+        text += " The grey band is two standard deviations to either side."
     if results.output_unit == "m":
         return text
     return f"{text} The dashed blue line is t50: half of a step has arrived."

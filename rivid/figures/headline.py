@@ -1,5 +1,6 @@
 """What a run found, in words made from its numbers."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from rivid.figures import passage
 from rivid.figures.selection import candidates, estimates_delay, found, rayleigh
 from rivid.figures.words import (
+    PROBABLE,
     RAYLEIGH,
     UNJUDGED,
     count,
@@ -16,6 +18,7 @@ from rivid.figures.words import (
     method,
     number,
     output_words,
+    probability,
     share,
     statuses,
 )
@@ -24,6 +27,9 @@ from rivid.results import EstimatorResults, Results
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range says more than these two."""
 
+
+MOST_REASONS = 3
+"""So many reasons for days without an answer are told; the list of days has all."""
 
 LITTLE = 0.25
 """With d the prior's on a larger share of days, a river's jump delay is worth little."""
@@ -49,6 +55,8 @@ class Facts:
         Days whose wave would arrive more than a sample before the gravity wave of (5).
     condition, noise_sd, alpha : float
         Medians; noise_sd in the output's unit, alpha in (m3/s)^2.
+    probability, least : float
+        Median and lowest probability of the delays; NaN where the estimator gives none.
     """
 
     days: int
@@ -64,6 +72,8 @@ class Facts:
     condition: float
     noise_sd: float
     alpha: float
+    probability: float
+    least: float
 
 
 def facts(results: Results, estimator: EstimatorResults) -> Facts:
@@ -71,6 +81,7 @@ def facts(results: Results, estimator: EstimatorResults) -> Facts:
     e, days = estimator, found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
     top = np.argsort(-times, kind="stable")[:2]
+    sure = np.empty(0) if e.probability is None else e.probability[days]
     return Facts(
         days=len(e.dates),
         answered=int(e.answered.sum()),
@@ -85,6 +96,8 @@ def facts(results: Results, estimator: EstimatorResults) -> Facts:
         condition=_median(e.condition[e.answered]),
         noise_sd=_median(e.noise_sd[e.answered]),
         alpha=_median(e.alpha[e.answered]),
+        probability=_median(sure),
+        least=float(sure.min()) if sure.size else float("nan"),
     )
 
 
@@ -96,11 +109,13 @@ def _median(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 def leading(results: Results) -> EstimatorResults | None:
     """The estimator the headline speaks of.
 
-    jmap, or else the first that judges its delays, the first with delays, or the first at all.
+    One that gives probabilities, or else jmap, the first that judges its delays, the first with delays, or
+    the first at all.
     """
     having = [e for e in results.estimators if e.dates]
     with_delay = [e for e in having if estimates_delay(e)]
-    named = [e for e in with_delay if e.estimator == "jmap"]
+    named = [e for e in with_delay if e.estimator in PROBABLE]
+    named += [e for e in with_delay if e.estimator == "jmap"]
     judging = [e for e in with_delay if e.estimator not in UNJUDGED]
     return next(iter(named + judging + with_delay + having), None)
 
@@ -134,10 +149,13 @@ def headline(results: Results) -> list[str]:
     if not estimates_delay(e):
         return [f"{count(f.answered, 'day')} of {f.days:,} have an impulse response ({e.estimator})."]
     if not f.with_delay:
-        return [f"None of {count(f.days, 'day')} has a delay: {statuses(e.status)}."]
+        return [f"None of {count(f.days, 'day')} has a delay: {statuses(e.status)}.", *_reasons(e)]
     said = [_main(results, e, f)]
-    rest = _rest(e, f)
-    return said + rest + _wave(results, e, f) + _prior(results, e, f) + _doubts(results, e, f)
+    if e.estimator in PROBABLE:
+        said += _sure(e, f) + _rest(e, f) + _reasons(e) + _wave(results, e, f)
+    else:
+        said += _rest(e, f) + _wave(results, e, f) + _prior(results, e, f)
+    return said + _doubts(results, e, f)
 
 
 def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
@@ -178,6 +196,29 @@ def _rest(e: EstimatorResults, f: Facts) -> list[str]:
         reasons = statuses(e.status)
         parts.append(f"{count(without, 'day')} {'has' if without == 1 else 'have'} no answer ({reasons})")
     return [" and ".join(parts) + "."] if parts else []
+
+
+def _sure(e: EstimatorResults, f: Facts) -> list[str]:
+    """How many days are answered, and how sure that is."""
+    if f.days == 1:
+        return [f"The probability that this is right is {probability(f.probability)}."]
+    return [
+        f"{e.estimator} answers {f.with_delay:,} of {f.days:,} days ({share(f.with_delay, f.days)}); the "
+        f"probability that its delay is right is {probability(f.probability)} on the median day and "
+        f"{probability(f.least)} on the least sure one."
+    ]
+
+
+def _reasons(e: EstimatorResults) -> list[str]:
+    """Why days are unidentifiable, for an estimator that has several reasons; the most frequent first."""
+    if e.estimator not in PROBABLE:
+        return []
+    said = Counter(
+        text.split("; ")[0]
+        for text, status in zip(e.messages, e.status, strict=True)
+        if status == "unidentifiable"
+    )
+    return [f"Unidentifiable on {count(n, 'day')}: {reason}." for reason, n in said.most_common(MOST_REASONS)]
 
 
 def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
@@ -279,7 +320,8 @@ def _doubts(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
         low, high = number(float(candidates(e)[0])), number(float(candidates(e)[-1]))
         verb = "is" if f.at_bound == 1 else "are"
         said.append(
-            f"{count(f.at_bound, 'day')} {verb} at a bound, d = {low} or {high}: the delay may lie outside."
+            f"{count(f.at_bound, 'day')} {verb} at a bound, d = {low} or {high}"
+            + ("." if e.estimator in PROBABLE else ": the delay may lie outside.")
         )
     if f.too_fast:
         said.append(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rivid.figures import FigureFile, style
 from rivid.figures.selection import candidates, found, rayleigh
 from rivid.figures.words import (
+    PROBABLE,
     RAYLEIGH,
     UNJUDGED,
     count,
@@ -76,6 +77,12 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
             marker="o", ms=2.5, label=f"Rayleigh prior alone (sigma_d = {number(results.delay_scale)})",
         )  # fmt: skip
         handles += line
+    if e.probability is not None:
+        told = np.isfinite(e.probability)
+        handles += axes.plot(
+            places, 100 * e.criterion[told].mean(axis=0), color=style.WATER, lw=1.2, marker="o", ms=2.5,
+            label=f"mean probability ({count(int(told.sum()), 'day')})",
+        )  # fmt: skip
     axes.set_ylabel("share of days [%]")
     axes.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     axes.yaxis.grid(True)
@@ -155,12 +162,18 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
 
 def _caption(name: str, unit: str) -> str:
     text = "Share of days at each delay d. "
-    if name not in UNJUDGED:
+    if name in PROBABLE:
+        text += (
+            "The line is the mean probability of each delay, over the days with a delay and those where none "
+            "is probable enough. "
+        )
+    elif name not in UNJUDGED:
         text += (
             "Dark: the data alone say the same delay, to within a sample. Light: "
             "they favour another, or none, so the prior, or chance, decides. "
         )
-    text += "Hatched bars lie at d_min or d_max: the delay may be outside."
+    text += "Hatched bars lie at d_min or d_max"
+    text += "." if name in PROBABLE else ": the delay may be outside."
     if name in RAYLEIGH:
         text += " The line is the Rayleigh prior itself, before any data."
     return text if unit == "m" else f"{text} {no_jump(name)}"

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
@@ -14,6 +15,7 @@ from rivid.figures.words import count, day_range, estimator_words, output_words,
 from rivid.results import EstimatorResults, Results
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 ROBUST = (1.0, 99.0)
 """Percentiles of all coefficients that are white and black.
@@ -94,6 +96,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         if delays.any():
             _delay_marks(page, day_numbers(dates)[delays], e.delay[delays], image.shape[1])
             entries.append(style.dot("delay d", marker="s", color=style.ACCENT, markersize=4))
+            entries += _sets(page, e, delays, image.shape[1])
         elif passed.any():
             _delay_marks(page, day_numbers(dates)[passed], e.t50[passed], image.shape[1])
             entries.append(style.dot("t50", marker="s", color=style.ACCENT, markersize=4))
@@ -118,7 +121,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
         e.estimator,
         path,
         "Impulse response of each day",
-        _caption(results.output_unit, bool(delays.any()), bool(passed.any())),
+        _caption(results.output_unit, bool(delays.any()), bool(passed.any()), e.probability is not None),
     )
 
 
@@ -135,6 +138,21 @@ def _delay_marks(page: style.Sheet, x: Floats, delay: Floats, days: int) -> None
     half = max(0.5, 0.75 * days / (72 * page.width))  # day; never thinner than 1.5 points
     for colour, width in (("white", 2.9), (style.ACCENT, 1.7)):
         page.axes.hlines(delay, x - half, x + half, colors=colour, linewidths=width)
+
+
+def _sets(page: style.Sheet, e: EstimatorResults, days: Bools, n: int) -> list[Line2D]:
+    """A thin line over the delays that hold 90 %, where they are more than one; its legend entry."""
+    if e.delay_low is None or e.delay_high is None:
+        return []
+    wide = days & (e.delay_high > e.delay_low)
+    if not wide.any():
+        return []
+    page.axes.vlines(
+        day_numbers(e.dates)[wide], e.delay_low[wide], e.delay_high[wide], colors=style.ACCENT, alpha=0.6,
+        linewidth=float(np.clip(18 * page.width / n, 0.5, 2.0)),
+    )  # fmt: skip
+    label = f"90 % set, where wider ({int(wide.sum()):,})"
+    return [style.dot(label, marker="|", markersize=7, color=style.ACCENT)]
 
 
 def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
@@ -154,7 +172,7 @@ def _grey_scale(page: style.Sheet, low: float, high: float, unit: str) -> None:
     bar.text(1.04, 0.45, f"{high:.1e}", ha="left", **words)
 
 
-def _caption(unit: str, with_delay: bool, with_t50: bool) -> str:
+def _caption(unit: str, with_delay: bool, with_t50: bool, with_set: bool) -> str:
     text = (
         "Each column is a day, each row a lag k. White is the lowest coefficient of the record, black the "
         "highest (1st and 99th percentile, the end lags left out). "
@@ -168,6 +186,8 @@ def _caption(unit: str, with_delay: bool, with_t50: bool) -> str:
             " The coloured line is the estimated delay d: the inflow first moves the "
             f"{output_words(unit)} at lag d + 1, the row just above it."
         )
+        if with_set:
+            text += " The thin upright line joins the delays that together hold 90 % of the probability."
     elif with_t50:
         text += " The coloured line is t50: half of a step has arrived."
     return text

@@ -18,6 +18,7 @@ ESTIMATOR_WORDS = {
     "indirect": "indirect approach, least squares in (10) (Table IV)",
     "cusum-ml": "CUSUM on the ML response",
     "cusum-map": "CUSUM on the MAP response",
+    "posterior": "probability of each delay, averaged over equations",
 }
 """What an estimator is, in a few words."""
 
@@ -26,6 +27,9 @@ RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
 
 UNJUDGED = frozenset({"direct", "indirect", "cusum-ml", "cusum-map"})
 """Estimators that do not tell whether the data single their delay out."""
+
+PROBABLE = frozenset({"posterior"})
+"""Estimators that give each delay a probability, and answer where it is high enough."""
 
 WITHOUT_FIR = frozenset({"direct", "indirect"})
 """Estimators that have no impulse response."""
@@ -66,7 +70,7 @@ def trust(kind: str, name: str) -> str:
     >>> trust("data decide", "jmap"), trust("data decide", "direct"), trust("at a bound", "direct")
     ('data decide', 'delay', 'at a bound')
     """
-    return "delay" if kind == "data decide" and name in UNJUDGED else kind
+    return "delay" if kind == "data decide" and name in UNJUDGED | PROBABLE else kind
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:
@@ -157,6 +161,17 @@ def delays(values: Sequence[float], sample_time: float) -> str:
     noun = "sample" if list(values) == [1] else "samples"
     span = duration([v * sample_time for v in values], "to" if together else "or")
     return f"{listed([number(v) for v in values], 'or')} {noun} ({span})"
+
+
+def probability(p: float) -> str:
+    """A probability with two digits; one that is nearly sure is not rounded to 1.
+
+    Examples
+    --------
+    >>> probability(0.8765), probability(0.999), probability(0.02)
+    ('0.88', 'above 0.99', '0.02')
+    """
+    return "above 0.99" if p > 0.99 else f"{p:.2f}"
 
 
 def share(part: int, whole: int) -> str:

@@ -19,7 +19,7 @@ from rivid.results import load_delays, load_results
 from rivid.tables import DELAYS
 from tests.daily import text_of, write_days
 
-TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet")
+TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 
 
 def rivid(*words):

@@ -1,0 +1,214 @@
+"""`posterior` through `rivid run`: rows are what the core says, and what it cannot say is told."""
+
+import csv
+import datetime as dt
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from rivid.core.posterior import GUARD, posterior
+from rivid.core.posterior_settings import PosteriorSettings
+from rivid.errors import RividError
+from rivid.results import load_delays, load_results
+from tests.daily import FIRST, a_day, write_days
+from tests.run.test_estimators import deviations, estimator, open_loop, regulated, write
+from tests.run.test_run import rivid
+
+N_DAYS = 24
+ASKED = ("--estimator", "posterior")
+
+
+def rows_of(out, name="posterior"):
+    with open(out / "delays.csv", encoding="utf-8", newline="") as file:
+        return [row for row in csv.DictReader(file) if row["estimator"] == name]
+
+
+def cell(value):
+    """A number as a cell; NaN where it is empty."""
+    return float(value) if value else np.nan
+
+
+def noisy(columns, seed, size=1e-3):
+    u, o, h = columns
+    return u, o, h + size * np.random.default_rng(seed).normal(size=len(h))
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs") / "data"
+    write_days(folder, N_DAYS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def both(logs, tmp_path_factory):
+    """A run of posterior beside jmap, and what the core says of the same days."""
+    out = tmp_path_factory.mktemp("both") / "out"
+    assert rivid("run", logs, "--out", out, "--no-figures", *ASKED, "--estimator", "jmap")[0] == 0
+    days = [a_day(FIRST + dt.timedelta(days=k)) for k in range(N_DAYS)]
+    u, o, y = (np.stack([day[k] for day in days]) for k in (1, 2, 3))
+    return out, posterior(u, y, o)
+
+
+def test_a_row_is_what_the_core_says_of_the_day(both):
+    out, core = both
+    rows = rows_of(out)
+    assert "ok" in core.status and len(rows) == N_DAYS
+    for row, i in zip(rows, range(N_DAYS), strict=True):
+        ok = core.status[i] == "ok"
+        assert row["status"] == ("ok" if ok else "unidentifiable")
+        np.testing.assert_equal(cell(row["delay_samples"]), core.delay[i])
+        np.testing.assert_equal(cell(row["delay_s"]), 133.0 * core.place[i] if ok else np.nan)
+        assert cell(row["probability"]) == core.right[i]
+        assert bool(row["message"]) == (not ok)
+        for column in ("prior_only", "alpha", "noise_sd", "condition", "criterion"):
+            assert row[column] == "", column
+
+
+def test_the_set_is_the_smallest_that_holds_nine_tenths(both):
+    out, core = both
+    for row, p in zip(rows_of(out), core.probability, strict=True):
+        held, mass = [], 0.0
+        for d in sorted(core.candidates, key=lambda d, p=p: -p[d - 1]):
+            held.append(int(d))
+            mass += p[d - 1]
+            if mass >= 0.9:
+                break
+        assert (float(row["delay_low"]), float(row["delay_high"])) == (min(held), max(held))
+        assert not row["delay_samples"] or min(held) <= float(row["delay_samples"]) <= max(held)
+
+
+def test_probabilities_have_a_table_and_stand_in_the_criterions(both):
+    out, core = both
+    table = pq.read_table(out / "posterior.parquet").to_pandas()
+    assert list(table.columns) == ["date", "reach", "estimator", "delay_samples", "probability"]
+    assert set(table["estimator"]) == {"posterior"}
+    wide = table.pivot(index="date", columns="delay_samples", values="probability")
+    np.testing.assert_array_equal(wide.to_numpy(), core.probability)
+    np.testing.assert_allclose(wide.sum(axis=1), 1.0, rtol=1e-12)
+    curve = pq.read_table(out / "criterion.parquet").to_pandas()
+    curve = curve[curve["estimator"] == "posterior"]
+    np.testing.assert_array_equal(curve["criterion"], table["probability"])
+
+
+def test_a_response_has_its_spread_and_jmaps_has_none(both):
+    out, core = both
+    fir = pq.read_table(out / "fir.parquet").to_pandas()
+    ok = core.status == "ok"
+    mine, jmaps = (fir[fir["estimator"] == name] for name in ("posterior", "jmap"))
+    np.testing.assert_array_equal(mine["sd"].to_numpy().reshape(-1, 30), core.fir_sd[ok])
+    np.testing.assert_array_equal(mine["value"].to_numpy().reshape(-1, 30), core.fir[ok])
+    assert jmaps["sd"].isna().all() and jmaps["value"].notna().all()
+
+
+def test_results_come_back_as_they_were(both):
+    out, core = both
+    found, jmap = load_results(out).estimators
+    ok = core.status == "ok"
+    np.testing.assert_array_equal(found.criterion, core.probability)
+    np.testing.assert_array_equal(found.probability, core.right)
+    np.testing.assert_array_equal(found.fir_sd[ok], core.fir_sd[ok])
+    assert np.isnan(found.fir_sd[~ok]).all()
+    assert (jmap.probability, jmap.delay_low, jmap.delay_high, jmap.fir_sd) == (None,) * 4
+    assert load_delays(out)["probability"].notna().sum() == N_DAYS
+
+
+def test_without_it_the_tables_are_as_they_ever_were(both, logs, tmp_path):
+    out = tmp_path / "out"
+    assert rivid("run", logs, "--out", out, "--no-figures")[0] == 0
+    assert pq.read_table(out / "posterior.parquet").num_rows == 0
+    assert pq.read_table(out / "fir.parquet").column_names == ["date", "reach", "estimator", "lag", "value"]
+    assert rows_of(out, "jmap") == rows_of(both[0], "jmap")
+    assert "posterior" not in json.loads((out / "run.json").read_text())["config"]
+
+
+def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
+    planted = [18, 20, 2, 7]
+    data = write(tmp_path / "data", [noisy(open_loop(d, 30 + d), d) for d in planted])
+    config = tmp_path / "c.toml"
+    config.write_text("[posterior]\nd_min = 4\n")
+    code, said = rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
+    assert code == 0, "a day without an answer is no failure"
+    rows = rows_of(tmp_path / "out")
+    assert [r["status"] for r in rows] == ["unidentifiable"] * 3 + ["ok"]
+    assert [r["at_bound"] for r in rows] == ["true"] * 3 + ["false"]
+    assert [r["delay_samples"] + r["delay_s"] + r["probability"] for r in rows[:3]] == [""] * 3
+    assert rows[0]["message"] == "the delay is longer than d_max = 15: raise [jmap] d_max"
+    assert rows[2]["message"] == "the delay is shorter than d_min = 4: lower [posterior] d_min"
+    assert rows[3]["delay_samples"] == "7"
+    assert "outside the delays tried on 3 days" in said
+    config.write_text("[posterior]\nd_max = 25\n")
+    rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
+    assert [r["delay_samples"] for r in rows_of(tmp_path / "out")] == [str(d) for d in planted]
+
+
+def test_days_that_do_not_move_and_days_unsure_say_so(tmp_path):
+    u, o, h = noisy(open_loop(6, 1), 1)
+    rest, chance = np.full(650, 300.0), 118.0 + np.random.default_rng(5).normal(size=650)
+    data = write(tmp_path / "data", [(u, o, h), (u, o, np.full(650, 118.0)), (rest, o, h), (u, o, chance)])
+    assert rivid("run", data, "--out", tmp_path / "out", *ASKED)[0] == 0
+    rows = rows_of(tmp_path / "out")
+    assert [r["status"] for r in rows] == ["ok"] + ["unidentifiable"] * 3
+    assert "level does not move" in rows[1]["message"] and "inflow does not move" in rows[2]["message"]
+    assert rows[3]["message"] == "no front of the inflow is seen in the level"
+    assert {r["probability"] for r in rows[1:]} == {""}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Unidentifiable on 1 day: no front of the inflow is seen in the level." in page
+
+
+def test_a_day_that_is_not_sure_enough_keeps_its_probabilities(logs, tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text("[posterior]\nanswer_above = 1.0\n")
+    rivid("run", logs, "--out", tmp_path / "out", "--config", config, *ASKED)
+    rows = rows_of(tmp_path / "out")
+    unsure = [r for r in rows if r["status"] == "unidentifiable"]
+    assert unsure
+    for row in unsure:
+        assert row["message"] == "no delay is right with a probability of 1 ([posterior] answer_above)"
+        assert float(row["probability"]) < 1 and row["delay_low"] and not row["delay_samples"]
+    assert pq.read_table(tmp_path / "out" / "posterior.parquet").num_rows == 15 * N_DAYS
+
+
+def test_it_works_without_the_outflow(tmp_path):
+    data = write(tmp_path / "data", [noisy(regulated(6, seed), seed) for seed in range(6)])
+    config = tmp_path / "c.toml"
+    config.write_text('[input]\nu_Qo = ""\n')
+    out = tmp_path / "out"
+    assert rivid("run", data, "--out", out, "--config", config, *ASKED, "--no-figures")[0] == 0
+    days = deviations([noisy(regulated(6, seed), seed) for seed in range(6)])
+    core = posterior(days.u, days.y)
+    assert [cell(r["probability"]) for r in rows_of(out)] == pytest.approx(core.right, rel=1e-6)
+
+
+@pytest.mark.parametrize("d_max", [5, 15, 27])
+def test_a_day_is_long_enough_exactly_where_the_core_takes_it(d_max):
+    made = estimator("posterior", posterior={"d_max": d_max})
+    shortest = made.n_more_than + 1
+    settings = PosteriorSettings(d_max=d_max)
+    u, o, h = (values[None, :shortest] for values in noisy(open_loop(4, 2), 2))
+    assert posterior(u, h, o, settings).status.shape == (1,)
+    with pytest.raises(RividError, match=f"needs {shortest}"):
+        posterior(u[:, 1:], h[:, 1:], o[:, 1:], settings)
+    assert made.because == (f"d_max = {d_max}", "[posterior] d_max") and shortest > d_max + GUARD
+
+
+def test_a_river_is_refused_before_any_work(logs, tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text('[reach]\nkind = "river"\n')
+    code, said = rivid("run", logs, "--out", tmp_path / "out", "--config", config, *ASKED)
+    assert code == 2 and not (tmp_path / "out").exists()
+    assert 'posterior, which explains a level; [reach] kind = "river" has none' in said
+
+
+def test_its_settings_undo_only_its_own_work(logs, tmp_path):
+    config = tmp_path / "c.toml"
+    words = ("run", logs, "--out", tmp_path / "out", "--no-figures", "--config", config)
+    config.write_text("")
+    assert f"{N_DAYS} estimated now" in rivid(*words)[1]
+    config.write_text("[posterior]\nanswer_above = 0.9\n")
+    assert "0 estimated now" in rivid(*words)[1]
+    assert f"{N_DAYS} estimated now" in rivid(*words, *ASKED)[1]
+    config.write_text("[posterior]\nanswer_above = 0.8\n")
+    assert f"{N_DAYS} estimated now" in rivid(*words, *ASKED)[1]
