@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from rivid.core.posterior_river_evidence import Evidence, evidence, nothing
-from rivid.core.posterior_river_noise import whitened_sums
+from rivid.core.posterior_river_noise import daily_sine, river_noises
 from rivid.core.posterior_river_response import ResponseGrid, hastened, response_grid
 from rivid.core.posterior_river_settings import RiverSettings
+from rivid.core.posterior_river_sums import whitened_sums
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]
@@ -174,9 +175,8 @@ def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Wind
     """Average over leads, noises, sine, shapes and travel times."""
     n_rows = len(u) - s.warm
     middle = float(np.median(u[s.warm :]))
-    sums = whitened_sums(
-        np.stack([hastened(u, middle, lead) for lead in LEADS]), y, s.warm, s.n_lags, float(s.day)
-    )
+    hastier = np.stack([hastened(u, middle, lead) for lead in LEADS])
+    sums = whitened_sums(hastier, y, daily_sine(len(u), s.day), s.warm, s.n_lags, river_noises())
     found = evidence(sums, grid, n_rows, s.gain, s.gain_sd)
     none = nothing(sums, n_rows)
     T = s.flattening(n_rows)

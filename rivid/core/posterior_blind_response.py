@@ -1,0 +1,221 @@
+"""A day without outflow as a smooth response with a jump: what the level does whatever people do.
+
+The level is ``y[k] = sum_l (f(l) + theta s(l)) u[k-l] + c + n``. f is a Gaussian process over the lag, smooth
+and fading: water, people who follow the inflow and the feedback of the level, all at once. s is a jump at lag
+d + 1 that decays, theta its size, positive. n is noise of one of a few kinds. f and theta are integrated out;
+the noise's variance s2, in whose units both have their prior, is taken at its best.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from rivid.core.posterior_front import LEAST_T, SHARES, SMALLEST_PIVOT, SURE_T
+from rivid.core.posterior_noise import spectral_factor
+from rivid.core.posterior_river_sums import Noises, Sums, whitened_sums
+
+Floats = NDArray[np.float64]
+
+MEMORY = (0.9, 1.0)
+SMOOTH_MEMORY = (0.0, 0.5, 0.8)
+"""rho and r of what wanders: ``A = (1 - rho q^-1)(1 - r q^-1)``."""
+RATIOS = (3.0, 0.3, 0.03)
+"""Variance of what wanders over that of the gauge."""
+
+LENGTHS = (3.0, 8.0)
+"""Over how many lags f stays itself."""
+FADING = 0.93
+"""What is left of f's variance from one lag to the next."""
+STRENGTHS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
+"""Variance of f's part in the level, summed over the rows, for each lag, over s2."""
+DECAYS = (0.85, 0.95, 1.0)
+"""What is left of the jump from one lag to the next."""
+
+KEPT = 1e-7
+"""Directions of f with less of its variance are left out."""
+
+BEHIND = 19
+"""Lags behind the last candidate."""
+
+MODELS = 4
+"""Models of which the response is averaged."""
+
+
+@lru_cache(maxsize=1)
+def blind_noises() -> Noises:
+    """(A, C) of every kind of noise."""
+    wander = [np.convolve([1.0, -rho], [1.0, -r]) for rho in MEMORY for r in SMOOTH_MEMORY]
+    return tuple((a, c) for a in wander for c in (np.ones(1), *(spectral_factor(a, r) for r in RATIOS)))
+
+
+@lru_cache(maxsize=4)
+def smooth_roots(n_lags: int) -> Floats:
+    """Square roots of f's covariance at lags 1 to `n_lags`, shape (lengths, n_lags, rank)."""
+    lag = np.arange(1, n_lags + 1)
+    roots = []
+    for length in LENGTHS:
+        K = FADING ** (0.5 * (lag[:, None] + lag))
+        K *= np.exp(-0.5 * ((lag[:, None] - lag) / length) ** 2)
+        value, vector = np.linalg.eigh(K)
+        roots.append(vector * np.sqrt(np.maximum(value, 0.0)))
+    rank = max(int((np.sum(root**2, axis=0) > KEPT * n_lags).sum()) for root in roots)
+    return np.stack([root[:, -rank:] for root in roots])
+
+
+@lru_cache(maxsize=4)
+def jumps(first: int, last: int, n_lags: int) -> Floats:
+    """s at lags 1 to `n_lags`, its jump at lag ``first + 1`` to ``last + 2``: (decays, jumps, n_lags)."""
+    since = np.arange(1, n_lags + 1) - np.arange(first + 1, last + 3)[:, None]
+    decay = np.array(DECAYS)[:, None, None]
+    return np.where(since >= 0, decay ** np.maximum(since, 0), 0.0)
+
+
+@dataclass(frozen=True)
+class BlindEvidence:
+    """One day; B kinds of noise, smoothnesses of f, its strengths, decays of the jump, candidates, shares.
+
+    Attributes
+    ----------
+    fronts : ndarray, shape (B, lengths, strengths, decays, candidates, shares)
+        Log evidence.
+    nothing : ndarray, shape (B, lengths, strengths)
+        The same without a jump.
+    sums : Sums
+    n_rows : int
+    first : int
+        The first candidate.
+    """
+
+    fronts: Floats
+    nothing: Floats
+    sums: Sums
+    n_rows: int
+    first: int
+
+
+def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> BlindEvidence:
+    """Log evidence of every jump of one day.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (N,)
+        Inflow and level.
+    first, last : int
+        Candidates d.
+    n_lags : int
+        Lags of f, above ``last + 2``.
+
+    Returns
+    -------
+    BlindEvidence
+
+    Notes
+    -----
+    With G the Gram matrix of the lags and ``k K`` the covariance of f in units of s2, what f explains is
+    projected from every product: ``R = G - G (K^-1 / k + G)^-1 G``. One eigenvalue problem of ``F'G F``,
+    ``K = F F'``, serves every k. A jump between samples is linear in its share, so that two neighbouring
+    jumps give all shares. theta has the prior of one row: its variance is n over s'Rs.
+    """
+    sums = whitened_sums(u[None], y, np.empty((0, len(u))), n_lags, n_lags, blind_noises())
+    n = len(u) - n_lags - 1  # the constant is gone
+    G, b, yy = lag_products(sums)
+    F, s = smooth_roots(n_lags), jumps(first, last, n_lags)
+    GF = np.matmul(G[:, None], F)
+    value, V = np.linalg.eigh(np.matmul(F.swapaxes(1, 2), GF))
+    value = np.maximum(value, 0.0)
+    z = np.matmul(np.matmul(V.swapaxes(-1, -2), F.swapaxes(1, 2)), b[:, None, :, None])[..., 0]
+    sGF = np.matmul(s.reshape(-1, n_lags), np.matmul(GF, V))  # (B, lengths, jumps, rank)
+    strength = np.array(STRENGTHS) * _unit(G)[:, None]
+    k = strength[:, None, :, None]
+    shrink = k / (1.0 + k * value[:, :, None])  # (B, lengths, strengths, rank)
+
+    half_log = 0.5 * np.log1p(k * value[:, :, None]).sum(axis=-1)
+    left = np.maximum(yy[:, None, None] - np.einsum("blkr,blr->blk", shrink, z**2), 1e-13 * yy[:, None, None])
+    nothing = -0.5 * n * np.log(left) - half_log - 0.5 * np.log(n)
+
+    decays, m, _ = s.shape
+    back = shrink.swapaxes(-1, -2)
+    Gs = np.matmul(G, s.reshape(-1, n_lags).T).swapaxes(1, 2)
+    shape = (len(G), len(LENGTHS), decays, m, len(STRENGTHS))
+    same = np.einsum("bjl,jl->bj", Gs, s.reshape(-1, n_lags))[:, None, :, None] - np.matmul(sGF**2, back)
+    P = sGF.reshape(*shape[:4], -1)
+    pair = np.einsum("bdml,dml->bdm", Gs.reshape(len(G), decays, m, -1)[:, :, :-1], s[:, 1:])
+    near = np.matmul((P[..., :-1, :] * P[..., 1:, :]).reshape(*shape[:2], decays * (m - 1), -1), back)
+    near = pair[:, None, :, :, None] - near.reshape(*shape[:3], m - 1, -1)
+    seen = np.matmul(s.reshape(-1, n_lags), b[..., None])[:, None] - np.matmul(sGF, back * z[..., None])
+    same, seen = same.reshape(shape), seen.reshape(shape)
+
+    w = SHARES
+    v = 1.0 - w
+    a, c, e = same[..., :-1, :, None], same[..., 1:, :, None], near[..., None]
+    size = w * w * a + v * v * c + 2.0 * w * v * e
+    hit = w * seen[..., :-1, :, None] + v * seen[..., 1:, :, None]
+    alive = a > SMALLEST_PIVOT * np.einsum("bjj->b", G)[:, None, None, None, None, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = hit / size * (n / (n + 1.0))
+        rss = np.maximum(left[:, :, None, None, :, None] - best * hit, 1e-13 * yy.reshape(-1, 1, 1, 1, 1, 1))
+        t = hit * np.sqrt(n / (n + 1.0) * n / (size * rss))
+        log = -0.5 * n * np.log(rss)
+        doubtful = t < SURE_T
+        log[doubtful] += log_ndtr(np.maximum(t[doubtful], LEAST_T))
+    log += np.log(2.0) - 0.5 * np.log(n + 1.0) - 0.5 * np.log(n) - half_log[:, :, None, None, :, None]
+    fronts = np.where(alive & np.isfinite(log), log, -np.inf)
+    return BlindEvidence(np.moveaxis(fronts, 4, 2), nothing, sums, n, first)
+
+
+def lag_products(sums: Sums) -> tuple[Floats, Floats, Floats]:
+    """G, ``U'y`` and ``y'y`` of lags 1 and above, the constant projected out."""
+    uz, yz = sums.uz[0, :, 1:, 0], sums.yz[:, 0]
+    G = sums.uu[0, :, 1:, 1:] - uz[:, :, None] * uz[:, None]
+    return G, sums.uy[0, :, 1:] - uz * yz[:, None], sums.yy - yz**2
+
+
+def _unit(G: Floats) -> Floats:
+    """Variance of f at which its part in the level, summed over the rows, is s2 for each lag."""
+    trace = np.einsum("bjj->b", G)
+    return np.asarray(G.shape[-1] / np.where(trace > 0.0, trace, np.inf), float)
+
+
+def blind_fir(found: BlindEvidence, belongs: NDArray[np.bool_], temperature: float) -> tuple[Floats, Floats]:
+    """Response of the likeliest models whose front `belongs`, averaged, and its standard deviation.
+
+    Parameters
+    ----------
+    found : BlindEvidence
+    belongs : ndarray of bool, shape (candidates, shares)
+    temperature : float
+
+    Returns
+    -------
+    h, sd : ndarray, shape (n_lags + 1,)
+        h[0] is lag 0.
+    """
+    logs = np.where(belongs, found.fronts, -np.inf)
+    flat = logs.ravel()
+    chosen = np.sort(np.argpartition(-flat, MODELS)[:MODELS])
+    chosen = chosen[np.isfinite(flat[chosen])]
+    G, b, yy = lag_products(found.sums)
+    n_lags, n = G.shape[-1], found.n_rows
+    if not len(chosen):
+        return np.full(n_lags + 1, np.nan), np.full(n_lags + 1, np.nan)
+    weight = np.exp((flat[chosen] - flat[chosen].max()) / temperature)
+    weight /= weight.sum()
+    H, variances = np.zeros((2, len(chosen), n_lags + 1))
+    last = found.first + logs.shape[-2] - 1
+    for i, model in enumerate(chosen):
+        B, length, strength, decay, d, w = np.unravel_index(model, logs.shape)
+        F, both = smooth_roots(n_lags)[length], jumps(found.first, last, n_lags)[decay]
+        s = SHARES[w] * both[d] + (1.0 - SHARES[w]) * both[d + 1]
+        k = STRENGTHS[strength] * _unit(G)[B]
+        root = k * F @ np.linalg.solve(np.eye(F.shape[1]) + k * F.T @ G[B] @ F, F.T)  # var f | theta, over s2
+        free = s - root @ (G[B] @ s)  # what a unit of theta adds to h
+        theta_variance = n / (n + 1.0) / (s @ G[B] @ free)
+        theta = theta_variance * (free @ b[B])
+        H[i, 1:] = root @ b[B] + free * theta
+        rss = yy[B] - b[B] @ H[i, 1:]
+        variances[i, 1:] = (np.diag(root) + free**2 * theta_variance) * max(rss, 0.0) / n
+    mean = weight @ H
+    return mean, np.sqrt(np.maximum(weight @ (variances + (H - mean) ** 2), 0.0))
