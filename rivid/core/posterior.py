@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.posterior_fir import averaged_fir
-from rivid.core.posterior_fold import centres, fold, weights
+from rivid.core.posterior_fold import fold, meant, weights
 from rivid.core.posterior_front import log_evidence, structures
 from rivid.core.posterior_gram import gram
 from rivid.core.posterior_noise import noise_bank
@@ -151,7 +151,7 @@ def _block(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings) -> tupl
     q, link = weights(fronts, nothing, stores, s)
     probability, right, place = fold(q, stores, s, first, last)
     delay = s.d_min + np.argmax(probability[s.d_min - first : s.d_max + 1 - first], axis=0)
-    means = [np.floor(c + 1e-9) for c in centres(s, first, last)]
+    means = meant(s, first, last)
     belongs = [means[0 if store else 1][..., None] == delay for store in stores]
     fir, sd = averaged_fir(
         G, n_rows, fronts, belongs, kinds, first, s.between_temperature, s.order, o is not None

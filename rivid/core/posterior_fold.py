@@ -1,8 +1,9 @@
-"""From the evidence of fronts to the travel time of a day: flattened weights, and what a front's place means.
+"""From the evidence of fronts to a day's travel time: flattened weights, and what a front's place means.
 
-In a store the place of the front is the travel time. Where a front moves the level as it arrives, the sample
-after the arrival holds it whole, so its place lies half a sample before the travel time on average; and it is
-blunted on its way, which makes it late by a few hundredths of the travel time.
+In a store the place of the front is the travel time. A sharp wave moves the level as it arrives, and the
+sample after the arrival holds it whole: within most of a sample its place does not move, then it runs through
+the rest. What the gate takes to move, and what blunts a wave on its way, make the place follow the arrival
+more evenly, and a little before it.
 """
 
 from functools import lru_cache
@@ -20,6 +21,15 @@ STEPS = 10
 
 TOLERANCE = 0.1
 """So close to a sampling instant [samples], the delays on both sides are right."""
+
+KNEE = 0.62
+"""Part of a sample in which the place of a sharp wave stays where it is."""
+
+GROWTH = 0.05
+"""By how much the error of a wave's place grows with each sample of its travel, as a share."""
+
+BULGE = 0.5
+"""By how much the error of a wave's place is larger amid two sampling instants, as a share."""
 
 
 def weights(
@@ -64,11 +74,25 @@ def weights(
     return q, np.where(np.isfinite(link), link, 0.0)
 
 
-def centres(s: PosteriorSettings, first: int, last: int) -> tuple[Floats, Floats]:
-    """Travel time [samples] that each place of the front stands for, shape (candidates, shares): in a store,
-    and for waves."""
-    x = np.arange(first, last + 1)[:, None] + 1.0 - SHARES
-    return x, (x + s.wave_lead) / (1.0 + s.wave_lag)
+def wave_place(travel: Floats, s: PosteriorSettings) -> Floats:
+    """Place of the front [samples] of a wave with this travel time [samples]; it never falls."""
+    whole = np.floor(travel)
+    part = travel - whole
+    sharp = np.clip(1.0 - s.wave_lag * travel, 0.0, 1.0)
+    return (
+        whole - s.wave_lead + (1.0 - sharp) * part + sharp * np.clip((part - KNEE) / (1.0 - KNEE), 0.0, None)
+    )
+
+
+def places(first: int, last: int) -> Floats:
+    """Places of the front [samples] of the candidates, shape (candidates, shares)."""
+    return np.arange(first, last + 1)[:, None] + 1.0 - SHARES
+
+
+def meant(s: PosteriorSettings, first: int, last: int) -> tuple[Floats, Floats]:
+    """The delay that each place of the front stands for, (candidates, shares): of stores, and of waves."""
+    x = places(first, last)
+    return np.floor(x + 1e-9), np.floor(x + s.wave_lead + 1e-9)
 
 
 @lru_cache(maxsize=8)
@@ -78,10 +102,14 @@ def _kernel(s: PosteriorSettings, first: int, last: int) -> Floats:
     whole = np.arange(first, last + 2, dtype=float)
     steps = np.arange(first * STEPS, (last + 1) * STEPS + 1) / STEPS
     edges = np.concatenate([steps, whole - TOLERANCE, whole + TOLERANCE])
+    x = places(first, last).reshape(-1, 1)
+    part = edges - np.floor(edges)
+    width = s.wave_error * (1.0 + GROWTH * edges) * (1.0 + BULGE * 4.0 * part * (1.0 - part))
+    order = np.argsort(edges, kind="stable")
     tables = []
-    for centre, width in zip(centres(s, first, last), (s.store_error, s.wave_error), strict=True):
-        away = np.clip((edges - centre.reshape(-1, 1)) / width, -50.0, 50.0)
-        table = 1.0 / (1.0 + np.exp(-away))
+    for away in ((edges - x) / s.store_error, (wave_place(edges, s) - x) / width):
+        table = 1.0 / (1.0 + np.exp(-np.clip(away, -50.0, 50.0)))
+        table[:, order] = np.maximum.accumulate(table[:, order], axis=1)  # where the width grows faster
         table[:, edges <= first], table[:, edges >= last + 1] = 0.0, 1.0  # what lies outside counts there
         tables.append(table)
     return np.stack(tables)

@@ -51,17 +51,20 @@ def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: in
     n = N - n_lags
     names = columns(o is not None)
     lead = len(names)
-    X = np.empty((days, len(polynomials), lead + n_lags, n))
-    for i, name in enumerate(names):
-        if name == "one":
-            X[:, :, i] = one[:, n_lags:]
-        else:
-            k = int(name[1:])
-            X[:, :, i] = white[:, :, 0 if name[0] == "y" else 2, n_lags - k : N - k]
+    rows = np.empty((days, len(polynomials), lead + 1, lead + n_lags))
     inflow = white[:, :, 1]
-    windows = sliding_window_view(inflow[..., : N - 1], n, axis=-1)  # row r holds lag n_lags - r
-    X[:, :, lead:] = windows[:, :, ::-1]
-    rows = np.matmul(X[:, :, : lead + 1], X.swapaxes(-1, -2))
+    windows = sliding_window_view(inflow[..., : N - 1], n, axis=-1)[:, :, ::-1]  # row r holds lag r + 1
+    X = np.empty((lead + n_lags, n))  # of one day and kind at a time: it stays near the processor
+    for day in range(days):
+        for kind in range(len(polynomials)):
+            for i, name in enumerate(names):
+                if name == "one":
+                    X[i] = one[kind, n_lags:]
+                else:
+                    k = int(name[1:])
+                    X[i] = white[day, kind, 0 if name[0] == "y" else 2, n_lags - k : N - k]
+            X[lead:] = windows[day, kind]
+            np.matmul(X[: lead + 1], X.T, out=rows[day, kind])
     G = np.empty((lead + n_lags, lead + n_lags, len(polynomials), days))
     G[: lead + 1] = np.moveaxis(rows, (0, 1), (3, 2))
     G[lead + 1 :, : lead + 1] = G[: lead + 1, lead + 1 :].swapaxes(0, 1)

@@ -10,7 +10,7 @@ from rivid.errors import ConfigError
 class PosteriorSettings:
     """How the probability of the delay is made.
 
-    The temperatures, errors and `wave_lag` were chosen on simulated worlds (see `benchmarks/posterior.py`)
+    The temperatures, errors and `wave_lag` were chosen on simulated worlds (`benchmarks/posterior`)
     and proved on others.
 
     Parameters
@@ -27,9 +27,9 @@ class PosteriorSettings:
     sharp : float
         Prior share of fronts that lie at a sampling instant, where the front moves the level at once.
     wave_lead : float
-        By how much the place of such a front lies before its travel time, in the mean [samples].
+        By how much the place of a wave's front lies before a travel time of whole samples [samples].
     wave_lag : float
-        Share of the travel time by which such a front is blunted and late.
+        Share of its sharpness that a wave loses with each sample of its travel.
     store_error, wave_error : float
         Scale of the logistic error of a front's place [samples].
     answer_above : float
@@ -39,15 +39,15 @@ class PosteriorSettings:
     d_min: int = 1
     d_max: int = 15
     order: int = 30
-    store_temperature: float = 1.0
-    wave_temperature: float = 1.5
+    store_temperature: float = 1.4
+    wave_temperature: float = 2.0
     between_temperature: float = 1.5
     sharp: float = 0.8
-    wave_lead: float = 0.5
-    wave_lag: float = 0.032
+    wave_lead: float = 0.18
+    wave_lag: float = 0.11
     store_error: float = 0.02
-    wave_error: float = 0.05
-    answer_above: float = 0.7
+    wave_error: float = 0.038
+    answer_above: float = 0.72
 
     def __post_init__(self) -> None:
         if not 1 <= self.d_min <= self.d_max:

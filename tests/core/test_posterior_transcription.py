@@ -77,11 +77,31 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
             assert fronts[which][k, d, j, i] == pytest.approx(slow, abs=1e-4)
 
 
+def slow_wave_place(travel, s):
+    """Where the front of a wave is found: still within a sample, then running, the more evenly the longer it
+    has travelled."""
+    n, f = divmod(travel, 1.0)
+    sharp = max(1 - s.wave_lag * travel, 0)
+    return n - s.wave_lead + (1 - sharp) * f + sharp * max(f - 0.62, 0) / 0.38
+
+
+def slow_below(edges, x, store, s):
+    """Distribution function of the travel time at rising edges, for a front at x."""
+    found, highest = [], 0.0
+    for edge in edges:
+        f = edge % 1.0
+        width = s.wave_error * (1 + 0.05 * edge) * (1 + 0.5 * 4 * f * (1 - f))
+        away = (edge - x) / s.store_error if store else (slow_wave_place(edge, s) - x) / width
+        highest = max(highest, expit(away))
+        found.append(highest)
+    return found
+
+
 def slow_posterior(u, y, o, s):
-    """Weights, travel times and errors of every model of a day, by one regression for each."""
+    """Weights, places and kinds of every model of a day, by one regression for each."""
     first, last = s.d_min - GUARD, s.d_max + GUARD
     y, u, o = y - y[0], u - u[0], o - o[0]
-    within, between, places, errors = [], [], [], []
+    within, between, places, stores = [], [], [], []
     for structure in structures(True):
         kinds = noise_bank()[structure.noises]
         store = structure.is_store
@@ -91,16 +111,15 @@ def slow_posterior(u, y, o, s):
                 for w in np.arange(10, 0, -1) / 10:
                     logs.append(slow_evidence(y, u, o, structure, C, len(kinds), d, w, last + 4))
                     priors.append(0.1 if store else (1 - s.sharp) / 10 + (s.sharp if w == 1 else 0))
-                    x = d + 1 - w
-                    places.append(x if store else (x + s.wave_lead) / (1 + s.wave_lag))
-                    errors.append(s.store_error if store else s.wave_error)
+                    places.append(d + 1 - w)
+                    stores.append(store)
         logs, priors = np.array(logs), np.array(priors)
         inside = np.exp((logs - logs.max()) / (s.store_temperature if store else s.wave_temperature)) * priors
         within.append(inside / inside.sum())
         between.append(logsumexp(logs / s.between_temperature, b=priors))
     share = np.exp(np.array(between) - logsumexp(between))
     weight = np.concatenate([p * inside for p, inside in zip(share, within, strict=True)])
-    return weight, np.array(places), np.array(errors)
+    return weight, places, stores
 
 
 @pytest.mark.parametrize("days", [linear_days, wave_days])
@@ -109,18 +128,19 @@ def test_probability_is_the_flattened_sum_over_all_models(days):
     s = PosteriorSettings(d_min=3, d_max=6, order=20)
     result = posterior(u, y, o, s)
     for i in range(2):
-        weight, places, errors = slow_posterior(u[i], y[i], o[i], s)
-
-        def below(edge, weight=weight, places=places, errors=errors):
-            return weight @ expit((edge - places) / errors)
-
-        p = np.array([below(d + 1) - below(d) for d in result.candidates])
+        weight, places, stores = slow_posterior(u[i], y[i], o[i], s)
+        tenths = np.arange(10 * (s.d_min - GUARD) + 1, 10 * (s.d_max + GUARD + 1)) / 10
+        F = weight @ np.array([slow_below(tenths, x, st, s) for x, st in zip(places, stores, strict=True)])
+        below = dict(zip(tenths.round(1).tolist(), F.tolist(), strict=True))
+        p = np.array([below[d + 1.0] - below[float(d)] for d in result.candidates])
         assert np.allclose(result.probability[i], p / p.sum(), atol=1e-4)
-        assert result.beyond[i] == pytest.approx([below(s.d_min), 1 - below(s.d_max + 1)], abs=1e-4)
+        assert result.beyond[i] == pytest.approx([below[s.d_min], 1 - below[s.d_max + 1.0]], abs=1e-4)
         best = result.candidates[np.argmax(p)]
-        assert result.right[i] == pytest.approx(below(best + 1.1) - below(best - 0.1), abs=1e-4)
+        assert result.right[i] == pytest.approx(
+            below[round(best + 1.1, 1)] - below[round(best - 0.1, 1)], abs=1e-4
+        )
         for place, level in ((result.place, 0.5), (result.place_low, 0.05), (result.place_high, 0.95)):
-            assert below(place[i] - 0.1) <= level <= below(place[i] + 0.1)
+            assert np.interp(place[i], tenths, F) == pytest.approx(level, abs=1e-3)
 
 
 @pytest.mark.parametrize("with_outflow", [True, False])
@@ -138,8 +158,7 @@ def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outfl
             for d in range(1, 9):
                 for w in np.arange(10, 0, -1) / 10:
                     x = d + 1 - w
-                    place = x if structure.is_store else (x + s.wave_lead) / (1 + s.wave_lag)
-                    if np.floor(place + 1e-9) == d_hat:
+                    if np.floor(x + (0 if structure.is_store else s.wave_lead) + 1e-9) == d_hat:
                         out = o if with_outflow else None
                         log = slow_evidence(y, u, out, structure, C, len(kinds), d, w, s.d_max + GUARD + 4)
                         models.append((log, structure, C, d, w))

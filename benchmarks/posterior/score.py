@@ -1,0 +1,146 @@
+"""What p(d | y) is worth on days whose delay is known."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.posterior.worlds import World
+from rivid.core.posterior import PosteriorResult, posterior
+from rivid.core.posterior_settings import PosteriorSettings
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LEVEL = 0.9
+"""Of the set whose coverage is counted."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """One value a day; of a world, or of several side by side.
+
+    Attributes
+    ----------
+    answered, exact, within, surely_wrong : ndarray of bool, shape (days,)
+        Status "ok"; then, of the delay given: right, within one sample, wrong with p above 0.9. Where the
+        travel time is within a tenth of a sample of a sampling instant, either neighbour is right.
+    covered : ndarray, shape (days,)
+        Randomised coverage of the 90 % set: the chance that the set holds the true delay, where its last
+        member is taken by lot so that it holds exactly 90 %.
+    top, top_right : ndarray, shape (days,)
+        Probability of being right that the day gives its best delay, and whether it is right; all days that
+        have one.
+    probability, is_true : ndarray, shape (days, D)
+        p(d | y) of every candidate, and whether it is the true one.
+    in_band, band : ndarray, shape (days,)
+        Whether the 90 % band of the travel time holds it, and its width [samples].
+    known : ndarray of bool, shape (days,)
+        The day has probabilities.
+    ms : float
+        Milliseconds a day.
+    """
+
+    answered: Bools
+    exact: Bools
+    within: Bools
+    surely_wrong: Bools
+    covered: Floats
+    top: Floats
+    top_right: Bools
+    probability: Floats
+    is_true: Bools
+    in_band: Bools
+    band: Floats
+    known: Bools
+    ms: float
+
+
+def randomised_coverage(probability: Floats, column: NDArray[np.intp], level: float = LEVEL) -> Floats:
+    """Chance that a set of exactly `level` holds the column that is true.
+
+    Parameters
+    ----------
+    probability : ndarray, shape (days, D)
+        Rows that sum to one.
+    column : ndarray of int, shape (days,)
+        The true one; -1 where none is.
+    level : float
+
+    Returns
+    -------
+    ndarray, shape (days,)
+        Candidates join by falling probability; the one that passes `level` joins by lot, with the chance
+        that makes the set hold exactly `level`.
+
+    Examples
+    --------
+    >>> p = np.array([[0.6, 0.4], [0.6, 0.4], [1.0, 0.0]])
+    >>> randomised_coverage(p, np.array([0, 1, 0])).round(9).tolist()
+    [1.0, 0.75, 0.9]
+    """
+    rows = np.arange(len(probability))
+    own = probability[rows, column]
+    before = np.where(probability > own[:, None], probability, 0.0).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((level - before) / own, 0.0, 1.0)
+    return np.where((column >= 0) & (own > 0.0), share, 0.0)
+
+
+def judge(found: PosteriorResult, world: World, ms: float = np.nan) -> Scores:
+    """The scores of a result on its world."""
+    candidates, every = found.candidates, np.arange(len(world.delay))
+    known = np.isfinite(found.probability).all(axis=1)
+    p = np.where(known[:, None], found.probability, 1.0 / len(candidates))
+    best = candidates[np.argmax(p, axis=1)]
+    answered = found.status == "ok"
+    error = np.minimum(np.abs(best - world.delay), np.abs(best - world.other))
+    inside = (world.delay >= candidates[0]) & (world.delay <= candidates[-1])
+    column = np.where(inside, world.delay - candidates[0], -1)
+    is_true = np.zeros(p.shape, bool)
+    is_true[every[inside], column[inside]] = True
+    right = np.where(known, found.right, np.nan)
+    return Scores(
+        answered=answered, exact=answered & (error == 0), within=answered & (error <= 1),
+        surely_wrong=answered & (error > 0) & (right > 0.9),
+        covered=randomised_coverage(p, column),
+        top=right, top_right=error == 0, probability=p, is_true=is_true,
+        in_band=(found.place_low <= world.travel) & (world.travel <= found.place_high),
+        band=found.place_high - found.place_low, known=known, ms=ms,
+    )  # fmt: skip
+
+
+def score(world: World, settings: PosteriorSettings | None = None, shift: int = 0) -> Scores:
+    """Estimate a world and judge it; with `shift`, the inflow of another day: there is nothing to find."""
+    u = np.roll(world.u, shift, axis=0)
+    began = time.process_time()
+    found = posterior(u, world.y, world.o, settings)
+    ms = 1000.0 * (time.process_time() - began) / len(u)
+    return judge(found, world, ms)
+
+
+def together(parts: list[Scores]) -> Scores:
+    """Several worlds as one."""
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in Scores.__dataclass_fields__
+        if name != "ms"
+    }
+    days = [len(part.answered) for part in parts]
+    return Scores(**joined, ms=float(np.average([part.ms for part in parts], weights=days)))
+
+
+def wilson(k: int, n: int, z: float = 1.96) -> tuple[float, float]:
+    """95 % interval of a share of k in n.
+
+    Examples
+    --------
+    >>> [round(x, 3) for x in wilson(8, 10)]
+    [0.49, 0.943]
+    """
+    if n == 0:
+        return 0.0, 1.0
+    share, tail = k / n, z * z / n
+    middle, half = share + tail / 2, z * np.sqrt(share * (1 - share) / n + tail / (4 * n))
+    return float((middle - half) / (1 + tail)), float((middle + half) / (1 + tail))
