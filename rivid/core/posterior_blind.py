@@ -80,14 +80,16 @@ def _block(u: Floats, y: Floats, n_lags: int, s: PosteriorSettings) -> tuple[Flo
     seen = [smooth_weights(day, s) for day in days]
     smooth = np.stack([weight for weight, _ in seen], axis=-1)
 
-    pooled = [*((1.0 - SHARE) * part for part in q), SHARE * smooth]
-    probability, right, place = fold(pooled, [*stores, False], s, first, last)
+    # the jump may be a store's or a wave's: its place means either
+    pooled = [*((1.0 - SHARE) * part for part in q), 0.5 * SHARE * smooth, 0.5 * SHARE * smooth]
+    probability, right, place = fold(pooled, [*stores, True, False], s, first, last)
     delay = s.d_min + np.argmax(probability[s.d_min - first : s.d_max + 1 - first], axis=0)
     means = meant(s, first, last)
     belongs = [means[0 if store else 1][..., None] == delay for store in stores]
     fir, sd = averaged_fir(G, n_rows, fronts, belongs, kinds, first, s.between_temperature, s.order, False)
     smooth_fir = [
-        blind_fir(day, means[1] == d, TEMPERATURE) for day, d in zip(days, delay, strict=True)
+        blind_fir(day, (means[0] == d) | (means[1] == d), TEMPERATURE)
+        for day, d in zip(days, delay, strict=True)
     ]  # fmt: skip
     h, h_sd = (np.stack([part[i] for part in smooth_fir])[:, : s.order] for i in range(2))
     mean = (1.0 - SHARE) * fir + SHARE * h

@@ -19,19 +19,16 @@ from rivid.core.posterior_river_sums import Noises, Sums, whitened_sums
 
 Floats = NDArray[np.float64]
 
-MEMORY = (0.9, 1.0)
-SMOOTH_MEMORY = (0.0, 0.5, 0.8)
-"""rho and r of what wanders: ``A = (1 - rho q^-1)(1 - r q^-1)``."""
-RATIOS = (3.0, 0.3, 0.03)
-"""Variance of what wanders over that of the gauge."""
+NOISES = ((0.0, (0.3, 0.03)), (0.5, (0.3, 0.03)), (0.8, (0.3, 0.03, 0.003)))
+"""r of what wanders, ``A = (1 - q^-1)(1 - r q^-1)``, and the ratios of its variance to the gauge's."""
 
 LENGTHS = (3.0, 8.0)
 """Over how many lags f stays itself."""
-FADING = 0.93
+FADING = 0.9
 """What is left of f's variance from one lag to the next."""
-STRENGTHS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
+STRENGTHS = (1.0, 10.0, 100.0, 1e3, 1e4)
 """Variance of f's part in the level, summed over the rows, for each lag, over s2."""
-DECAYS = (0.85, 0.95, 1.0)
+DECAYS = (0.6, 0.85, 1.0)
 """What is left of the jump from one lag to the next."""
 
 KEPT = 1e-7
@@ -47,8 +44,8 @@ MODELS = 4
 @lru_cache(maxsize=1)
 def blind_noises() -> Noises:
     """(A, C) of every kind of noise."""
-    wander = [np.convolve([1.0, -rho], [1.0, -r]) for rho in MEMORY for r in SMOOTH_MEMORY]
-    return tuple((a, c) for a in wander for c in (np.ones(1), *(spectral_factor(a, r) for r in RATIOS)))
+    wander = [(np.convolve([1.0, -1.0], [1.0, -r]), ratios) for r, ratios in NOISES]
+    return tuple((a, spectral_factor(a, ratio)) for a, ratios in wander for ratio in ratios)
 
 
 @lru_cache(maxsize=4)
