@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rivid.config import Config, parse
 from rivid.core.hydraulics import propose_delays
 from rivid.diagnose.data import Record, as_record
-from rivid.diagnose.response import Response
+from rivid.diagnose.response.base import Response
 
 Floats = NDArray[np.float64]
 REFUSAL = "does not show"

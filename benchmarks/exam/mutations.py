@@ -98,7 +98,7 @@ def no_guard() -> Iterator[None]:
 @contextlib.contextmanager
 def no_gate() -> Iterator[None]:
     """What is left never speaks."""
-    with patch("rivid.diagnose.telling._unknown", lambda *_: None):
+    with patch("rivid.diagnose.telling.answer._unknown", lambda *_: None):
         yield
 
 
@@ -122,7 +122,7 @@ def days_for_blocks() -> Iterator[None]:
 
     with (
         patch("rivid.diagnose.workflow.split", dealt),
-        patch("rivid.diagnose.propose.flip_blocks", flipped),
+        patch("rivid.diagnose.search.propose.flip_blocks", flipped),
     ):
         yield
 

@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.exam.answering import Logs, record_of, responses
 from benchmarks.exam.cases import Case
 from rivid.diagnose.blocks import split
-from rivid.diagnose.fit import Model, calibrate
-from rivid.diagnose.linear import evaluate
+from rivid.diagnose.model.fit import Model, calibrate
+from rivid.diagnose.model.linear import evaluate
 from rivid.diagnose.setting import gauge_floor_of
 from rivid.diagnose.workflow import TRIM
 from rivid.effects import Effect, worlds_of

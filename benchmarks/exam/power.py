@@ -24,8 +24,8 @@ from benchmarks.exam.answering import record_of, responses
 from benchmarks.exam.cases import ROOT, SIZE_OF, SIZES_FILE, Case, resized
 from benchmarks.exam.planting import plant, scenario_of
 from rivid.diagnose.blocks import split
-from rivid.diagnose.fit import Model, calibrate
-from rivid.diagnose.linear import Linear
+from rivid.diagnose.model.fit import Model, calibrate
+from rivid.diagnose.model.linear import Linear
 from rivid.diagnose.noise import fit_noise
 from rivid.diagnose.setting import gauge_floor_of
 from rivid.effects import Effect, effect_classes

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from rivid.diagnose.loop_result import ClosedLoop
+from rivid.diagnose.loop.result import ClosedLoop
 
 Verdict = Literal[
     "no_gap", "explained", "partly_explained", "cannot_tell", "unknown", "did_not_hold", "insufficient_data"
@@ -123,7 +123,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Regime:
-    """The gap while the reach is in one state; see :mod:`rivid.diagnose.regimes`.
+    """The gap while the reach is in one state; see :mod:`rivid.diagnose.telling.regimes`.
 
     Attributes
     ----------

@@ -5,10 +5,10 @@ import numpy as np
 from rivid.config import Config
 from rivid.core.hydraulics import travel_bounds
 from rivid.diagnose.data import Record
-from rivid.diagnose.hydraulic_response import HydraulicResponse
-from rivid.diagnose.linear_response import Fronts, LinearPool
-from rivid.diagnose.response import Response
-from rivid.diagnose.river_response import RiverResponse
+from rivid.diagnose.response.base import Response
+from rivid.diagnose.response.hydraulic import HydraulicResponse
+from rivid.diagnose.response.linear import Fronts, LinearPool
+from rivid.diagnose.response.river import RiverResponse
 from rivid.effects import Effect, effect_classes
 from rivid.errors import ConfigError
 

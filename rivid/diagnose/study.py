@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 from rivid.diagnose.blocks import Split
 from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.fit import Model
-from rivid.diagnose.linear import Evaluation, Linear
-from rivid.diagnose.naming import Choice
-from rivid.diagnose.proposal import Proposal
+from rivid.diagnose.deciding.naming import Choice
+from rivid.diagnose.model.fit import Model
+from rivid.diagnose.model.linear import Evaluation, Linear
+from rivid.diagnose.search.proposal import Proposal
 from rivid.effects import Effect
 
 
@@ -44,7 +44,7 @@ class Study:
     first_evaluation, last_evaluation : Evaluation
     rounds : tuple of Round
     kernels : dict of str to ndarray
-        Step responses by place; see :func:`rivid.diagnose.kernel.kernels_of`.
+        Step responses by place; see :func:`rivid.diagnose.response.kernel.kernels_of`.
     notes : tuple of str
     noises : tuple of Effect
         Noises (wind, a seiche) that were known from the start.

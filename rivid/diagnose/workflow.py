@@ -9,25 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnose.adding import added, dropped, echoes, patched, recoded, varied
 from rivid.diagnose.blocks import Split, split
 from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.evidence import Evidence
-from rivid.diagnose.fit import Model
-from rivid.diagnose.guard import guarded
-from rivid.diagnose.happenings import happenings
-from rivid.diagnose.kernel import kernels_of
-from rivid.diagnose.linear import Evaluation, Linear, evaluate
-from rivid.diagnose.naming import Choice, choose
-from rivid.diagnose.proposal import Proposal
-from rivid.diagnose.propose import proposals
-from rivid.diagnose.response import Response
-from rivid.diagnose.response_choice import Calibrated, as_candidates, calibrated
-from rivid.diagnose.result import Diagnosis
-from rivid.diagnose.study import Round, Study
-from rivid.diagnose.telling import no_candidates, tell, too_few, too_still
-from rivid.diagnose.trials import Trial, trials_of
-from rivid.diagnose.trying import (
+from rivid.diagnose.deciding.guard import guarded
+from rivid.diagnose.deciding.naming import Choice, choose
+from rivid.diagnose.deciding.trying import (
     MOST_TRIALS,
     Tried,
     can_be_tried,
@@ -37,6 +23,20 @@ from rivid.diagnose.trying import (
     rivals,
     worth_trying,
 )
+from rivid.diagnose.model.adding import added, dropped, echoes, patched, recoded, varied
+from rivid.diagnose.model.fit import Model
+from rivid.diagnose.model.linear import Evaluation, Linear, evaluate
+from rivid.diagnose.response.base import Response
+from rivid.diagnose.response.choice import Calibrated, as_candidates, calibrated
+from rivid.diagnose.response.kernel import kernels_of
+from rivid.diagnose.result import Diagnosis
+from rivid.diagnose.search.happenings import happenings
+from rivid.diagnose.search.proposal import Proposal
+from rivid.diagnose.search.propose import proposals
+from rivid.diagnose.search.trials import Trial, trials_of
+from rivid.diagnose.study import Round, Study
+from rivid.diagnose.telling.answer import no_candidates, tell, too_few, too_still
+from rivid.diagnose.telling.evidence import Evidence
 from rivid.effects import Effect
 
 MOST_EFFECTS = 4

@@ -6,8 +6,8 @@ import numpy as np
 
 from rivid.diagnose.blocks import split
 from rivid.diagnose.data import as_record
-from rivid.diagnose.evidence import Evidence
 from rivid.diagnose.result import Diagnosis, Estimate, Gap, NamedEffect, Step, Unknown, Where
+from rivid.diagnose.telling.evidence import Evidence
 
 START = dt.date(2024, 5, 1)
 SURFACE = 6.7e5

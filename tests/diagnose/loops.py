@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnose.data import as_record
-from rivid.diagnose.loop_result import ClosedLoop, LoopDay, LoopErrors, Operators
+from rivid.diagnose.loop.result import ClosedLoop, LoopDay, LoopErrors, Operators
 from rivid.diagnose.result import Regime
 from rivid.scenario import load_scenario
 from rivid.simulate import simulate

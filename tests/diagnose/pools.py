@@ -8,10 +8,10 @@ import numpy as np
 
 from rivid.diagnose.blocks import split
 from rivid.diagnose.data import as_record
-from rivid.diagnose.fit import Model, calibrate
-from rivid.diagnose.linear import evaluate
-from rivid.diagnose.linear_response import LinearPool
-from rivid.diagnose.proposal import Proposal
+from rivid.diagnose.model.fit import Model, calibrate
+from rivid.diagnose.model.linear import evaluate
+from rivid.diagnose.response.linear import LinearPool
+from rivid.diagnose.search.proposal import Proposal
 from rivid.scenario import load_scenario
 from rivid.simulate import simulate
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnose.data import as_record
-from rivid.diagnose.hydraulic_response import HydraulicResponse
+from rivid.diagnose.response.hydraulic import HydraulicResponse
 from rivid.effects import CATALOGUE
 from rivid.scenario import load_scenario
 from rivid.simulate import simulate

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnose.adding import dropped, patched
-from rivid.diagnose.fit import calibrate
-from rivid.diagnose.linear import evaluate
-from rivid.diagnose.naming import Choice
-from rivid.diagnose.proposal import Proposal
+from rivid.diagnose.deciding.naming import Choice
+from rivid.diagnose.model.adding import dropped, patched
+from rivid.diagnose.model.fit import calibrate
+from rivid.diagnose.model.linear import evaluate
+from rivid.diagnose.search.proposal import Proposal
 from rivid.diagnose.study import Round
 from rivid.effects import CATALOGUE
 from tests.diagnose.pools import fitted, season

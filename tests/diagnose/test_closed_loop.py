@@ -7,20 +7,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnose import closed_loop as loops
-from rivid.diagnose import operator_law
 from rivid.diagnose.blocks import split
-from rivid.diagnose.closed_loop import closed_loop
-from rivid.diagnose.fit import Model
-from rivid.diagnose.hydraulic_response import HydraulicResponse
-from rivid.diagnose.linear_response import LinearPool
-from rivid.diagnose.loop_run import cut, run_day, without_fronts
+from rivid.diagnose.loop import closed_loop as loops
+from rivid.diagnose.loop import operator_law
+from rivid.diagnose.loop.closed_loop import closed_loop
+from rivid.diagnose.loop.operator_law import Law, beyond, identify, judged
+from rivid.diagnose.loop.operator_moves import looks, moves, step_of
+from rivid.diagnose.loop.run import cut, run_day, without_fronts
+from rivid.diagnose.loop.set_point import SetPoint
+from rivid.diagnose.model.fit import Model
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.operator_law import Law, beyond, identify, judged
-from rivid.diagnose.operator_moves import looks, moves, step_of
-from rivid.diagnose.response import gauge_of
+from rivid.diagnose.response.base import gauge_of
+from rivid.diagnose.response.hydraulic import HydraulicResponse
+from rivid.diagnose.response.linear import LinearPool
 from rivid.diagnose.result import Diagnosis
-from rivid.diagnose.set_point import SetPoint
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes, Gate, Leak, Pond

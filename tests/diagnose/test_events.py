@@ -5,10 +5,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from rivid.diagnose.events import Event, Kind, best_kind, find_events
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.pursuit import Atoms, extended, pursue, response
-from rivid.diagnose.timetable import sizes, timetable
+from rivid.diagnose.search.events import Event, Kind, best_kind, find_events
+from rivid.diagnose.search.pursuit import Atoms, extended, pursue, response
+from rivid.diagnose.search.timetable import sizes, timetable
 from rivid.errors import RividError
 
 T, N, A = 133.0, 400, 2e6

@@ -11,13 +11,13 @@ from rivid.config import Config, load_toml
 from rivid.diagnose.blocks import split
 from rivid.diagnose.data import as_record
 from rivid.diagnose.days import read_record
-from rivid.diagnose.fit import Model, calibrate
 from rivid.diagnose.gap import day_errors, residual_of
-from rivid.diagnose.linear import evaluate
-from rivid.diagnose.linear_response import LinearPool
+from rivid.diagnose.model.fit import Model, calibrate
+from rivid.diagnose.model.linear import evaluate
 from rivid.diagnose.noise import day_weights
-from rivid.diagnose.response import FreeParameter, placed
-from rivid.diagnose.river_response import RiverResponse
+from rivid.diagnose.response.base import FreeParameter, placed
+from rivid.diagnose.response.linear import LinearPool
+from rivid.diagnose.response.river import RiverResponse
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES

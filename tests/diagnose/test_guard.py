@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnose.guard import LEAST, MEMORIES, driven_level, guard, guarded
-from rivid.diagnose.kernel import kernels_of
-from rivid.diagnose.propose import proposals
-from rivid.diagnose.trials import pool_trials
+from rivid.diagnose.deciding.guard import LEAST, MEMORIES, driven_level, guard, guarded
+from rivid.diagnose.response.kernel import kernels_of
+from rivid.diagnose.search.propose import proposals
+from rivid.diagnose.search.trials import pool_trials
 from rivid.effects import CATALOGUE
 from tests.diagnose.pools import fitted, season
 
@@ -60,7 +60,7 @@ def test_a_true_leak_shows_through_the_guard(seed):
 
 def test_people_alone_hardly_ever_pass_the_guard(monkeypatch):
     """Eight empty seasons, where a normal number would exceed the limit in one of fifty."""
-    monkeypatch.setattr("rivid.diagnose.propose.LOOK", 1.1)  # even what is likely chance
+    monkeypatch.setattr("rivid.diagnose.search.propose.LOOK", 1.1)  # even what is likely chance
     seen = []
     for seed in range(10, 18):
         found, model, linear, evaluation = proposal(season(seed))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rivid.diagnose.blocks import split
-from rivid.diagnose.fit import calibrate
-from rivid.diagnose.holding import held_share
-from rivid.diagnose.linear import evaluate
+from rivid.diagnose.deciding.holding import held_share
+from rivid.diagnose.model.fit import calibrate
+from rivid.diagnose.model.linear import evaluate
 from rivid.effects import effect_classes
 from tests.diagnose.pools import fresh, nominal, season
 
@@ -71,7 +71,9 @@ def test_the_share_is_that_of_the_size_that_the_model_gives(size):
     fixed = replace(right, effects=(LATERAL(inflow=size),), free=((),))
     linear = fixed.linear(record, dealt)
     still = np.full(len(linear.prior_sd), 1e-6)
-    linear = replace(linear, prior_sd=still, deviation=0.0 * still)  # a response that stays as it is: a gain's error would take its part
+    linear = replace(
+        linear, prior_sd=still, deviation=0.0 * still
+    )  # a response that stays as it is: a gain's error would take its part
     found = held_share(fixed, linear, evaluate(linear), "lateral_inflow")
     assert found is not None
     given = right.effects[0].inflow

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rivid.diagnose.events import Event
-from rivid.diagnose.happenings import _storms
-from rivid.diagnose.naming import choose, is_material, stands
+from rivid.diagnose.deciding.naming import choose, is_material, stands
+from rivid.diagnose.search.events import Event
+from rivid.diagnose.search.happenings import _storms
 from tests.diagnose.pools import fitted, made, season
 
 RECORD = season(1, days=20)

@@ -164,9 +164,9 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
 
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
-    from rivid.diagnose.kalman import gather, lanes
-    from rivid.diagnose.kalman_days import log_likelihoods
-    from rivid.diagnose.noise_starts import limits_of
+    from rivid.diagnose.noise.kalman import gather, lanes
+    from rivid.diagnose.noise.kalman_days import log_likelihoods
+    from rivid.diagnose.noise.starts import limits_of
 
     z = POOL.simulate(9, N, np.random.default_rng(8))
     z[3:5, 10:20] = np.nan

@@ -9,11 +9,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from rivid.diagnose.loop_result import ClosedLoop
-from rivid.diagnose.page import write_page
+from rivid.diagnose.loop.result import ClosedLoop
 from rivid.diagnose.result import VERDICTS, Estimate, Unknown, Where
-from rivid.diagnose.wording import LABELS, MAY_NOT_SAY
-from rivid.diagnose.writing import write_diagnosis
+from rivid.diagnose.telling.page import write_page
+from rivid.diagnose.telling.wording import LABELS, MAY_NOT_SAY
+from rivid.diagnose.telling.writing import write_diagnosis
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.figures import FigureFile

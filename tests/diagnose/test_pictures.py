@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 from PIL import Image
 
-from rivid.diagnose.pictures import draw_pictures, drop_pictures
+from rivid.diagnose.telling.pictures import draw_pictures, drop_pictures
 from rivid.errors import RividError
 from rivid.figures import style
 from rivid.figures.diagnosis import KINDS, binned, heat, loop, one_day, season

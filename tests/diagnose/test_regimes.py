@@ -9,7 +9,7 @@ import pytest
 from rivid.diagnose.blocks import split
 from rivid.diagnose.gap import HOURS, day_errors
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
+from rivid.diagnose.telling.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
 from tests.diagnose.answers import evidence_of, record_of
 
 NOISE = NoiseModel(0.002, 0.001, 1.0, 7200.0, 0.0, 100.0, 900.0, 6.7e5)

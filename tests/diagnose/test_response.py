@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnose.linear_response import LinearPool
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.real_flows import real_flows, volume_before
-from rivid.diagnose.response import slopes_by_differences, vector_of, without_nudge
-from rivid.diagnose.river_response import RiverResponse
+from rivid.diagnose.response.base import slopes_by_differences, vector_of, without_nudge
+from rivid.diagnose.response.linear import LinearPool
+from rivid.diagnose.response.real_flows import real_flows, volume_before
+from rivid.diagnose.response.river import RiverResponse
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond

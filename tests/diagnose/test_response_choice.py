@@ -3,8 +3,8 @@
 import pytest
 
 from rivid.diagnose.blocks import split
-from rivid.diagnose.linear_response import LinearPool
-from rivid.diagnose.response_choice import as_candidates, calibrated
+from rivid.diagnose.response.choice import as_candidates, calibrated
+from rivid.diagnose.response.linear import LinearPool
 from rivid.diagnose.workflow import look
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError

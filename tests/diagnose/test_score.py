@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from rivid.diagnose.blocks import split
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.score import MODEL_SHARE, Candidate, scan
+from rivid.diagnose.score.scan import MODEL_SHARE, Candidate, scan
 from rivid.errors import RividError
 
 DAYS, N = 30, 24

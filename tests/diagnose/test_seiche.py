@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rivid.diagnose.noise import NoiseModel
-from rivid.diagnose.seiche import LEAST_DAMPING, find_swing, periodograms, spectrum_of, through_filter
+from rivid.diagnose.search.seiche import LEAST_DAMPING, find_swing, periodograms, spectrum_of, through_filter
 from rivid.effects import CATALOGUE
 
 SEICHE = CATALOGUE["seiche"]

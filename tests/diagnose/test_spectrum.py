@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rivid.diagnose.spectrum import _power, spectrum
+from rivid.diagnose.search.spectrum import _power, spectrum
 from rivid.errors import RividError
 
 T = 133.0

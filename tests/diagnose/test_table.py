@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rivid.diagnose.loop_result import ClosedLoop
+from rivid.diagnose.loop.result import ClosedLoop
 from rivid.diagnose.result import VERDICTS, Estimate, Unknown, Where
-from rivid.diagnose.table import WIDTH, summary
-from rivid.diagnose.wording import LABELS, MAY_NOT_SAY, sure_words
+from rivid.diagnose.telling.table import WIDTH, summary
+from rivid.diagnose.telling.wording import LABELS, MAY_NOT_SAY, sure_words
 from tests.diagnose.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnose.loops import loop_of
 

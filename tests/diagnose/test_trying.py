@@ -5,13 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnose.adding import added, stepped
-from rivid.diagnose.fit import calibrate
-from rivid.diagnose.kernel import kernels_of
-from rivid.diagnose.linear import evaluate
-from rivid.diagnose.propose import proposals
-from rivid.diagnose.trials import pool_trials
-from rivid.diagnose.trying import (
+from rivid.diagnose.deciding.trying import (
     WORTH,
     contradicted,
     exchanged,
@@ -19,6 +13,12 @@ from rivid.diagnose.trying import (
     rivals,
     worth_trying,
 )
+from rivid.diagnose.model.adding import added, stepped
+from rivid.diagnose.model.fit import calibrate
+from rivid.diagnose.model.linear import evaluate
+from rivid.diagnose.response.kernel import kernels_of
+from rivid.diagnose.search.propose import proposals
+from rivid.diagnose.search.trials import pool_trials
 from rivid.effects import CATALOGUE
 from tests.diagnose.pools import fitted, made, season
 
@@ -62,7 +62,7 @@ def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
 
         raise RividError("dry")
 
-    monkeypatch.setattr("rivid.diagnose.trying.added", broken)
+    monkeypatch.setattr("rivid.diagnose.deciding.trying.added", broken)
     tried = in_simulator(model, linear, evaluation, pool[0], record, quiet)
     assert tried.proposal.gain_select == 0.0 and tried.model is model
 

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnose import verdict
+from rivid.diagnose.deciding import verdict
+from rivid.diagnose.deciding.verdict import HELD, verdict_of
 from rivid.diagnose.gap import DayErrors
-from rivid.diagnose.linear import limited
+from rivid.diagnose.model.linear import limited
 from rivid.diagnose.result import Gap, Unknown, Where
-from rivid.diagnose.verdict import HELD, verdict_of
 
 DAYS = 20
 SELECT, SEALED = np.arange(DAYS) % 4 == 2, np.arange(DAYS) % 4 == 3

@@ -5,10 +5,10 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from rivid.diagnose.bins import influence
 from rivid.diagnose.data import as_record
-from rivid.diagnose.drivers import Driver, drivers, season, since_step
-from rivid.diagnose.where import as_scores, hour_map, strongest, tables
+from rivid.diagnose.where.bins import influence
+from rivid.diagnose.where.drivers import Driver, drivers, season, since_step
+from rivid.diagnose.where.place import as_scores, hour_map, strongest, tables
 from rivid.errors import RividError
 
 DAYS, N, BLOCK = 60, 144, 3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rivid.diagnose.windows import Span, best_dates, best_span, chance_of, combined
+from rivid.diagnose.search.windows import Span, best_dates, best_span, chance_of, combined
 
 
 def gains(score, information, sign=0):

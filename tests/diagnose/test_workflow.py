@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from rivid.cli.diagnose import command
 from rivid.config import Config, load_config
-from rivid.diagnose.augmented import read_effects
-from rivid.diagnose.breakers import PAIRS, USUAL, breaker
 from rivid.diagnose.data import as_record
-from rivid.diagnose.hydraulic_response import HydraulicResponse
-from rivid.diagnose.trials import pool_trials
+from rivid.diagnose.deciding.breakers import PAIRS, USUAL, breaker
+from rivid.diagnose.model.augmented import read_effects
+from rivid.diagnose.response.hydraulic import HydraulicResponse
+from rivid.diagnose.search.trials import pool_trials
 from rivid.diagnose.workflow import diagnose
 from rivid.effects import CATALOGUE, effect_classes
 from rivid.errors import ConfigError, NoDataError

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.diagnose.result import VERDICTS
-from rivid.diagnose.writing import write_diagnosis
+from rivid.diagnose.telling.writing import write_diagnosis
 from rivid.errors import RividError
 from tests.diagnose.answers import diagnosis, evidence_of, record_of
 

@@ -1,0 +1,1 @@
+"""What may be named, what is tied with it, and whether it holds."""

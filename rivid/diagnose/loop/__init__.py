@@ -1,0 +1,1 @@
+"""The reach with its operators in the loop."""

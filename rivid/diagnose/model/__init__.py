@@ -1,0 +1,1 @@
+"""The calibrated model, and what happens when an effect comes in."""

@@ -1,0 +1,1 @@
+"""What a calibrated reach does to the logged flows: several descriptions, and which is rich enough."""

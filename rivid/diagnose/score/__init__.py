@@ -1,0 +1,1 @@
+"""The score test with block sign flips."""

@@ -1,0 +1,1 @@
+"""What might be missing: effects as columns, events, noises, windows."""

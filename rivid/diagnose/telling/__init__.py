@@ -1,0 +1,1 @@
+"""From a study to an answer, a page, pictures and files."""
