@@ -35,8 +35,8 @@ def probable(n=30, unsure=(3, 4, 20), unseen=(9,)):
     fir[gone] = np.nan
     nothing = np.full(n, np.nan)
     e = dataclasses.replace(
-        e, status=status, messages=messages, delay=delay, fir=fir,
-        fir_sd=np.where(gone[:, None], np.nan, 1e-5) * np.ones_like(fir), probability=right, delay_low=low, delay_high=high, criterion=p,
+        e, status=status, messages=messages, delay=delay, fir=fir, probability=right, delay_low=low,
+        fir_sd=np.where(gone[:, None], np.nan, 1e-5) * np.ones_like(fir), delay_high=high, criterion=p,
         at_bound=np.zeros(n, bool), prior_only=np.zeros(n, bool), alpha=nothing, noise_sd=nothing,
         roughness_sd=nothing, condition=nothing, bound_gravity_s=np.full(n, 1000.0),
     )  # fmt: skip
