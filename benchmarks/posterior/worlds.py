@@ -155,6 +155,14 @@ PROOF = {
            "operators": OTHER_HANDS, "level": {"noise": 0.004, "quantum": 0.01},
            "weather": {"inflow": 3.0, "memory": 43200.0, "place": 0.3}},
     ),
+    "uneven, deep and smooth": Recipe(
+        "uneven", (3000.0, 13500.0), (-60.0, -110.0),
+        _sampled(150.0)
+        | {"reach": {"sample_time": 150.0, "width": 95.0, "depth": 6.5},
+           "channel": {"width_modes": [0.15, 0.05, -0.05], "bed_modes": [0.3, -0.1], "manning": 0.024,
+                       "manning_modes": [-0.05, 0.08], "bed_level": 122.5, "gate_time": 60.0},
+           "level": {"noise": 0.003, "quantum": 0.005}},
+    ),
 }  # fmt: skip
 KINDS = {"development": DEVELOPMENT, "proof": PROOF}
 

@@ -7,6 +7,9 @@ the rest comes a lag later: ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``. The equati
   a front that moves the level as it arrives, and waves that run to and fro behind the dam;
 - store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): nothing but volume;
 - drifting store: the same with an unlogged inflow that comes and goes.
+
+In a short and smooth reach the wave runs up and down once more: it comes back after three times its travel
+time, and the level may follow that echo more plainly than the front. So an echo is no front: :func:`echoes`.
 """
 
 from typing import NamedTuple
@@ -22,6 +25,15 @@ Floats = NDArray[np.float64]
 
 SHARES = np.arange(10, 0, -1) / 10.0
 """w of the candidates; the first is the sharp front at a sampling instant."""
+
+ECHOES = 4
+"""Lags at which a front comes back: a sample's travel times thrice, and one for what is blunted."""
+
+LEAST_ECHOED = 2
+"""The least delay whose echo is looked for; below, it overlaps the front itself."""
+
+LEAST_FRONT = 0.6
+"""What a front tells beside its echo, as a share of what the echo tells beside it, for it to be one."""
 
 SURE_T = 9.0
 """Beyond so many standard errors a jump is positive (a chance of 1e-19 is none)."""
@@ -116,7 +128,44 @@ def log_evidence(
     scores = [
         _scores(R, u_size[:, s.noises], n_rows, s, first, last) for R, s in zip(left, kinds, strict=True)
     ]
-    return [fronts for fronts, _ in scores], [nothing for _, nothing in scores]
+    fronts = [front for front, _ in scores]
+    if with_outflow:  # without it too little is seen to tell an echo from a command
+        is_echo = echoes(second[:, :, plain], fronts[0], fronts[1], u_size[:, plain], n_rows, first, last)
+        for wave in fronts[:2]:
+            np.copyto(wave, -np.inf, where=is_echo[:, None])
+    return fronts, [nothing for _, nothing in scores]
+
+
+def echoes(
+    R: Floats, first_order: Floats, second_order: Floats, u_size: Floats, n: int, first: int, last: int
+) -> NDArray[np.bool_]:
+    """Which candidates are the echo of another, shape (candidates, days).
+
+    The front of delay d comes back at lags 3 d + 1 to 3 d + 4. Beside free coefficients of these, the second
+    order's front at d is likelier than any wave's front at 3 d to 3 d + 3; and what it adds to the echo is
+    not much less than what the echo adds to it, so that no true front is taken for the echo of noise. `R` holds
+    the second order's products with the first kinds of noise.
+    """
+    s = structures(True)[1]
+    found = np.zeros((last - first + 1, R.shape[-1]), bool)
+    waves = np.maximum(first_order.max(axis=(0, 2)), second_order.max(axis=(0, 2)))
+    for d in range(max(first, LEAST_ECHOED), (len(R) - 1 - ECHOES) // 3 + 1):
+        echo, front = np.arange(3 * d + 1, 3 * d + 1 + ECHOES), np.arange(d + 1, d + 4)
+        which = np.concatenate([echo, [0], front])
+        part = R[which[:, None], which]
+        size = np.concatenate([u_size[echo - 1], np.ones_like(u_size[:1]), u_size[front - 1]])
+        for _ in range(ECHOES):
+            part, size = _eliminate(part, size)
+        scores, without = _scores(part, size[1:], n, s, 0, 0)
+        both = scores[:, 0]
+        with np.errstate(invalid="ignore"):
+            by_front = both - without[:, None] + 0.5 * s.taps * np.log(n)
+            by_echo = both - second_order[: len(both), d - first]
+            is_front = by_front >= LEAST_FRONT * by_echo
+        best = np.where(is_front, both, -np.inf).max(axis=(0, 1)) - 0.5 * ECHOES * np.log(n)
+        back = slice(3 * d - first, 3 * d + ECHOES - first)
+        found[back] |= best > waves[back]
+    return found
 
 
 def _eliminate(G: Floats, size: Floats) -> tuple[Floats, Floats]:
