@@ -143,8 +143,8 @@ def echoes(
 
     The front of delay d comes back at lags 3 d + 1 to 3 d + 4. Beside free coefficients of these, the second
     order's front at d is likelier than any wave's front at 3 d to 3 d + 3; and what it adds to the echo is
-    not much less than what the echo adds to it, so that no true front is taken for the echo of noise. `R` holds
-    the second order's products with the first kinds of noise.
+    not much less than what the echo adds to it, so that no true front is taken for the echo of noise. `R`
+    holds the second order's products with the first kinds of noise.
     """
     s = structures(True)[1]
     found = np.zeros((last - first + 1, R.shape[-1]), bool)

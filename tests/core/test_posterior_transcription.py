@@ -12,7 +12,7 @@ from rivid.core.posterior_front import log_evidence, structures
 from rivid.core.posterior_gram import gram
 from rivid.core.posterior_noise import DRIFT_MEMORY, noise_bank, prewhiten, spectral_factor
 from rivid.core.posterior_settings import PosteriorSettings
-from tests.core.posterior_days import linear_days, wave_days
+from tests.core.posterior_days import commands, linear_days, wave_days
 
 N = 300
 
@@ -56,6 +56,44 @@ def slow_evidence(y, u, o, structure, C, n_kinds, d, w, n_lags):
     return -0.5 * n * np.log(rss) - bic + norm.logcdf(np.clip(theta[0] / sd, -30, 30)) - np.log(n_kinds)
 
 
+def slow_is_echo(y, u, o, candidate, n_lags):
+    """Whether a front of a third of the delay, beside free coefficients of its echo, is likelier by one
+    regression for each kind of noise and share."""
+    first, second = structures(True)[:2]
+    n, bank = len(y) - n_lags, noise_bank()
+    shares = np.arange(10, 0, -1) / 10
+    waves = max(
+        slow_evidence(y, u, o, structure, C, len(bank[structure.noises]), candidate, w, n_lags)
+        for structure in (first, second)
+        for C in bank[structure.noises]
+        for w in shares
+    )
+
+    def rss(response, X):
+        return np.sum((response - X @ np.linalg.lstsq(X, response, rcond=None)[0]) ** 2)
+
+    for d in range(2, (n_lags - 4) // 3 + 1):
+        if not 3 * d <= candidate <= 3 * d + 3:
+            continue
+        for C in bank[first.noises]:
+            white = [lfilter([1.0], C, a) for a in (y, u, o, np.ones(len(y)))]
+            rows = np.arange(n_lags, len(y))
+            echo = np.stack([delayed(white[1], 3 * d + 1 + k, rows) for k in range(4)], axis=1)
+            for w in shares:
+                response, X = regression("second order", *white, d, w, rows)
+                with_echo = np.hstack([X, echo])
+                theta = np.linalg.lstsq(with_echo, response, rcond=None)[0]
+                both = rss(response, with_echo)
+                sd = np.sqrt(both / n * np.linalg.inv(with_echo.T @ with_echo)[0, 0])
+                positive = norm.logcdf(np.clip(theta[0] / sd, -30, 30))
+                alone = slow_evidence(y, u, o, second, C, len(bank[second.noises]), d, w, n_lags)
+                fit = -0.5 * n * np.log(both) - 0.5 * 8 * np.log(n) + positive - np.log(6)
+                by_front = 0.5 * n * np.log(rss(response, with_echo[:, 2:]) / both) + positive
+                if by_front >= 0.6 * (fit - alone) and fit - 2.0 * np.log(n) > waves:
+                    return True
+    return False
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("with_outflow", [True, False])
 @pytest.mark.parametrize("days", [linear_days, wave_days])
@@ -74,7 +112,40 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
             slow = slow_evidence(
                 y[i], u[i], out, structure, kinds[k], len(kinds), first + d, (10 - j) / 10, last + 4
             )
-            assert fronts[which][k, d, j, i] == pytest.approx(slow, abs=1e-4)
+            if np.isinf(fronts[which][k, d, j, i]):
+                assert with_outflow and which < 2 and slow_is_echo(y[i], u[i], o[i], first + d, last + 4)
+            else:
+                assert fronts[which][k, d, j, i] == pytest.approx(slow, abs=1e-4)
+
+
+def echoing_days(n, seed, N):
+    """Pools of first order in which the front comes back, stronger, after three times its travel time."""
+    rng = np.random.default_rng(seed)
+    u, o = commands(rng, n, N)
+    y = np.zeros_like(u)
+    for k in range(1, N):
+        came = [u[:, max(k - lag, 0)] - 300 for lag in (4, 12)]
+        y[:, k] = 0.9 * y[:, k - 1] + 6e-4 * came[0] + 9e-4 * came[1] - 9e-4 * (o[:, k - 1] - 300)
+        y[:, k] += 5e-4 * rng.normal(size=n)
+    return u, y + 0.002 * rng.normal(size=y.shape), o
+
+
+def test_what_is_an_echo_is_found_by_a_regression_for_each_candidate_too():
+    u, y, o = (a - a[:, :1] for a in echoing_days(1, 3, N))
+    first, last = 2, 13
+    G, n = gram(u, y, o, noise_bank(), last + 4)
+    fronts, _ = log_evidence(G, n, True, first, last)
+    is_echo = [bool(np.isinf(fronts[0][:, d, :, 0]).all()) for d in range(last - first + 1)]
+    assert is_echo == [slow_is_echo(y[0], u[0], o[0], d, last + 4) for d in range(first, last + 1)]
+    assert is_echo[11 - first] and not is_echo[3 - first]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_strong_echo_is_not_taken_for_the_front(seed):
+    u, y, o = echoing_days(4, seed, N)
+    result = posterior(u, y, o)
+    assert (result.candidates[np.argmax(result.probability, axis=1)] == 3).all()
+    assert (result.probability[:, 8:].sum(axis=1) < 0.01).all()  # the echo's delay is 11
 
 
 def slow_wave_place(travel, s):
