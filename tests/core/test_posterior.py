@@ -1,0 +1,177 @@
+"""What p(d | y) answers, what it refuses and why; what it must not depend on."""
+
+import numpy as np
+import pytest
+
+from rivid.core.posterior import BLOCK, posterior
+from rivid.core.posterior_settings import PosteriorSettings
+from rivid.errors import ConfigError, RividError
+from tests.core.posterior_days import linear_days, wave_days
+
+ROWS = ("probability", "beyond", "delay", "right", "in_set", "place", "place_low", "place_high",
+        "fir", "fir_sd", "link", "status", "message")  # fmt: skip
+WORLDS = pytest.mark.parametrize("days", [linear_days, wave_days])
+
+
+def same(a, b, rows_a=slice(None), rows_b=slice(None)):
+    for name in ROWS:
+        np.testing.assert_array_equal(getattr(a, name)[rows_a], getattr(b, name)[rows_b], err_msg=name)
+
+
+def close(a, b, scale=1.0):
+    """Alike but for rounding; the response in units `scale` times larger."""
+    assert (a.status == b.status).all()
+    for name in ("probability", "beyond", "delay", "right", "place", "place_low", "place_high", "link"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=2e-4, err_msg=name)
+    np.testing.assert_allclose(a.fir * scale, b.fir, rtol=0, atol=2e-4 * np.abs(b.fir).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("place", [3.5, 6.45])
+def test_a_store_amid_two_samples_is_answered_with_its_delay_and_its_place(place, seed):
+    u, y, o, _ = linear_days(6, seed, place=place, noise=0.001)
+    found = posterior(u, y, o)
+    assert (found.delay == int(place)).all()
+    assert (found.place_low < place).sum() >= 5 and (found.place_high > place).sum() >= 5
+    assert (found.link > 0.99).all()
+
+
+@WORLDS
+def test_the_probabilities_of_a_day_sum_to_one_and_its_set_is_the_smallest_that_holds_90_percent(days):
+    u, y, o, _ = days(8, 4)
+    found = posterior(u, y, o)
+    np.testing.assert_allclose(found.probability.sum(axis=1), 1.0, atol=1e-12)
+    for p, chosen in zip(found.probability, found.in_set, strict=True):
+        assert p[chosen].sum() >= 0.9
+        assert p[chosen].sum() - p[chosen].min() < 0.9
+        assert p[chosen].min() >= p[~chosen].max()
+    assert (found.place_low <= found.place).all() and (found.place <= found.place_high).all()
+
+
+@WORLDS
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_delay_beyond_the_range_is_refused_at_that_edge(days, side):
+    u, y, o, _ = days(6, 2, place=5.5)
+    s = [PosteriorSettings(d_min=6, d_max=9), PosteriorSettings(d_min=1, d_max=4)][side]
+    found = posterior(u, y, o, s)
+    assert (found.status == "at_bound").all()
+    assert np.isnan(found.delay).all()
+    assert set(found.message) == {f"the delay lies {('below d_min', 'above d_max')[side]}"}
+    assert (found.beyond[:, side] > 0.5).all()
+
+
+def test_a_delay_just_inside_the_range_is_answered():
+    u, y, o, _ = linear_days(4, 2, place=5.5, noise=0.001)
+    for d_min, d_max in ((5, 9), (1, 5), (5, 5)):
+        assert (posterior(u, y, o, PosteriorSettings(d_min=d_min, d_max=d_max)).delay == 5).all()
+
+
+def test_what_does_not_move_is_unidentifiable_and_has_no_numbers():
+    u, y, o, _ = linear_days(4, 1)
+    u[1], y[2] = 300.0, 130.0
+    found = posterior(u, y, o)
+    assert (found.status[1:3] == "unidentifiable").all()
+    assert (found.message[1:3] == "inflow or level does not move").all()
+    for name in ("probability", "beyond", "delay", "right", "place", "place_low", "place_high", "fir"):
+        assert np.isnan(getattr(found, name)[1:3]).all(), name
+    assert not found.in_set[1:3].any() and (found.link[1:3] == 0).all()
+    same(found, posterior(u[[0, 3]], y[[0, 3]], o[[0, 3]]), [0, 3])
+
+
+def test_an_inflow_that_moves_only_at_the_days_end_moves_too_little():
+    _, y, o, _ = linear_days(2, 1)
+    u = np.full_like(y, 300.0)
+    u[:, -1] += 10.0
+    found = posterior(u, y, o)
+    assert (found.status == "unidentifiable").all()
+    assert set(found.message) == {"the inflow moves too little"}
+    assert np.isnan(found.probability).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@WORLDS
+def test_another_days_inflow_has_no_front_in_the_level(days, seed):
+    u, y, o, _ = days(12, seed)
+    found = posterior(np.roll(u, 5, axis=0), y, o)
+    assert (found.status != "ok").sum() >= 11
+    assert "no front of the inflow is seen in the level" in found.message
+
+
+def test_a_travel_time_at_a_sampling_instant_gives_both_neighbours_and_a_place_between():
+    u, y, o, _ = linear_days(8, 6, place=5.0, noise=0.003)
+    found = posterior(u, y, o)
+    assert np.median(found.probability[:, 3:5].sum(axis=1)) > 0.99
+    assert (np.abs(found.place - 5.0) < 0.4).all()
+    assert (found.right > found.probability.max(axis=1)).all()
+
+
+def test_an_uncertain_day_is_refused_with_its_probabilities():
+    u, y, o, _ = linear_days(12, 3, place=4.8, noise=0.02)
+    found = posterior(u, y, o, PosteriorSettings(answer_above=0.9))
+    vague = found.message == "no delay is probable enough"
+    assert vague.sum() >= 4
+    assert (found.status[vague] == "unidentifiable").all()
+    assert np.isnan(found.delay[vague]).all()
+    assert (found.right[vague] < 0.9).all() and np.isfinite(found.probability[vague]).all()
+
+
+@WORLDS
+@pytest.mark.parametrize("with_outflow", [True, False])
+def test_a_days_answer_is_the_same_bits_whatever_stands_beside_it(days, with_outflow):
+    u, y, o, _ = days(BLOCK + 5, 7, N=300)
+    o = o if with_outflow else None
+
+    def of(rows):
+        return posterior(u[rows], y[rows], None if o is None else o[rows])
+
+    together = of(np.arange(BLOCK + 5))
+    same(together, of([3]), [3])
+    same(together, of([BLOCK + 4, 0, 2]), [BLOCK + 4, 0, 2])
+    same(together, of(np.arange(BLOCK + 4, -1, -1)), slice(None, None, -1))
+
+
+@WORLDS
+def test_units_and_constants_do_not_matter(days):
+    u, y, o, _ = days(4, 8)
+    plain = posterior(u, y, o)
+    close(plain, posterior(u, 100.0 * y - 7.0, o), 100.0)
+    close(plain, posterior(35.3 * u, y, 35.3 * o), 1 / 35.3)
+    close(plain, posterior(u + 1000.0, y, o - 200.0))
+
+
+@WORLDS
+def test_the_answer_hardly_depends_on_the_range_around_it(days):
+    u, y, o, _ = days(6, 3, place=4.5)
+    narrow, wide = (posterior(u, y, o, PosteriorSettings(d_max=d)) for d in (8, 14))
+    assert (narrow.delay == wide.delay)[narrow.status == wide.status].all()
+    assert np.abs(narrow.probability[:, 3] - wide.probability[:, 3]).max() < 0.25
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda u, y, o: (u[:, :-1], y, o), "level has shape"),
+        (lambda u, y, o: (u, y, o[:1]), "outflow has shape"),
+        (lambda u, y, o: (u[0], y[0], o[0]), "expected .days, N."),
+        (lambda u, y, o: (u, np.where(y == y[1, 5], np.nan, y), o), "level: not finite on 1 days, first"),
+        (lambda u, y, o: (u[:, :50], y[:, :50], o[:, :50]), "50 samples a day: d_max = 15 needs 63"),
+    ],
+)  # fmt: skip
+def test_impossible_days_are_refused_in_one_line(change, words):
+    u, y, o, _ = linear_days(3, 0)
+    with pytest.raises(RividError, match=words) as error:
+        posterior(*change(u, y, o))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"d_min": 0}, "d_min"), ({"d_min": 9, "d_max": 8}, "d_max"), ({"order": 15}, "order"),
+        ({"store_temperature": 0.9}, "store_temperature"), ({"wave_error": 0.0}, "wave_error"),
+        ({"sharp": 1.1}, "sharp"), ({"answer_above": -0.1}, "answer_above"), ({"wave_lag": 1.0}, "wave_lag"),
+    ],
+)  # fmt: skip
+def test_impossible_settings_are_refused_by_name(values, key):
+    with pytest.raises(ConfigError, match=key):
+        PosteriorSettings(**values)
