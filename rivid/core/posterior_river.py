@@ -251,7 +251,7 @@ def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings)
     link = np.array([w.link for w in all_windows])
     wide = high - low > s.widest + 0.5 * t50
     message = np.select(
-        [still, ~(link >= 0.5), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
+        [still, ~(link >= s.link_above), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
         [
             "inflow or output does not move",
             "the output is not seen to follow the inflow",
@@ -261,7 +261,7 @@ def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings)
         ],
         "",
     )
-    outside = (beyond.max(axis=1) > 0.5) & (link >= 0.5)
+    outside = (beyond.max(axis=1) > 0.5) & (link >= s.link_above)
     status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
     probability = within + 1e-300  # where all lies beyond the range, nothing tells its delays apart
     probability /= probability.sum(axis=1, keepdims=True)

@@ -57,24 +57,43 @@ def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: f
 
     Notes
     -----
-    s2 is found by three steps of expectation and maximisation from the least-squares fit.
+    s2 is found by three steps of expectation and maximisation from the least-squares fit with a gain that is
+    not negative.
     """
     precision0 = 1.0 / gain_sd**2
     xx = np.maximum(xx, 1e-300)
     floor = FLOOR * yy / m + 1e-300
     s2 = np.maximum((yy - xy * np.maximum(xy, 0.0) / xx) / m, floor)
     for _ in range(3):
-        variance = s2 / (xx + precision0 * s2)
-        g = (xy + gain * precision0 * s2) / (xx + precision0 * s2)
-        s2 = np.maximum((yy - 2.0 * g * xy + (g * g + variance) * xx) / m, floor)
-    variance = s2 / (xx + precision0 * s2)
-    g = (xy + gain * precision0 * s2) / (xx + precision0 * s2)
+        g, variance = _gain(xy, xx, s2, gain, precision0)
+        mean, square = _positive(g, variance)
+        s2 = np.maximum((yy - 2.0 * mean * xy + square * xx) / m, floor)
+    g, variance = _gain(xy, xx, s2, gain, precision0)
     log = -0.5 * m * np.log(2.0 * np.pi * s2) - 0.5 * (yy - 2.0 * g * xy + g * g * xx) / s2
     log += 0.5 * np.log(variance * precision0) - 0.5 * (g - gain) ** 2 * precision0
     t = g / np.sqrt(variance)
     doubtful = t < SURE_T
     log[doubtful] += log_ndtr(t[doubtful])
     return Evidence(log - log_ndtr(gain / gain_sd), g, variance)
+
+
+def _gain(xy: Floats, xx: Floats, s2: Floats, gain: float, precision0: float) -> tuple[Floats, Floats]:
+    """Mean and variance of the gain where it may be negative."""
+    precision = xx + precision0 * s2
+    return (xy + gain * precision0 * s2) / precision, s2 / precision
+
+
+def _positive(g: Floats, variance: Floats) -> tuple[Floats, Floats]:
+    """Mean and mean square of the gain where it may not."""
+    mean, square = g.copy(), g * g + variance
+    doubtful = g * g < SURE_T**2 * variance
+    doubtful |= g < 0.0
+    part, sd = g[doubtful], np.sqrt(variance[doubtful])
+    t = part / sd
+    pushed = sd * np.exp(-0.5 * t * t - log_ndtr(t)) / np.sqrt(2.0 * np.pi)
+    mean[doubtful] += pushed
+    square[doubtful] += part * pushed
+    return mean, square
 
 
 def evidence(sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float) -> Evidence:

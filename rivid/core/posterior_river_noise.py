@@ -19,7 +19,7 @@ MEMORY = (0.9, 0.97, 1.0)
 """rho of what wanders, ``A = 1 - rho q^-1``."""
 SMOOTH_MEMORY = (0.5, 0.9)
 """r of what wanders smoothly, ``A = (1 - q^-1)(1 - r q^-1)``."""
-RATIOS = (0.1, 1.0, 10.0)
+RATIOS = (0.1, 1.0)
 """Variance of what wanders over that of the gauge."""
 
 SINE = 3

@@ -124,7 +124,7 @@ def response_grid(s: RiverSettings) -> ResponseGrid:
     for shape in range(len(all_h)):
         for begin in range(0, len(t50), BLOCK):
             part = slice(begin, min(begin + BLOCK, len(t50)))
-            lags = np.flatnonzero(all_h[shape, part].max(axis=0) > SMALL)
+            lags = np.flatnonzero(all_h[shape, part].max(axis=0) > 0.0)
             blocks.append((shape, part, slice(int(lags[0]), int(lags[-1]) + 1)))
     return ResponseGrid(t50, all_h, np.array(prior), tuple(blocks))
 
@@ -139,7 +139,8 @@ def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Flo
     h = area[:, 2:] - 2.0 * area[:, 1:-1] + area[:, :-2]
     h = np.maximum(h, 0.0)
     h[h < SMALL] = 0.0
-    h[:, -1] += np.maximum(1.0 - h.sum(axis=1), 0.0)
+    late = 1.0 - h.sum(axis=1)
+    h[:, -1] += np.where(late > SMALL * h.shape[1], late, 0.0)
     whole: Floats = h / h.sum(axis=1, keepdims=True)
     return whole
 

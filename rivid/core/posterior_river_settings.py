@@ -32,8 +32,10 @@ class RiverSettings:
         Power with which that grows as the window has more rows than a day.
     spread, spread_share : float
         Standard error that no window can see [samples, share of t50]: no river is one of the families.
+    link_above : float
+        Least probability that the output follows the inflow at which a window is answered.
     widest : float
-        Widest 90 % band that is an answer [samples], beyond it half of t50 is allowed.
+        Widest 90 % band that is an answer [samples]; half of t50 is allowed on top.
     """
 
     d_min: int = 1
@@ -46,6 +48,7 @@ class RiverSettings:
     temperature_growth: float = 0.57
     spread: float = 0.3
     spread_share: float = 0.01
+    link_above: float = 0.95
     widest: float = 4.0
 
     def __post_init__(self) -> None:
@@ -59,7 +62,7 @@ class RiverSettings:
             )
         if not 1.0 <= self.temperature < inf:
             raise ConfigError(f"temperature = {self.temperature}: expected 1 or more")
-        for name in ("temperature_growth", "spread_share"):
+        for name in ("temperature_growth", "spread_share", "link_above"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} = {getattr(self, name)}: expected a share, 0 to 1")
         for name in ("day", "gain", "gain_sd", "spread", "widest"):

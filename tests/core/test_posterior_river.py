@@ -1,0 +1,145 @@
+"""t50 of small rivers, its honesty, and who is refused."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from rivid.core.posterior_river import LEAD_SHARE, LEADS, posterior_river
+from rivid.core.posterior_river_evidence import evidence, nothing
+from rivid.core.posterior_river_noise import daily_sine, river_noises
+from rivid.core.posterior_river_response import hastened, response_grid
+from rivid.core.posterior_river_settings import RiverSettings
+from rivid.core.posterior_river_sums import whitened_sums
+from rivid.errors import ConfigError, RividError
+from tests.core.river_windows import river_windows
+
+
+@pytest.mark.parametrize(("days", "seed"), [(1, 1), (3, 2), (3, 3)])
+def test_t50_of_rivers_that_are_no_member_of_a_family_is_found(days, seed):
+    u, y, t50 = river_windows(8, seed, days)
+    p = posterior_river(u, y)
+    error = np.abs(p.t50 - t50)
+    assert (p.status == "ok").all()
+    assert np.median(error) < 0.3
+    assert error.max() < 2.0
+    assert ((p.t50_low <= t50) & (t50 <= p.t50_high)).mean() >= 0.75
+    assert np.allclose(p.gain, 1.0, atol=0.25)
+    assert (p.link > 0.95).all()
+
+
+def test_the_response_has_its_gain_and_its_half_time():
+    u, y, t50 = river_windows(4, 5)
+    p = posterior_river(u, y)
+    assert np.allclose(p.fir.sum(axis=1), p.gain)
+    arrived = np.cumsum(p.fir, axis=1) / p.gain[:, None]
+    half = [np.interp(0.5, row, np.arange(len(row)) + 0.5) for row in arrived]
+    assert np.allclose(half, t50, atol=1.0)
+    assert (p.fir_sd >= 0).all() and (p.fir_sd.max(axis=1) > 0.005).all()
+
+
+def test_weights_are_the_flattened_evidence_of_every_model():
+    s = RiverSettings(d_max=10, warm=40)
+    u, y, _ = river_windows(1, 4, days=1)
+    u, y = u[:, 56:], y[:, 56:]
+    p = posterior_river(u, y, s)
+    grid, n = response_grid(s), u.shape[1] - s.warm
+    middle = np.median(u[0, s.warm :])
+    moved = np.stack([hastened(u[0], middle, lead) for lead in LEADS])
+    sums = whitened_sums(moved, y[0], daily_sine(u.shape[1], 96), s.warm, s.n_lags, river_noises())
+    found, none = evidence(sums, grid, n, s.gain, s.gain_sd).log, nothing(sums, n)
+    T = s.flattening(n)
+    places, seen = np.zeros(len(grid.t50)), 0.0
+    top = found.max()
+    for t, place in enumerate(grid.t50):
+        allowed = [i for i, lead in enumerate(LEADS) if lead <= LEAD_SHARE * place]
+        for i, b, sine in product(allowed, range(len(river_noises())), (0, 1)):
+            share = 1 / len(allowed) / len(river_noises()) / 2 / len(grid.t50)
+            places[t] += share * (grid.prior @ np.exp((found[i, b, sine, :, t] - top) / T))
+    seen = places.sum()
+    link = seen / (seen + np.exp((none - top) / T).mean())
+    assert p.link[0] == pytest.approx(link, abs=1e-9)
+    rng = np.random.default_rng(0)
+    draws = rng.choice(grid.t50, 400_000, p=places / seen)
+    draws = draws + rng.normal(size=len(draws)) * (s.spread + s.spread_share * draws)
+    wanted = np.quantile(draws, [0.05, 0.5, 0.95])
+    assert np.allclose([p.t50_low[0], p.t50[0], p.t50_high[0]], wanted, atol=0.03)
+    for d, share in zip(p.candidates, p.probability[0], strict=True):
+        inside = (draws >= 0.5) & (draws < s.d_max + 0.5)
+        assert share == pytest.approx(np.mean((np.abs(draws - d) < 0.5)[inside]), abs=0.004)
+
+
+def test_probabilities_sum_to_one_and_the_set_holds_nine_in_ten():
+    u, y, t50 = river_windows(4, 6)
+    p = posterior_river(u, y)
+    assert np.allclose(p.probability.sum(axis=1), 1.0)
+    assert np.array_equal(p.delay, np.floor(p.t50 + 0.5))
+    held = np.where(p.in_set, p.probability, 0.0).sum(axis=1)
+    assert (held >= 0.9).all()
+    assert (p.right >= p.probability.max(axis=1) - 1e-6).all()
+    assert np.array_equal(p.place, p.t50) and np.array_equal(p.place_low, p.t50_low)
+    assert np.array_equal(p.place_high, p.t50_high)
+
+
+def test_another_rivers_inflow_is_not_answered():
+    u, y, _ = river_windows(8, 8)
+    p = posterior_river(np.roll(u, 1, axis=0), y)
+    assert (p.status == "unidentifiable").mean() >= 0.85
+    assert np.isnan(p.delay[p.status != "ok"]).all()
+
+
+@pytest.mark.parametrize("t50", [11.0, 12.0, 25.0])
+def test_a_travel_time_beyond_the_range_is_no_answer(t50):
+    u, y, _ = river_windows(4, 9, t50=t50)
+    p = posterior_river(u, y, RiverSettings(d_max=9))
+    assert not (p.status == "ok").any()
+    assert np.isnan(p.delay).all()
+    if t50 < 12.0:  # far beyond it, nothing in the range follows the inflow
+        assert (p.status == "at_bound").all()
+        assert (p.message == "the travel time lies above d_max").all()
+        assert (p.beyond[:, 1] > 0.5).all()
+
+
+def test_still_windows_are_told_and_do_not_touch_the_others():
+    u, y, _ = river_windows(3, 10, days=1)
+    flat = u.copy()
+    flat[1] = 70.0
+    p, alone = posterior_river(flat, y), posterior_river(u[2:], y[2:])
+    assert p.message[1] == "inflow or output does not move"
+    assert np.isnan(p.t50[1]) and np.isnan(p.probability[1]).all() and p.link[1] == 0.0
+    assert p.t50[2] == alone.t50[0]
+    assert np.array_equal(p.fir[2], alone.fir[0])
+
+
+def test_unit_and_constant_do_not_matter():
+    u, y, _ = river_windows(1, 11, days=1)
+    p, q = posterior_river(u, y), posterior_river(35.3 * u, 35.3 * y + 400.0)
+    assert q.t50 == pytest.approx(p.t50, abs=1e-5)
+    assert q.gain == pytest.approx(p.gain, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"d_min": 0},
+        {"d_min": 9, "d_max": 9},
+        {"warm": 50},
+        {"temperature": 0.5},
+        {"gain_sd": 0.0},
+        {"link_above": 1.5},
+        {"spread": -1.0},
+    ],
+)
+def test_wrong_settings_are_named(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        RiverSettings(**wrong)
+
+
+def test_wrong_arrays_are_named():
+    u, y, _ = river_windows(2, 12, days=1)
+    with pytest.raises(RividError, match="output has shape"):
+        posterior_river(u, y[:, 1:])
+    with pytest.raises(RividError, match="not finite in 1 windows, first in row 1"):
+        posterior_river(np.where(np.arange(2)[:, None] == 1, np.nan, u), y)
+    with pytest.raises(RividError, match="samples a window"):
+        posterior_river(u[:, :100], y[:, :100])
