@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from rivid.diagnose.deciding.naming import choose, is_material, stands
+from rivid.diagnose.deciding.naming import choose, is_material, stands, tied_with
 from rivid.diagnose.search.events import Event
 from rivid.diagnose.search.happenings import _storms
 from tests.diagnose.pools import fitted, made, season
@@ -85,6 +86,26 @@ def test_where_no_flow_takes_from_the_error_the_one_that_adds_least_is_named(mod
     worse = replace(worse, improvement=worse.improvement * [0.5, -1.0, -1.0])
     assert worse.improvement.mean() < 0.0 and stands(worse, model[0], 0)
     assert named([worse], model) is worse
+
+
+def test_where_little_is_taken_from_the_error_likelihood_decides(model):
+    """A few blocks' errors hours ahead are chance at a few hundredths."""
+    swing = made("diurnal_inflow", 25, 8, improvement=0.1)
+    release = made("unlogged_upstream_release", 88, 27, improvement=0.07)
+    assert named([swing, release], model) is release
+
+
+def test_what_is_hardly_less_likely_is_tied(model):
+    """Six nats on all open days do not tell a gain from a constant inflow."""
+    linear, before = model
+    release, inflow = (
+        made("unlogged_upstream_release", 30, 15, improvement=0.3),
+        made("lateral_inflow", 26, 14),
+    )
+    inflow = replace(inflow, columns=np.random.default_rng(1).normal(size=inflow.columns.shape))
+    assert tied_with(release, [inflow], linear, before) == ("lateral_inflow",)
+    assert tied_with(release, [replace(inflow, gain_fit=20.0)], linear, before) == ()
+    assert tied_with(release, [replace(inflow, gain_select=-1.0)], linear, before) == ()
 
 
 def test_a_name_is_given_once_but_for_releases(model):

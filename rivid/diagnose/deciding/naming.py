@@ -39,6 +39,10 @@ TWIN = {"sensor_drift": "lateral_inflow", "lateral_inflow": "sensor_drift"}
 """All but one column: 0.996."""
 SAME = 0.95
 """Cosine of two whitened columns from which they are one to the data."""
+APART = 6.0
+"""What a name must gain beyond another one, on all open days, not to be tied with it [nats]."""
+SPEAKS = 0.15
+"""Share of the error, over all horizons, from which what a flow takes away is no chance of a few blocks."""
 CLOSE = 0.15
 """Gains this near to the best one's are weighed by likelihood on the fitting days."""
 
@@ -163,7 +167,9 @@ def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
         if p.events is None and not p.level_noise and name not in ABSORBED
     }
     best = max(flows.values(), default=0.0)
-    return {name: p for name, p in able.items() if flows.get(name, best) >= best - CLOSE * abs(best)}
+    if best < SPEAKS:
+        return able
+    return {name: p for name, p in able.items() if flows.get(name, best) >= (1.0 - CLOSE) * best}
 
 
 def _ahead(one: Proposal, other: Proposal) -> bool:
@@ -175,7 +181,7 @@ def _ahead(one: Proposal, other: Proposal) -> bool:
 
 
 def tied_with(named: Proposal, others: list[Proposal], model: Linear, before: Evaluation) -> tuple[str, ...]:
-    """Names that the data cannot tell from it: the same column, or as good on the selecting days."""
+    """Names that the data cannot tell from it: the same column, as good where selected, or as likely."""
     found = []
     mine = _column(named, model, before)
     select = model.split.select
@@ -193,7 +199,9 @@ def tied_with(named: Proposal, others: list[Proposal], model: Linear, before: Ev
             and sums.mean() < 2.0 * spread
             and other.improvement.mean() >= (1.0 - CLOSE) * named.improvement.mean()
         )
-        if same or as_good:
+        gains = other.gain_fit, named.gain_fit + named.gain_select - other.gain_fit - other.gain_select
+        near = other.events is None and named.events is None and gains[0] > 0.0 and gains[1] < APART
+        if same or as_good or near:
             found.append(other.name)
     return tuple(dict.fromkeys(found))
 
