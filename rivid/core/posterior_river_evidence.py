@@ -1,7 +1,8 @@
 """Evidence of every response of a river window: gain integrated out, noise variance at its best.
 
-For one kind of noise and one response h the whitened window is ``y = Z c + g x + e``, ``x = U h``: c is flat,
-the gain g has a normal prior and is positive, e is white of variance s2.
+For one kind of noise and one response h the whitened window is ``y = Z c + g x + e``, ``x = U h``: c is
+profiled, at the price of half ln n for each column, so that the unit of the flow does not matter; the gain g
+has a normal prior and is positive; e is white of variance s2.
 """
 
 from typing import NamedTuple
@@ -47,7 +48,7 @@ def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: f
     yy, xy, xx : ndarray
         Sums of products, shapes that broadcast.
     m : int
-        Rows less columns of Z.
+        Rows.
     gain, gain_sd : float
         Prior of the gain, cut at zero.
 
@@ -115,8 +116,7 @@ def evidence(sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: 
         xx = xx - np.einsum("...z,...z->...", part, part)
         xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
-        m = n_rows - columns.stop
-        found = marginal(yy[:, None, None], xy, xx, m, gain, gain_sd)
+        found = marginal(yy[:, None, None], xy, xx, n_rows, gain, gain_sd)
         logs.append(found.log - 0.5 * columns.stop * np.log(n_rows))
         gains.append(found.gain)
         variances.append(found.gain_variance)
@@ -130,7 +130,8 @@ def nothing(sums: Sums, n_rows: int) -> Floats:
     for columns in (slice(0, 1), slice(1, SINE)):
         yz = sums.yz[:, columns]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
-        m = n_rows - columns.stop
-        s2 = np.maximum(yy / m, 1e-300)
-        out.append(-0.5 * m * np.log(2.0 * np.pi * s2) - 0.5 * m - 0.5 * columns.stop * np.log(n_rows))
+        s2 = np.maximum(yy / n_rows, 1e-300)
+        out.append(
+            -0.5 * n_rows * np.log(2.0 * np.pi * s2) - 0.5 * n_rows - 0.5 * columns.stop * np.log(n_rows)
+        )
     return np.stack(out, axis=1)

@@ -70,9 +70,8 @@ def test_evidence_of_a_window_is_that_of_its_whitened_columns(seed):
             columns = SINE if sine else 1
             Q = np.linalg.qr(np.column_stack([np.ones(n), *beside])[:, :columns])[0]
             x, z = passed - Q @ (Q.T @ passed), seen - Q @ (Q.T @ seen)
-            m = n - columns
-            slow = marginal(np.array([z @ z]), np.array([x @ z]), np.array([x @ x]), m, GAIN, SD)
+            slow = marginal(np.array([z @ z]), np.array([x @ z]), np.array([x @ x]), n, GAIN, SD)
             penalty = 0.5 * columns * np.log(n)
             assert found.log[0, b, sine, shape, place] == pytest.approx(slow.log[0] - penalty, abs=1e-5)
-            best = -0.5 * m * (np.log(2 * np.pi * (z @ z) / m) + 1)
+            best = -0.5 * n * (np.log(2 * np.pi * (z @ z) / n) + 1)
             assert none[b, sine] == pytest.approx(best - penalty, abs=1e-6)
