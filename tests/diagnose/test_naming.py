@@ -64,6 +64,21 @@ def test_a_clock_that_was_always_off_is_a_longer_way_unless_it_is_far_off(model)
     assert stands(replace(clock, effect=Clock()), model[0], 0)
 
 
+def test_a_second_lateness_of_the_wave_has_dates_of_its_own_and_is_no_remnant_of_the_first(model):
+    class Clock:
+        offset = 40.0
+
+    taken = ("flow_dependent_delay",)
+    remnant = replace(made("clock_offset", 400, 100), effect=Clock(), window=WINDOW)
+    assert named([remnant], model) is remnant and named([remnant], model, taken) is None
+
+    class Far:
+        offset = 300.0
+
+    assert named([replace(remnant, effect=Far())], model, taken) is not None
+    assert named([replace(remnant, effect=Far(), window=(None, None))], model, taken) is None
+
+
 def test_of_two_windows_the_one_that_takes_more_from_the_error_is_named(model):
     whole = made("lateral_inflow", 80, 25, improvement=0.5)
     part = made("lateral_inflow", 500, 200, improvement=0.1, window=WINDOW)

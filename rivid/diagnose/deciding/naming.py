@@ -34,7 +34,7 @@ LEAST_OFFSET = 2.0
 LEAST_STEP = 50.0
 """What a jump of the gauge must gain, once [nats]."""
 WAVE = {"flow_dependent_delay", "wave_attenuation", "clock_offset"}
-"""How a wave is late: one of them is named, a second one only with dates of its own."""
+"""How a wave is late: one of them is named, a second one only with dates of its own, and clocks far off."""
 TWIN = {"sensor_drift": "lateral_inflow", "lateral_inflow": "sensor_drift"}
 """All but one column: 0.996."""
 SAME = 0.95
@@ -137,7 +137,12 @@ def choose(
         if p.name not in best or p.gain_select > best[p.name].gain_select:
             best[p.name] = p
     if WAVE & set(taken):
-        proposals = [p for p in proposals if p.name not in WAVE or p.window[0] is not None]
+        apart = LEAST_OFFSET * model.record.sample_time / 2.0  # less is what the first one leaves of its form
+        proposals = [
+            p for p in proposals
+            if p.name not in WAVE
+            or p.window[0] is not None and abs(getattr(p.effect, "offset", np.inf)) >= apart
+        ]  # fmt: skip
     proposals = [p for p in proposals if TWIN.get(p.name) not in taken]  # what the one leaves looks like it
     for p in proposals:  # of windows of the same name the one that takes most from the error
         if p.name in taken and "release" not in p.name or not stands(p, model, round_number):
