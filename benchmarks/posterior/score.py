@@ -143,4 +143,5 @@ def wilson(k: int, n: int, z: float = 1.96) -> tuple[float, float]:
         return 0.0, 1.0
     share, tail = k / n, z * z / n
     middle, half = share + tail / 2, z * np.sqrt(share * (1 - share) / n + tail / (4 * n))
-    return float((middle - half) / (1 + tail)), float((middle + half) / (1 + tail))
+    low, high = (middle - half) / (1 + tail), (middle + half) / (1 + tail)
+    return max(float(low), 0.0), min(float(high), 1.0)

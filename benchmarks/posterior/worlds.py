@@ -121,10 +121,17 @@ DEVELOPMENT = {
     "uneven, much weather": Recipe("uneven", *UNEVEN, {"weather": {"inflow": 5.0, "memory": 7200.0}}),
 }
 OTHER_HANDS = {
-    "feedforward": 0.8, "feedforward_spread": 0.15, "dead_band": 0.04, "trim_time": 36000.0,
+    "feedforward": 0.88, "feedforward_spread": 0.1, "dead_band": 0.04, "trim_time": 36000.0,
     "look": [1500.0, 3600.0], "notice": 10.0,
 }  # fmt: skip
 PROOF = {
+    "linear, narrow": Recipe(
+        "basse_isere", (2200.0, 11300.0), (-55.0, -280.0),
+        _sampled(110.0)
+        | {"reach": {"sample_time": 110.0, "width": 65.0, "depth": 4.0, "wave_depth": 5.5},
+           "operators": {"feedforward": 0.95, "dead_band": 0.03, "look": [900.0, 2400.0]},
+           "weather": {"inflow": 2.5, "memory": 36000.0}},
+    ),
     "linear, wide, other people": Recipe(
         "basse_isere", (3400.0, 17500.0), (-60.0, -300.0),
         _sampled(180.0)

@@ -1,0 +1,152 @@
+"""docs/accuracy_posterior.md from the scores."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.measure import machine, table
+from benchmarks.posterior.accuracy import Bin, Found, reliability
+from benchmarks.posterior.oracle import Limit
+from benchmarks.posterior.score import Scores, together, wilson
+
+EDGES = np.array([0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98, 1.0 + 1e-9])
+
+TARGETS: tuple[tuple[str, str, Callable[[Scores], bool]], ...] = (
+    ("answered", ">= 90 %", lambda s: bool(s.answered.mean() >= 0.9)),
+    ("exact, of the answered", ">= 95 %", lambda s: bool(s.exact[s.answered].mean() >= 0.95)),
+    ("within one sample, of the answered", ">= 99 %", lambda s: bool(s.within[s.answered].mean() >= 0.99)),
+    ("coverage of the 90 % set", "88-95 %", lambda s: bool(0.88 <= s.covered[s.known].mean() <= 0.95)),
+    ("wrong with p above 0.9, of all", "< 1 %", lambda s: bool(s.surely_wrong.mean() < 0.01)),
+)
+
+
+def share(k: int, n: int, digits: int = 1) -> str:
+    """A share in per cent with its interval."""
+    low, high = wilson(k, n)
+    return f"{100 * k / max(n, 1):.{digits}f} ({100 * low:.{digits}f}-{100 * high:.{digits}f})"
+
+
+def mean(values: np.ndarray) -> str:
+    """Mean of randomised shares and twice its standard error, in per cent."""
+    return f"{100 * values.mean():.1f} ± {200 * values.std() / np.sqrt(len(values)):.1f}"
+
+
+def numbers(s: Scores) -> list[str]:
+    """Days, then what `TARGETS` ask."""
+    a, n = int(s.answered.sum()), len(s.answered)
+    return [
+        str(n), share(a, n), share(int(s.exact.sum()), a), share(int(s.within.sum()), a),
+        mean(s.covered[s.known]), share(int(s.surely_wrong.sum()), n),
+    ]  # fmt: skip
+
+
+def groups(found: list[Found]) -> dict[str, Scores]:
+    """Truths of both kinds of worlds, one score each."""
+    return {
+        f"{kind}, {name}": together([f.matched for f in found if f.kind == kind and f.is_linear == linear])
+        for kind in ("development", "proof")
+        for name, linear in (("linear truth", True), ("hydraulic truth", False))
+    }
+
+
+def bins_of(found: list[Found]) -> dict[str, list[Bin]]:
+    """Reliability of every candidate's probability, by truth, on worlds that took no part."""
+    lines = {}
+    for name, linear in (("linear truth", True), ("hydraulic truth", False)):
+        s = together([f.matched for f in found if f.kind == "proof" and f.is_linear == linear])
+        lines[name] = reliability(s.probability[s.known].ravel(), s.is_true[s.known].ravel(), EDGES)
+    return lines
+
+
+def page(found: list[Found], known: list[Limit], head: str, tail: str) -> str:
+    """The whole page."""
+    by_truth = groups(found)
+    head_row = ["", "days", *(f"{what} [%], {aim}" for what, aim, _ in TARGETS)]
+    text = head + "\n## Beside the targets\n\n"
+    text += table(head_row, [[name, *numbers(s)] for name, s in by_truth.items()])
+    text += "\n" + verdict(by_truth)
+    text += "\n## World by world\n\n"
+    short = ["world", "T_s [s]", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
+             "place in its band", "width of the band [samples]"]  # fmt: skip
+    for kind, what in (("development", "Worlds the constants were chosen on, seeds that were not"),
+                       ("proof", "Worlds that took no part")):  # fmt: skip
+        rows = [
+            [f.name, f"{f.sample_time:g}", *numbers(f.matched),
+             share(int(f.matched.in_band[f.matched.known].sum()), int(f.matched.known.sum())),
+             f"{np.nanmedian(f.matched.band):.2f}"]
+            for f in found if f.kind == kind
+        ]  # fmt: skip
+        text += f"{what} [%]:\n\n" + table(short, rows) + "\n"
+    text += reliability_section(found) + null_section(found)
+    return text + limit_section(known) + speed_section(found) + tail
+
+
+def verdict(by_truth: dict[str, Scores]) -> str:
+    """What is reached and what is not, in words."""
+    lines = []
+    for name, s in by_truth.items():
+        missed = [what for what, _, reached in TARGETS if not reached(s)]
+        lines.append(f"- {name}: " + (f"not reached: {'; '.join(missed)}." if missed else "all reached."))
+    return "\n".join(lines) + "\n"
+
+
+def reliability_section(found: list[Found]) -> str:
+    """Tables of the reliability diagram and of the probability of being right."""
+    text = (
+        "## Reliability, on worlds that took no part\n\n"
+        "![probability given to a delay beside how often it was the true one](pictures/posterior_reliability.png)\n\n"
+    )
+    for name, bins in bins_of(found).items():
+        rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
+        text += f"{name[0].upper() + name[1:]}, every candidate of every day:\n\n"
+        text += table(["said", "was true [%]", "n"], rows) + "\n"
+    s = together([f.matched for f in found if f.kind == "proof"])
+    bins = reliability(
+        s.top[s.known], s.top_right[s.known], np.array([0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01])
+    )
+    rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
+    text += "Probability that the best delay is right (`right`), both truths:\n\n"
+    return text + table(["said", "was right [%]", "n"], rows) + "\n"
+
+
+def null_section(found: list[Found]) -> str:
+    """Shuffled days."""
+    rows = []
+    for kind in ("development", "proof"):
+        s = together([f.shuffled for f in found if f.kind == kind])
+        n = len(s.answered)
+        sure = int((s.answered & (s.top > 0.9)).sum())
+        rows.append([kind, str(n), share(int(s.answered.sum()), n, 2), share(sure, n, 2)])
+    return (
+        "## Nothing to find: shuffled days\n\nThe inflow of one day with the level and the outflow of another.\n\n"
+        + table(["worlds", "days", "answered [%]", "answered with p above 0.9 [%]"], rows)
+        + "\n"
+    )
+
+
+def limit_section(known: list[Limit]) -> str:
+    """The estimator beside a likelihood that is told nearly everything."""
+    rows = [
+        [f"{k.name} ({k.kind})", str(k.days), f"{100 * k.oracle:.1f}", f"{100 * k.estimator:.1f}"]
+        for k in known
+    ]
+    return (
+        "## How much a day can tell\n\nExact of the surest 90 % of days, linear truth. The oracle is the likelihood of the "
+        "world's own equation, told the true variances\nand memories of gauge and weather; gains, a steady leak and "
+        "the delay are free. Two or three in a hundred\nare the error of these shares: where the two columns agree, what is "
+        "missed is not in the day.\n\n"
+        + table(["world", "days", "oracle [%]", "`posterior` [%]"], rows)
+        + "\n"
+    )
+
+
+def speed_section(found: list[Found]) -> str:
+    """Milliseconds a day by the length of the day."""
+    by_time: dict[float, list[float]] = {}
+    for f in found:
+        by_time.setdefault(f.sample_time, []).append(f.matched.ms)
+    rows = [[f"{T:g}", str(round(86400 / T)), f"{np.median(ms):.2f}"] for T, ms in sorted(by_time.items())]
+    return (
+        f"## Time\n\nOne process, one core, d 1-15, the response and its spread included ({machine()}, others at "
+        "work on it):\n\n" + table(["T_s [s]", "samples a day", "ms a day"], rows) + "\n"
+    )
