@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.posterior import BLOCK, GUARD, PosteriorResult, _answer, _checked
-from rivid.core.posterior_blind_response import BEHIND, BlindEvidence, blind_evidence, blind_fir
+from rivid.core.posterior_blind_response import BEHIND, LENGTHS, BlindEvidence, blind_evidence, blind_fir
 from rivid.core.posterior_fir import averaged_fir
 from rivid.core.posterior_fold import fold, meant, weights
 from rivid.core.posterior_front import SHARES, log_evidence, structures
@@ -27,6 +27,9 @@ TEMPERATURE = 2.0
 
 SHARE = 0.5
 """Of the smooth response in the pool."""
+
+IS_STORE = tuple(length > 5.0 for length in LENGTHS)
+"""Whether a jump means a store's: waves that run to and fro leave no response smooth over many lags."""
 
 
 def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | None = None) -> PosteriorResult:
@@ -52,10 +55,10 @@ def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | No
     """
     s = settings or PosteriorSettings()
     inputs, outputs, _ = _checked(u, y, None, s)
-    n_lags = max(s.d_max + GUARD + BEHIND, s.order - 1)
-    if inputs.shape[1] < 3 * n_lags:
+    n_lags = _n_lags(s)
+    if inputs.shape[1] < n_least(s):
         raise RividError(
-            f"{inputs.shape[1]} samples a day: d_max = {s.d_max} and order = {s.order} need {3 * n_lags}"
+            f"{inputs.shape[1]} samples a day: d_max = {s.d_max} and order = {s.order} need {n_least(s)}"
         )
     days = len(inputs)
     blocks = (np.minimum(np.arange(begin, begin + BLOCK), days - 1) for begin in range(0, days, BLOCK))
@@ -66,6 +69,15 @@ def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | No
     still = (np.ptp(inputs, axis=1) <= 0.0) | (np.ptp(outputs, axis=1) <= 0.0)
     probability[still], link[still] = np.nan, 0.0
     return _answer(s, probability, right, place, fir, sd, link, still)
+
+
+def n_least(s: PosteriorSettings) -> int:
+    """Samples that a day needs."""
+    return 3 * _n_lags(s)
+
+
+def _n_lags(s: PosteriorSettings) -> int:
+    return max(s.d_max + GUARD + BEHIND, s.order - 1)
 
 
 def _block(u: Floats, y: Floats, n_lags: int, s: PosteriorSettings) -> tuple[Floats, ...]:
@@ -80,9 +92,8 @@ def _block(u: Floats, y: Floats, n_lags: int, s: PosteriorSettings) -> tuple[Flo
     seen = [smooth_weights(day, s) for day in days]
     smooth = np.stack([weight for weight, _ in seen], axis=-1)
 
-    # the jump may be a store's or a wave's: its place means either
-    pooled = [*((1.0 - SHARE) * part for part in q), 0.5 * SHARE * smooth, 0.5 * SHARE * smooth]
-    probability, right, place = fold(pooled, [*stores, True, False], s, first, last)
+    pooled = [*((1.0 - SHARE) * part for part in q), *(SHARE * part for part in smooth)]
+    probability, right, place = fold(pooled, [*stores, *IS_STORE], s, first, last)
     delay = s.d_min + np.argmax(probability[s.d_min - first : s.d_max + 1 - first], axis=0)
     means = meant(s, first, last)
     belongs = [means[0 if store else 1][..., None] == delay for store in stores]
@@ -99,16 +110,17 @@ def _block(u: Floats, y: Floats, n_lags: int, s: PosteriorSettings) -> tuple[Flo
 
 
 def smooth_weights(found: BlindEvidence, s: PosteriorSettings) -> tuple[Floats, float]:
-    """Flattened weight of each place of the jump, shape (candidates, shares), and probability of a jump."""
+    """Flattened weight of each smoothness of f and place of the jump, shape (lengths, candidates, shares); and
+    the probability of a jump."""
     prior = np.full(len(SHARES), (1.0 - s.sharp) / len(SHARES))
     prior[0] += s.sharp
     top = max(float(found.fronts.max()), float(found.nothing.max()))
     if not np.isfinite(top):
-        return np.full(found.fronts.shape[-2:], np.nan), 0.0
-    weight = np.exp((found.fronts - top) / TEMPERATURE).mean(axis=(0, 1, 2, 3)) * prior
+        return np.full((len(LENGTHS), *found.fronts.shape[-2:]), np.nan), 0.0
+    weight = np.exp((found.fronts - top) / TEMPERATURE).mean(axis=(0, 2, 3)) * prior
     none = float(np.exp((found.nothing - top) / TEMPERATURE).mean())
     total = float(weight.sum())
     if total <= 0.0:
         return np.full_like(weight, np.nan), 0.0
-    seen = total / len(weight)
+    seen = total / len(LENGTHS) / weight.shape[1]
     return weight / total, seen / (seen + none)

@@ -40,6 +40,9 @@ TOLERANCE = 0.1
 HELD = 0.9
 """Probability that a window's set of delays holds."""
 
+NEGLIGIBLE = 35.0
+"""Flattened log evidence below the best at which a response adds nothing."""
+
 LEAST_ROWS = 24
 """Rows of a window beside its history."""
 
@@ -177,9 +180,9 @@ def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Wind
     middle = float(np.median(u[s.warm :]))
     hastier = np.stack([hastened(u, middle, lead) for lead in LEADS])
     sums = whitened_sums(hastier, y, daily_sine(len(u), s.day), s.warm, s.n_lags, river_noises())
-    found = evidence(sums, grid, n_rows, s.gain, s.gain_sd)
-    none = nothing(sums, n_rows)
     T = s.flattening(n_rows)
+    found = evidence(sums, grid, n_rows, s.gain, s.gain_sd, NEGLIGIBLE * T)
+    none = nothing(sums, n_rows)
     top = max(float(found.log.max()), float(none.max()))
     leads = np.array(LEADS)
     allowed = leads[:, None] <= LEAD_SHARE * grid.t50

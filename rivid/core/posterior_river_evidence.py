@@ -5,6 +5,7 @@ profiled, at the price of half ln n for each column, so that the unit of the flo
 has a normal prior and is positive; e is white of variance s2.
 """
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -97,8 +98,13 @@ def _positive(g: Floats, variance: Floats) -> tuple[Floats, Floats]:
     return mean, square
 
 
-def evidence(sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float) -> Evidence:
-    """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine."""
+def evidence(
+    sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float, within: float = inf
+) -> Evidence:
+    """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine.
+
+    Responses that cannot come `within` so much of the best one's log evidence have minus infinity.
+    """
     C, B, n, _ = sums.uu.shape
     shapes, T, _ = grid.h.shape
     xx = np.empty((C, B, shapes, T))
@@ -116,11 +122,28 @@ def evidence(sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: 
         xx = xx - np.einsum("...z,...z->...", part, part)
         xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
-        found = marginal(yy[:, None, None], xy, xx, n_rows, gain, gain_sd)
+        found = _worth(np.broadcast_to(yy[:, None, None], xy.shape), xy, xx, n_rows, gain, gain_sd, within)
         logs.append(found.log - 0.5 * columns.stop * np.log(n_rows))
         gains.append(found.gain)
         variances.append(found.gain_variance)
     return Evidence(*(np.stack(x, axis=2) for x in (logs, gains, variances)))
+
+
+def _worth(
+    yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float, within: float
+) -> Evidence:
+    """:func:`marginal` of the responses that count; no evidence is above its highest likelihood."""
+    best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
+    bound = -0.5 * m * (np.log(2.0 * np.pi * best_fit / m) + 1.0)
+    top = np.unravel_index(np.argmax(bound), bound.shape)
+    likeliest = (np.array([a[top]]) for a in (yy, xy, xx))
+    least = float(marginal(*likeliest, m=m, gain=gain, gain_sd=gain_sd).log[0]) - within
+    keep = bound >= least
+    found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
+    out = Evidence(np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape))
+    for whole, part in zip(out, found, strict=True):
+        whole[keep] = part
+    return out
 
 
 def nothing(sums: Sums, n_rows: int) -> Floats:

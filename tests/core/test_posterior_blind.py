@@ -104,9 +104,9 @@ def test_weights_are_the_flattened_sum_over_all_models():
     for model in np.ndindex(found.fronts.shape):
         w = model[-1]
         prior = (1 - s.sharp) / len(SHARES) + (s.sharp if w == 0 else 0)
-        slow[model[-2:]] += prior * np.exp((found.fronts[model] - top) / TEMPERATURE)
+        slow[model[1], model[4], model[5]] += prior * np.exp((found.fronts[model] - top) / TEMPERATURE)
     assert np.allclose(weight, slow / slow.sum())
-    per_model = slow.sum() / len(slow) / np.prod(found.fronts.shape[:4])
+    per_model = slow.sum() / slow.shape[1] / np.prod(found.fronts.shape[:4])
     none = np.exp((found.nothing - top) / TEMPERATURE).mean()
     assert link == pytest.approx(per_model / (per_model + none))
 

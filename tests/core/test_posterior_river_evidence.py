@@ -75,3 +75,16 @@ def test_evidence_of_a_window_is_that_of_its_whitened_columns(seed):
             assert found.log[0, b, sine, shape, place] == pytest.approx(slow.log[0] - penalty, abs=1e-5)
             best = -0.5 * n * (np.log(2 * np.pi * (z @ z) / n) + 1)
             assert none[b, sine] == pytest.approx(best - penalty, abs=1e-6)
+
+
+def test_leaving_out_what_cannot_count_changes_nothing_that_does():
+    s = RiverSettings(d_max=12, warm=40)
+    u, y, _ = river_windows(1, 5, days=1, t50=7.0)
+    u, y = u[0, 56:], y[0, 56:]
+    n, grid = len(u) - s.warm, response_grid(s)
+    sums = whitened_sums(u[None], y, daily_sine(len(u), 96), s.warm, s.n_lags, river_noises())
+    every, some = (evidence(sums, grid, n, GAIN, SD, within).log for within in (np.inf, 30.0))
+    kept = np.isfinite(some)
+    assert 0 < kept.mean() < 0.8
+    assert np.array_equal(some[kept], every[kept])
+    assert (every[~kept] < every.max() - 25.0).all()
