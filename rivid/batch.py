@@ -131,7 +131,10 @@ def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple
     inflow = np.stack([data.inflow for _, data in group])
     output = np.stack([data.output for _, data in group])
     outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
-    days = Days(_deviations(inflow), _deviations(output), _deviations(np.stack(outflow)) if outflow else None)
+    days = Days(
+        _deviations(inflow), _deviations(output), _deviations(np.stack(outflow)) if outflow else None,
+        inflow[:, 0],
+    )  # fmt: skip
     still = np.ptp(days.u, axis=1) < config.run.min_motion * np.abs(inflow).max(axis=1)
     days.u[still] = 0.0  # so that rounding noise on a constant is not taken for motion
     answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]

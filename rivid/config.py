@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from rivid.core.posterior_river_settings import RiverSettings
 from rivid.core.posterior_settings import PosteriorSettings
 from rivid.core.settings import (
     CUSUMS,
@@ -157,6 +158,10 @@ class Config(Section):
     def posterior_settings(self) -> PosteriorSettings:
         """The core's settings of posterior; raises ConfigError as :meth:`PosteriorConfig.settings`."""
         return self.posterior.settings(self.jmap_settings())
+
+    def river_settings(self) -> RiverSettings:
+        """The core's settings of posterior on a river; raises ConfigError as :meth:`posterior_settings`."""
+        return self.posterior.river_settings(self.jmap_settings(), 86400.0 / self.reach.sample_time)
 
     def jmap_settings(
         self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True

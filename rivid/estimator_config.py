@@ -5,6 +5,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
+from rivid.core.posterior_river_settings import RiverSettings, lags_of
 from rivid.core.posterior_settings import PosteriorSettings
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
 from rivid.errors import ConfigError
@@ -128,6 +129,21 @@ class PosteriorConfig(Section):
             )
         return _of_table(
             "posterior", lambda: PosteriorSettings(**given, d_min=d_min, d_max=d_max, order=jmap.order)
+        )
+
+    def river_settings(self, jmap: JmapSettings, day: float) -> RiverSettings:
+        """The core's settings of a river whose day has so many samples; of this table the delays alone count.
+
+        Raises
+        ------
+        ConfigError
+            For delays in the wrong order.
+        """
+        d_min = jmap.d_min if self.d_min is None else self.d_min
+        d_max = jmap.d_max if self.d_max is None else self.d_max
+        return _of_table(
+            "posterior",
+            lambda: RiverSettings(d_min=d_min, d_max=d_max, warm=lags_of(d_max), day=max(round(day), 1)),
         )
 
 

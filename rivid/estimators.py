@@ -12,10 +12,11 @@ from rivid.core.change import CusumResult, cusum
 from rivid.core.fir import FirResult, map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, SearchResult, direct, indirect
-from rivid.errors import ConfigError
 
 if TYPE_CHECKING:
     from rivid.core.posterior import PosteriorResult
+    from rivid.core.posterior_river import RiverPosterior
+    from rivid.core.posterior_river_settings import RiverSettings
     from rivid.core.posterior_settings import PosteriorSettings
 
 Floats = NDArray[np.float64]
@@ -33,11 +34,14 @@ class Days:
         Output [m for a level, m3/s for a discharge].
     o : ndarray, shape (days, N), or None
         Outflow [m3/s]; None where it is not logged.
+    base : ndarray, shape (days,), or None
+        Inflow at the first sample [m3/s]: high water is faster.
     """
 
     u: Floats
     y: Floats
     o: Floats | None = None
+    base: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -258,34 +262,42 @@ def _search(name: str, config: Config) -> Estimator:
 
 
 def _posterior(name: str, config: Config) -> Estimator:
-    """The probability of every delay."""
+    """The probability of every delay, by the equations of this water."""
+    if config.reach.kind == "river":
+        return _river_posterior(name, config)
     settings = config.posterior_settings()
-    probable, needed = _equations(config, settings)
+    from rivid.core.posterior import GUARD, posterior  # scipy.special, only where it is asked for
+    from rivid.core.posterior_blind import n_least, posterior_blind
 
     def estimate(days: Days) -> Answer:
-        return _of_posterior(probable(days), settings, config)
+        if days.o is None:
+            found = posterior_blind(days.u, days.y, settings)
+        else:
+            found = posterior(days.u, days.y, days.o, settings)
+        return _of_posterior(found, settings, config)
 
+    needed = 3 * (settings.d_max + GUARD + 4)
+    if not config.input.u_Qo:
+        needed = max(needed, n_least(settings))
     return Estimator(name, estimate, needed - 1, (f"d_max = {settings.d_max}", _key(config, "d_max")))
 
 
-def _equations(
-    config: Config, settings: "PosteriorSettings"
-) -> tuple[Callable[[Days], "PosteriorResult"], int]:
-    """Who knows the equations of this water, and how many samples they need.
+def _river_posterior(name: str, config: Config) -> Estimator:
+    """The probability of a river's t50; the first samples of each window are history."""
+    settings = config.river_settings()
+    from rivid.core.posterior_river import LEAST_ROWS, posterior_river
 
-    The one place where one kind of reach, or of logging, is told from another.
-    """
-    if config.reach.kind == "river":
-        raise ConfigError(
-            '[run] estimators has posterior, which explains a level; [reach] kind = "river" has none: '
-            "leave it out"
-        )
-    from rivid.core.posterior import GUARD, posterior  # scipy.special, only where it is asked for
+    def estimate(days: Days) -> Answer:
+        flow = days.u if days.base is None else days.u + days.base[:, None]
+        return _of_posterior(posterior_river(flow, days.y, settings), settings, config)
 
-    return lambda days: posterior(days.u, days.y, days.o, settings), 3 * (settings.d_max + GUARD + 4)
+    needed = settings.warm + LEAST_ROWS
+    return Estimator(name, estimate, needed - 1, (f"d_max = {settings.d_max}", _key(config, "d_max")))
 
 
-def _of_posterior(found: "PosteriorResult", s: "PosteriorSettings", config: Config) -> Answer:
+def _of_posterior(
+    found: "PosteriorResult | RiverPosterior", s: "PosteriorSettings | RiverSettings", config: Config
+) -> Answer:
     """A day whose front is not seen, or lies outside, has no probabilities to tell."""
     outside = found.status == "at_bound"
     below = found.beyond[:, 0] > found.beyond[:, 1]
@@ -297,7 +309,11 @@ def _of_posterior(found: "PosteriorResult", s: "PosteriorSettings", config: Conf
         else "the delay is shorter than one sample: a shorter [reach] sample_time would show it"
     )
     too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'd_max')}"
-    unsure = f"no delay is right with a probability of {s.answer_above:g} ([posterior] answer_above)"
+    least = getattr(s, "answer_above", None)  # a river's answer needs a band that is narrow enough instead
+    unsure = found.message
+    if least is not None:
+        said = f"no delay is right with a probability of {least:g} ([posterior] answer_above)"
+        unsure = np.full(len(outside), said)
     return Answer(
         status=np.where(found.status == "ok", "ok", "unidentifiable"),
         delay=found.delay,

@@ -9,6 +9,11 @@ GUARD = 2.0
 """Travel times beyond each edge of the range [samples]: no answers, but a reason not to give one."""
 
 
+def lags_of(d_max: int) -> int:
+    """Longest lag of a response [samples] whose t50 may be d_max: a slow tail has to end within it."""
+    return ceil(1.9 * (d_max + GUARD)) + 4
+
+
 @dataclass(frozen=True)
 class RiverSettings:
     """How the probability of a river's travel time is made.
@@ -72,7 +77,7 @@ class RiverSettings:
     @property
     def n_lags(self) -> int:
         """Longest lag of a response [samples]."""
-        return ceil(1.9 * (self.d_max + GUARD)) + 4
+        return lags_of(self.d_max)
 
     def flattening(self, n_rows: int) -> float:
         """Temperature of a window of so many rows."""

@@ -9,6 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.core.posterior import GUARD, posterior
+from rivid.core.posterior_blind import posterior_blind
+from rivid.core.posterior_river import posterior_river
+from rivid.core.posterior_river_settings import RiverSettings, lags_of
 from rivid.core.posterior_settings import PosteriorSettings
 from rivid.errors import RividError
 from rivid.results import load_delays, load_results
@@ -178,7 +181,7 @@ def test_it_works_without_the_outflow(tmp_path):
     out = tmp_path / "out"
     assert rivid("run", data, "--out", out, "--config", config, *ASKED, "--no-figures")[0] == 0
     days = deviations([noisy(regulated(6, seed), seed) for seed in range(6)])
-    core = posterior(days.u, days.y)
+    core = posterior_blind(days.u, days.y)
     assert [cell(r["probability"]) for r in rows_of(out)] == pytest.approx(core.right, rel=1e-6)
 
 
@@ -194,12 +197,36 @@ def test_a_day_is_long_enough_exactly_where_the_core_takes_it(d_max):
     assert made.because == (f"d_max = {d_max}", "[posterior] d_max") and shortest > d_max + GUARD
 
 
-def test_a_river_is_refused_before_any_work(logs, tmp_path):
-    config = tmp_path / "c.toml"
-    config.write_text('[reach]\nkind = "river"\n')
-    code, said = rivid("run", logs, "--out", tmp_path / "out", "--config", config, *ASKED)
-    assert code == 2 and not (tmp_path / "out").exists()
-    assert 'posterior, which explains a level; [reach] kind = "river" has none' in said
+def test_a_river_has_the_probability_of_its_t50(tmp_path):
+    """Three days of water that comes 5 samples later and a little spread: high water as fast as low."""
+    rng = np.random.default_rng(3)
+    lags = np.array([0, 0, 0, 0, 0.3, 0.4, 0.2, 0.1])
+    flow = 300.0 + 60.0 * np.repeat(rng.standard_normal(3 * 24), 4)
+    arrives = np.convolve(np.r_[np.full(len(lags), flow[0]), flow], lags)[len(lags) : len(lags) + len(flow)]
+    arrives += 0.5 * rng.standard_normal(len(flow))
+    data = tmp_path / "data"
+    data.mkdir()
+    for day in range(3):
+        rows = ["time,u_Qi,Q_L"]
+        for k in range(96):
+            at = 96 * day + k
+            rows.append(
+                f"2024-05-0{day + 1}T{k // 4:02d}:{15 * (k % 4):02d}:00,{flow[at]:.3f},{arrives[at]:.3f}"
+            )
+        (data / f"2024-05-0{day + 1}.csv").write_text("\n".join(rows) + "\n")
+    config, out = tmp_path / "c.toml", tmp_path / "out"
+    config.write_text(
+        '[reach]\nkind = "river"\nsample_time = 900\n[input]\ntime_zone = "Etc/GMT+7"\n'
+        "[run]\nwindow_days = 3\n[posterior]\nd_max = 12\n"
+    )
+    assert rivid("run", data, "--out", out, "--config", config, *ASKED, "--no-figures")[0] == 0
+    (row,) = (r for r in rows_of(out) if r["status"] == "ok")
+    settings = RiverSettings(d_max=12, warm=lags_of(12), day=96)
+    core = posterior_river(np.round(flow, 3)[None], np.round(arrives, 3)[None], settings)
+    assert cell(row["delay_s"]) == pytest.approx(900.0 * core.t50[0], rel=1e-6)
+    assert cell(row["delay_samples"]) == core.delay[0] == np.floor(core.t50[0] + 0.5)
+    assert cell(row["probability"]) == pytest.approx(core.right[0], rel=1e-6)
+    assert core.t50[0] == pytest.approx(4.5, abs=0.7)  # half has come between lags 4 and 5
 
 
 def test_its_settings_undo_only_its_own_work(logs, tmp_path):
