@@ -36,6 +36,13 @@ def test_a_name_is_unlikely_by_chance_confirmed_and_material(model):
         assert not stands(replace(good, **less), linear, 0), less
 
 
+def test_what_takes_much_from_every_error_needs_less_agreement_of_few_blocks(model):
+    much = made("lateral_inflow", 120, 19, p=1e-7, t=0.8, improvement=0.3)
+    assert stands(much, model[0], 0)
+    assert not stands(replace(much, t=0.4), model[0], 0)
+    assert not stands(replace(much, improvement=much.improvement * [1.0, 1.0, 0.5]), model[0], 0)
+
+
 def test_the_level_of_chance_halves_from_round_to_round(model):
     good = made("lateral_inflow", 60, 20, p=0.004)
     assert stands(good, model[0], 1) and not stands(good, model[0], 2)

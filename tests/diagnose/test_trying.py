@@ -112,10 +112,11 @@ def test_a_proposal_takes_the_place_of_all_its_name_was_tried_at():
 def test_what_gains_only_where_it_was_fitted_is_contradicted():
     record = season(1, days=20)
     _, linear, _ = fitted(record)
-    good, bad = made("lateral_inflow", 90, 30), made("diurnal_inflow", 2.0 * WORTH, -4)
+    good, bad = made("lateral_inflow", 90, 30), made("diurnal_inflow", 2.0 * WORTH, -4, t=-3.0)
     assert contradicted([good], linear) is None
     assert contradicted([good, bad], linear) is bad
     assert contradicted([replace(bad, p_value=0.2)], linear) is None
+    assert contradicted([replace(bad, t=-1.0)], linear) is None  # a loss that may be chance
 
 
 def test_calibrating_with_a_fixed_effect_leaves_it():

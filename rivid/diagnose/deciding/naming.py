@@ -14,6 +14,8 @@ LEAST_T = 2.0
 SURE, SURE_IF_MATERIAL = (1e-6, 12.0), (1e-4, 6.0)
 """p, and gain on the selecting days [nats], from which half that t is enough: few blocks scatter. The
 second pair is for what takes enough from the error."""
+MUCH = 0.25
+"""Share of the error which, taken away at every horizon, lets a quarter of that t be enough."""
 DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
 """p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
 material: what no response takes upon itself can be small and sure."""
@@ -77,7 +79,8 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     if proposal.events is not None:  # rare by nature, and each has paid its price
         return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and is_material(proposal)
     limit, least = SURE_IF_MATERIAL if is_material(proposal) else SURE
-    sure = proposal.p_value <= limit and proposal.gain_select > least and proposal.t >= 1.0
+    steady = 0.5 if proposal.improvement.min() >= MUCH else 1.0
+    sure = proposal.p_value <= limit and proposal.gain_select > least and proposal.t >= steady
     sure = sure and proposal.name not in ABSORBED
     if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False

@@ -27,6 +27,8 @@ NEAR_ABSORBED = 0.15
 """The same, between effects that a response can take upon itself."""
 CONFIRMED = 0.1
 """Share of its gain a fitting day that a selecting day does not even reach where a name is contradicted."""
+AGAINST = 2.0
+"""t of the loss on the selecting blocks from which they speak against what the fitting days show."""
 DOUBT = 0.05
 """Level at which something may be said not to hold."""
 WORTH = 40.0
@@ -131,6 +133,6 @@ def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
     found = [
         p for p in pool
         if can_be_tried(p) and p.name not in ABSORBED and p.p_value <= DOUBT
-        and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit
+        and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit and p.t < -AGAINST
     ]  # fmt: skip
     return max(found, key=lambda p: p.gain_fit, default=None)
