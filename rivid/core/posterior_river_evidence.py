@@ -136,9 +136,10 @@ def _worth(
     best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
     bound = -0.5 * m * (np.log(2.0 * np.pi * best_fit / m) + 1.0)
     top = np.unravel_index(np.argmax(bound), bound.shape)
-    likeliest = (np.array([a[top]]) for a in (yy, xy, xx))
-    least = float(marginal(*likeliest, m=m, gain=gain, gain_sd=gain_sd).log[0]) - within
-    keep = bound >= least
+    likeliest = marginal(
+        np.array([yy[top]]), np.array([xy[top]]), np.array([xx[top]]), m, gain, gain_sd
+    )  # fmt: skip
+    keep = bound >= likeliest.log[0] - within
     found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
     out = Evidence(np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape))
     for whole, part in zip(out, found, strict=True):
