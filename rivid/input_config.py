@@ -1,6 +1,7 @@
 """`[input]` of the configuration: what the log files look like, and what cannot be meant."""
 
 import datetime as dt
+import re
 from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -26,25 +27,41 @@ class Section(BaseModel):
 
 
 class InputConfig(Section):
-    """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here."""
+    """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here.
 
+    In the long layout (a row per value), u_Qi, u_Qo, h_L and Q_L name tags, not columns.
+    """
+
+    layout: Literal["wide", "long"] = "wide"
     time: Column = "time"
     u_Qi: Column = "u_Qi"
     u_Qo: Column | None = "u_Qo"
     h_L: Column | None = "h_L"
     Q_L: Column | None = "Q_L"
+    tag: Column | None = None
+    tag_pattern: Annotated[str, Field(max_length=200)] | None = None
+    value: Annotated[str, Field(min_length=1)] = "value"
+    quality: str | dict[str, Column] | None = None
+    good: list[str] = []
+    hold: dict[str, Positive] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
     stamp: dict[str, Stamp] = Field(default_factory=dict)
     interval: dict[str, Positive] = Field(default_factory=dict)
     time_zone: str | None = None
     time_format: str | None = None
+    zone_column: str | None = None
+    zones: dict[str, str] = Field(default_factory=dict)
     ambiguous: Literal["error", "first", "second", "order"] = "error"
     separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
     decimal: Literal[".", ","] = "."
     thousands: Literal["", ",", ".", " ", "'"] = ""
     encoding: str = "utf-8"
     skip_rows: Annotated[int, Field(ge=0, le=1000)] = 0
+    header_rows: Annotated[int, Field(ge=1, le=5)] = 1
     unit_rows: Annotated[int, Field(ge=0, le=10)] = 0
+    columns: Annotated[list[str], Field(max_length=1000)] = []
+    comment: Annotated[str, Field(max_length=3)] = ""
+    ignore: list[str] = []
     repeated_header: Literal["error", "drop"] = "error"
     missing: list[str] = ["", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"]
     sentinels: list[float] = []
@@ -52,11 +69,11 @@ class InputConfig(Section):
     max_gap: Annotated[float, Field(ge=0, le=86_400)] = 600.0
     max_filled: Annotated[float, Field(ge=0, le=1)] = 0.2
 
-    @field_validator("units", "stamp", "interval")
+    @field_validator("units", "stamp", "interval", "quality", "hold")
     @classmethod
-    def _known_columns(cls, value: dict[str, Any]) -> dict[str, Any]:
+    def _known_columns(cls, value: Any) -> Any:
         valid = ("u_Qi", "u_Qo", "h_L", "Q_L")
-        for key in value:
+        for key in value if isinstance(value, dict) else ():
             if key not in valid:
                 raise ValueError(f"unknown column {key!r}; valid: {', '.join(valid)}")
         return value
@@ -107,6 +124,67 @@ class InputConfig(Section):
             if len(set(listed)) < len(listed):
                 raise ValueError(f"a column stands twice in {name} = {listed}: expected each once")
         return self
+
+    @model_validator(mode="after")
+    def _long_is_whole(self) -> "InputConfig":
+        if self.layout == "long":
+            if self.tag is not None and self.tag_pattern is not None:
+                raise ValueError("tag and tag_pattern both say where the tags are: expected one of them")
+            if isinstance(self.quality, dict):
+                raise ValueError("quality is a table: expected the name of one column in the long layout")
+        elif self.tag is not None or self.tag_pattern is not None:
+            raise ValueError(
+                'tag and tag_pattern are of the long layout: set layout = "long", or leave them out'
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _flags_and_zones_are_named(self) -> "InputConfig":
+        if (self.quality is None) != (not self.good):
+            raise ValueError(
+                "quality names the column of flags, good lists the flags of values to keep: expected both"
+            )
+        if (self.zone_column is None) != (not self.zones):
+            raise ValueError(
+                "zone_column names the column of zones, [input.zones] their offsets: expected both"
+            )
+        for name in self.hold:
+            if self.stamp.get(name) == "end" or name in self.interval:
+                raise ValueError(
+                    f"{name} is reported by exception ([input.hold]): it has no interval and no stamp, "
+                    "leave those out"
+                )
+        if self.columns and self.header_rows > 1:
+            raise ValueError("columns names the columns of files without a header: leave header_rows out")
+        return self
+
+    @field_validator("columns")
+    @classmethod
+    def _each_once(cls, value: list[str]) -> list[str]:
+        twice = [name for name in value if name and value.count(name) > 1]
+        if twice:
+            raise ValueError(f"{twice[0]!r} stands twice: expected each name once")
+        return value
+
+    @field_validator("tag_pattern")
+    @classmethod
+    def _one_group(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                groups = re.compile(value).groups
+            except re.error as error:
+                raise ValueError(f"no regular expression ({error})") from None
+            if groups != 1:
+                raise ValueError(f"{groups} groups: expected one, round the tag, like '#REXCHANGE([^|]+)'")
+        return value
+
+    @field_validator("zones")
+    @classmethod
+    def _offsets(cls, value: dict[str, str]) -> dict[str, str]:
+        for name, offset in value.items():
+            if not re.fullmatch(r"[+-](0\d|1[0-4]):[0-5]\d", offset):
+                raise ValueError(f'{name} = {offset!r}: expected an offset like "-07:00"')
+        return value
 
     @field_validator("time_format")
     @classmethod

@@ -1,5 +1,6 @@
 """What every reader hands on: the columns of one log as arrays, and the rows that could not be read."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -28,6 +29,33 @@ class BadRow(NamedTuple):
     cut: bool = False
 
 
+@dataclass
+class Seen:
+    """What else a file holds, for whoever wants the whole account.
+
+    Attributes
+    ----------
+    rows : int
+        Rows of data, good or bad; not headers, comments and empty ones.
+    comments, headers, empty : int
+        Lines that hold no data, and headers beyond the first.
+    others : Counter
+        Rows of tags that are not asked for.
+    units : dict of str
+        Per source: what the file says of its unit.
+    cells : dict of set, or None
+        Per column that is not read: its different texts; None where these are many.
+    """
+
+    rows: int = 0
+    comments: int = 0
+    headers: int = 0
+    empty: int = 0
+    others: Counter[str] = field(default_factory=Counter)
+    units: dict[str, str] = field(default_factory=dict)
+    cells: dict[str, set[str] | None] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Columns:
     """The columns of a log that are asked for, in the order of its rows.
@@ -51,6 +79,11 @@ class Columns:
         Name of the zone that the log itself states (Parquet can).
     unit : str
         How messages call a row: line or row.
+    why : dict of dict
+        Per column: of rows without a number, the status text or flag for which there is none.
+    flags : Counter
+        Flags for which values were dropped.
+    seen : Seen
     """
 
     times: Micros
@@ -63,6 +96,9 @@ class Columns:
     dropped: dict[str, list[int]] = field(default_factory=dict)
     zone: str | None = None
     unit: str = "line"
+    why: dict[str, dict[int, str]] = field(default_factory=dict)
+    flags: Counter[str] = field(default_factory=Counter)
+    seen: "Seen" = field(default_factory=lambda: Seen())
 
     def place(self, row: int) -> str:
         """Where a row stands in its file."""

@@ -38,6 +38,8 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
     Columns or None
         None where the log needs the tolerant reader: to be read, or to say what is wrong.
     """
+    if not spec.dialect.plain or spec.separator == " ":
+        return None
     if len(spec.time) > 1 or spec.thousands or spec.time_format in UNIX or content[-1:] not in b"\r\n":
         return None
     if "%z" in (spec.time_format or "").lower():

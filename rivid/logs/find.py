@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from rivid.config import Config
-from rivid.errors import DataError, NoDataError
+from rivid.errors import ConfigError, DataError, NoDataError
 from rivid.logs.catalog import Catalog, DaySource, FileFacts, Part, is_day_file
 from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
 from rivid.logs.load import load
@@ -47,7 +47,10 @@ def find_days(
     ------
     NoDataError
         Where there is no log.
+    ConfigError
+        Where the configuration is for exports of the long layout.
     """
+    refuse_exports(config)
     paths, folder = _candidates(root, shown(str(root)))
     within = os.path.realpath(folder) if folder == root else None
     spec = spec_of(config)
@@ -92,6 +95,21 @@ def find_days(
             raise NoDataError(f"no log in {shown(str(root))} can be used: {bad[0][0]}: {bad[0][1]}")
         raise NoDataError(f"no logs in {shown(str(root))}: looked for {LOOKED_FOR}")
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
+
+
+def refuse_exports(config: Config) -> None:
+    """Refuse a configuration for what only `rivid ingest` reads.
+
+    Raises
+    ------
+    ConfigError
+    """
+    key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
+    if key:
+        raise ConfigError(
+            f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
+            "configuration that it writes beside these"
+        )
 
 
 def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:

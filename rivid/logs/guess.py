@@ -15,13 +15,14 @@ MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (
 """Decimal and thousands marks that are tried, the plainest first."""
 
 _FLOW_UNITS = (
-    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft"),
+    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft|00060"),
     ("m3/h", r"m3/h|m³/h"),
     ("L/s", r"l/s|lps"),
     ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|cms|cumec"),
 )
+# 00060, 00065 and the like are the parameter codes of the USGS
 _LEVEL_UNITS = (
-    ("ft", r"ft|feet|foot"),
+    ("ft", r"ft|feet|foot|00065|00062|62614|62615"),
     ("cm", r"cm"),
     ("mm", r"mm"),
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
@@ -29,14 +30,15 @@ _LEVEL_UNITS = (
 _ROLES = (
     (
         "h_L",
-        r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$",
+        r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$"
+        r"|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
         r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|saliente",
     ),
     ("u_Qi", r"inflow|u_qi|q_?in\b|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"),
-    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms"),
+    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|_00060\b"),
 )
 
 
@@ -114,6 +116,11 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
         if level := _unit_in("", unit_text, _LEVEL_UNITS):
             return "h_L", level
     return role, flow
+
+
+def unit_said(name: str, unit: str, *, level: bool) -> str:
+    """The unit of a level, or else of a discharge, that its name or the text beside it tells; empty: none."""
+    return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
 
 
 def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:

@@ -13,7 +13,11 @@ UTF8_BOM = b"\xef\xbb\xbf"
 UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 
 
-class ColumnError(DataError):
+class UndeclaredError(DataError):
+    """The log is not of the kind that the configuration declares; the message says what to declare."""
+
+
+class ColumnError(UndeclaredError):
     """A column that is asked for is missing or doubled."""
 
 
@@ -45,12 +49,12 @@ def plain_bytes(content: bytes, spec: Spec, name: str) -> bytes:
     """
     if spec.encoding.lower().replace("_", "-") in ("utf-8", "utf8", "ascii", "utf-8-sig"):
         if content.startswith(UTF16_BOMS):
-            raise DataError(f'{name} is UTF-16, not {spec.encoding}: set [input] encoding = "utf-16"')
+            raise UndeclaredError(f'{name} is UTF-16, not {spec.encoding}: set [input] encoding = "utf-16"')
         return content[3:] if content.startswith(UTF8_BOM) else content
     try:
         text = content.decode(spec.encoding)
     except (UnicodeError, LookupError) as error:
-        raise DataError(f"{name} is not {spec.encoding}: {error}; set [input] encoding") from None
+        raise UndeclaredError(f"{name} is not {spec.encoding}: {error}; set [input] encoding") from None
     return text.lstrip("\ufeff").encode("utf-8", "replace")
 
 
@@ -74,7 +78,7 @@ def read_header(content: bytes, spec: Spec, name: str) -> Header:
         text = content[start:end].decode("utf-8")
         names = next(csv.reader([text.strip("\r\n")], delimiter=spec.separator, strict=True))
     except UnicodeDecodeError:
-        raise DataError(not_utf8(name, line)) from None
+        raise UndeclaredError(not_utf8(name, line)) from None
     except csv.Error as error:
         raise DataError(f"{name}, line {line}: the header cannot be read: {error}") from None
     header = Header(tuple(n.strip() for n in names), body, line)
@@ -82,30 +86,121 @@ def read_header(content: bytes, spec: Spec, name: str) -> Header:
     return header
 
 
+def read_odd_header(content: bytes, spec: Spec, name: str, *, some: bool = False) -> Header:
+    """The header of an export: below comments, of several rows, or none at all.
+
+    Parameters
+    ----------
+    content : bytes
+        In UTF-8.
+    spec : Spec
+    name : str
+        How messages call it.
+    some : bool
+        Whether some of the columns asked for are enough, as others stand in another file.
+
+    Raises
+    ------
+    ColumnError
+        Where a column that is asked for is missing or doubled.
+    """
+    dialect, start, line = spec.dialect, 0, spec.skip_rows + 1
+    for _ in range(spec.skip_rows):
+        start = _end_of_line(content, start)
+    comment = dialect.comment.encode()
+    if dialect.columns:
+        for _ in range(spec.unit_rows):
+            start = _end_of_line(content, start)
+        check_names(dialect.columns, spec, "[input] columns", some=some)
+        return Header(dialect.columns, start, line - 1)
+    rows: list[list[str]] = []
+    text = ""
+    while len(rows) < dialect.header_rows:
+        end = _end_of_line(content, start)
+        if start >= len(content):
+            raise CutError(f"{name} has no header below line {spec.skip_rows}")
+        try:
+            text = content[start:end].decode("utf-8")
+        except UnicodeDecodeError:
+            raise UndeclaredError(not_utf8(name, line)) from None
+        if text.strip() and not (comment and content.startswith(comment, start)):
+            rows.append(split_cells(text.strip("\r\n"), spec.separator) or [])
+        start, line = end, line + 1
+    width = max(map(len, rows))
+    filled = [row + [""] * (width - len(row)) for row in rows]
+    names = tuple(" ".join(filter(None, cells)) for cells in zip(*filled, strict=True))
+    check_names(names, spec, f"{name}, line {line - 1}", text, some=some)
+    for _ in range(spec.unit_rows):
+        start = _end_of_line(content, start)
+    return Header(names, start, line - 1)
+
+
+def split_cells(line: str, separator: str) -> list[str] | None:
+    """The cells of a line; None where a quotation mark is not closed. One blank is as good as several."""
+    if '"' not in line:
+        return line.split() if separator == " " else [cell.strip() for cell in line.split(separator)]
+    try:
+        cells = next(csv.reader([line], delimiter=separator, strict=True, skipinitialspace=separator == " "))
+    except csv.Error:
+        return None
+    return [cell.strip() for cell in cells]
+
+
 def not_utf8(name: str, line: int) -> str:
     """What to say of bytes that are not UTF-8."""
     return f'{name}, line {line}: not UTF-8: set [input] encoding, for example "latin-1" or "cp1252"'
 
 
-def check_names(names: Sequence[str], spec: Spec, where: str, header: str = "") -> None:
+def check_names(
+    names: Sequence[str], spec: Spec, where: str, header: str = "", *, some: bool = False
+) -> None:
     """Refuse a log in which a column that is asked for is missing or doubled.
+
+    Parameters
+    ----------
+    names : sequence of str
+    spec : Spec
+    where : str
+        How messages call the header.
+    header : str
+        Its text.
+    some : bool
+        Whether some of the sources, and the flags of these, are enough.
 
     Raises
     ------
     ColumnError
         Names the nearest column.
     """
-    wanted = [(column, "time") for column in spec.time]
-    wanted += [(column, signal.name) for signal in spec.signals for column in signal.sources]
-    for column, role in wanted:
+    wanted, optional = _wanted(spec)
+    if some and any(column in names for column, _ in optional):
+        flags = dict(spec.dialect.quality)
+        optional = [(column, role) for column, role in optional if column in names]
+        optional += [(flags[column], "quality") for column, _ in optional if column in flags]
+    else:
+        optional += [(flag, "quality") for source, flag in spec.dialect.quality if source]
+    for column, role in [*wanted, *optional]:
         count = names.count(column)
         if count == 1:
             continue
         if count > 1:
-            raise ColumnError(f"{where}: {count} columns are named {column!r}: expected one")
+            several = "; where two rows make one name, set [input] header_rows = 2"
+            raise ColumnError(f"{where}: {count} columns are named {column!r}: expected one{several}")
         raise ColumnError(
             f"{where}: no column {column!r} for {role}; {_advice(column, role, names, spec, header)}"
         )
+
+
+def _wanted(spec: Spec) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Columns and what for: those of every row, and the sources' (none in the long layout: they are tags)."""
+    dialect = spec.dialect
+    wanted = [(column, "time") for column in spec.time]
+    wanted += [(column, "quality") for source, column in dialect.quality if not source]
+    if dialect.zone_column:
+        wanted.append((dialect.zone_column, "zone_column"))
+    if dialect.long:
+        return [*wanted, *((column, "tag") for column in dialect.tag), (dialect.value, "value")], []
+    return wanted, [(column, signal.name) for signal in spec.signals for column in signal.sources]
 
 
 def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: str) -> str:
@@ -117,7 +212,10 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""
     listed = ", ".join(name[:40] for name in names[:12]) + (", ..." if len(names) > 12 else "")
     none = ' or "" where it is not logged' if role == "u_Qo" else ""
-    return f"{nearest}there are: {listed}. Set [input] {role} to the log's own name{none}"
+    own = ""
+    if {"time", "u_Qi"} <= set(names):
+        own = "; of logs that `rivid ingest` wrote, the configuration stands beside them"
+    return f"{nearest}there are: {listed}. Set [input] {role} to the log's own name{none}{own}"
 
 
 def _end_of_line(content: bytes, start: int) -> int:

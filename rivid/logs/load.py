@@ -6,7 +6,7 @@ from pathlib import Path
 from rivid.errors import DataError
 from rivid.logs import csvfast, csvtext
 from rivid.logs.files import Limits, read_bytes, refuse_rows, suffix_of
-from rivid.logs.header import plain_bytes, read_header
+from rivid.logs.header import plain_bytes, read_header, read_odd_header
 from rivid.logs.log import Log, make_log
 from rivid.logs.spec import Spec
 
@@ -59,10 +59,15 @@ def _parse(path: Path, name: str, spec: Spec, limits: Limits) -> Log:
     if suffix_of(path.name) == ".parquet":
         from rivid.logs.parquet import read_parquet
 
+        if spec.dialect.quality or spec.dialect.zone_column:
+            raise DataError(
+                f"{name}: flags and zones of Parquet are read by `rivid ingest` only: use that first"
+            )
+
         return make_log(read_parquet(content, spec, name, limits), spec, name, digest)
     content = plain_bytes(content, spec, name)
     refuse_rows(name, content.count(b"\n"), limits)
-    header = read_header(content, spec, name)
+    header = (read_header if spec.dialect.plain else read_odd_header)(content, spec, name)
     columns = csvfast.read_fast(content, header, spec)
     if columns is None:
         columns = csvtext.read_tolerant(content, header, spec, name)

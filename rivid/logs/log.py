@@ -10,6 +10,7 @@ import numpy as np
 
 from rivid.errors import DataError
 from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.header import UndeclaredError
 from rivid.logs.numbers import LARGEST
 from rivid.logs.sentinels import undeclared
 from rivid.logs.spec import Signal, Spec
@@ -149,7 +150,7 @@ def make_log(columns: Columns, spec: Spec, name: str, digest: str) -> Log:
         if columns.bad:
             raise DataError(f"{name}, {columns.bad[0].text}")
         raise DataError(f"{name} has a header and no rows")
-    zone = _zone(columns, spec, name)
+    zone = zone_of(columns, spec, name)
     events: dict[str, list[int]] = {}
     faults: list[tuple[int, str, bool]] = []  # (row, ...)
     times = columns.times
@@ -179,22 +180,30 @@ def make_log(columns: Columns, spec: Spec, name: str, digest: str) -> Log:
     return Log(name, spec, zone, times, values, tuple(sorted(dated)), timed, digest)
 
 
-def _zone(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
-    """Whose midnight begins a day."""
+def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
+    """Whose midnight begins a day.
+
+    Raises
+    ------
+    UndeclaredError
+        Where neither the log nor the configuration tells.
+    """
     if spec.time_zone:
         return zone_named(spec.time_zone)
     example = 'for example [input] time_zone = "Europe/Paris" or "Etc/GMT-1"'
     if not columns.aware:
-        raise DataError(f"{name}: its times have no UTC offset: set the zone of the log's clock, {example}")
+        raise UndeclaredError(
+            f"{name}: its times have no UTC offset: set the zone of the log's clock, {example}"
+        )
     if columns.zone is not None:
         try:
             return zone_named(columns.zone)
         except (OSError, ValueError, KeyError):
-            raise DataError(
+            raise UndeclaredError(
                 f"{name}: its time zone {columns.zone[:40]!r} is unknown: set {example}"
             ) from None
     if columns.offset is None:
-        raise DataError(
+        raise UndeclaredError(
             f"{name}: its times have several UTC offsets: set the zone whose days are meant, {example}"
         )
     return fixed_zone(columns.offset)

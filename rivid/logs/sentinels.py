@@ -14,7 +14,7 @@ PLAIN = (
     *(32767.0, 65535.0, 99999.0, 99999.9, 99999.99, 999999.0),
 )
 """Nobody sets a flow or builds a dam to these."""
-ROUND = (-99.0, -99.9, -99.99, -1000.0)
+ROUND = (-99.0, -99.9, -99.99, -777.0, -1000.0)
 """A pump may be set to these: they must lie farther off, and among values that are all above zero."""
 SENTINELS = (*PLAIN, *ROUND)
 NEAR = 0.1
@@ -85,6 +85,8 @@ def undeclared(columns: Columns, times: Micros, spec: Spec, zone: dt.tzinfo) -> 
     many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
     found = []
     for source in spec.sources:
+        if source not in columns.numbers:
+            continue  # it stands in another file
         values = columns.numbers[source]
         if not many_days and not may_hold(values):
             continue

@@ -1,10 +1,11 @@
 """What the configuration declares about the logs, as one small hashable value."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Literal
 
-from rivid.config import FLOWS, UNITS, Config
+from rivid.config import FLOWS, UNITS, Config, InputConfig
+from rivid.errors import ConfigError
 
 MICRO = 1_000_000
 """Times are whole microseconds of UTC since 1970: exact, and quick to compare."""
@@ -33,6 +34,8 @@ class Signal:
         A command holds until the next one; a measured quantity is interpolated.
     supposed : bool
         Whether the shift is T_s only because no interval is declared: the log must then come every T_s.
+    hold : int
+        How long a value that is reported only when it changes holds at most [us]; 0: it comes regularly.
     """
 
     name: str
@@ -42,6 +45,64 @@ class Signal:
     spacing: int
     held: bool
     supposed: bool = False
+    hold: int = 0
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What only exports of other systems have, and rivid's own logs never; all of it declared.
+
+    Attributes
+    ----------
+    long : bool
+        A row per value: the sources of the signals are tags.
+    tag : tuple of str
+        Columns that tell the tag, joined by a space; empty where a header line or the file's name does.
+    tag_pattern : str
+        Regular expression whose group is the tag of the rows below the line that has it; may be empty.
+    value : str
+        Column of the values of the long layout.
+    quality : tuple of (str, str)
+        Source and its column of flags; ("", column) for the one column that counts for the whole row.
+    good : tuple of str
+        Flags of values to keep.
+    zone_column : str
+        Column that names the zone of each row's time; may be empty.
+    zones : tuple of (str, int)
+        Such names and their offsets from UTC [s].
+    columns : tuple of str
+        Names for a file without a header; empty where it has one.
+    header_rows : int
+        Rows whose cells together make the names.
+    comment : str
+        How lines begin that hold no data; empty for none.
+    ignore : tuple of str
+        Columns that may be passed over although they look like flags.
+    units : tuple of str
+        Canonical columns whose unit is said: a name that speaks of another unit is no contradiction.
+    """
+
+    long: bool = False
+    tag: tuple[str, ...] = ()
+    tag_pattern: str = ""
+    value: str = "value"
+    quality: tuple[tuple[str, str], ...] = ()
+    good: tuple[str, ...] = ()
+    zone_column: str = ""
+    zones: tuple[tuple[str, int], ...] = ()
+    columns: tuple[str, ...] = ()
+    header_rows: int = 1
+    comment: str = ""
+    ignore: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether a log of this dialect is read without looking at it."""
+        return self == _PLAIN or replace(self, ignore=(), units=()) == _PLAIN
+
+
+_PLAIN = Dialect()
 
 
 @dataclass(frozen=True)
@@ -67,6 +128,7 @@ class Spec:
     period: float
     max_gap: int
     max_filled: float
+    dialect: "Dialect" = Dialect()
 
     def __hash__(self) -> int:
         return hash((self.time, self.period, self.time_zone))  # quick: few specs live at a time
@@ -125,6 +187,7 @@ def _build(config: Config) -> Spec:
                 spacing=spacing,
                 held=name in ("u_Qi", "u_Qo"),
                 supposed=ends and interval is None,
+                hold=round(given.hold.get(name, 0.0) * MICRO),
             )
         )
     return Spec(
@@ -147,4 +210,45 @@ def _build(config: Config) -> Spec:
         period=reach.sample_time,
         max_gap=round(given.max_gap * MICRO),
         max_filled=given.max_filled,
+        dialect=_dialect(given, signals),
     )
+
+
+def _dialect(given: InputConfig, signals: list[Signal]) -> Dialect:
+    quality: list[tuple[str, str]] = []
+    if isinstance(given.quality, str):
+        quality = [("", given.quality)]
+    elif given.quality is not None:
+        for signal in signals:
+            columns = _listed(given.quality.get(signal.name))
+            if columns and len(columns) != len(signal.sources):
+                raise ConfigError(
+                    f"[input.quality] {signal.name} has {len(columns)} columns of flags for the "
+                    f"{len(signal.sources)} of [input] {signal.name}: expected one for each"
+                )
+            quality += zip(signal.sources, columns, strict=False)
+    return Dialect(
+        long=given.layout == "long",
+        tag=_listed(given.tag),
+        tag_pattern=given.tag_pattern or "",
+        value=given.value,
+        quality=tuple(quality),
+        good=tuple(given.good),
+        zone_column=given.zone_column or "",
+        zones=tuple((name, _seconds(offset)) for name, offset in given.zones.items()),
+        columns=tuple(given.columns),
+        header_rows=given.header_rows,
+        comment=given.comment,
+        ignore=tuple(given.ignore),
+        units=tuple(given.units),
+    )
+
+
+def _listed(columns: str | list[str] | None) -> tuple[str, ...]:
+    return () if not columns else (columns,) if isinstance(columns, str) else tuple(columns)
+
+
+def _seconds(offset: str) -> int:
+    """Of "-07:00"."""
+    seconds = int(offset[1:3]) * 3600 + int(offset[4:]) * 60
+    return -seconds if offset[0] == "-" else seconds

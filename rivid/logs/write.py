@@ -99,16 +99,7 @@ def _write(path: Path, days: Sequence[Day], sample_time: float, offset: dt.timed
     if path.name.endswith(".parquet"):
         table = _table(days, names, sample_time, offset)
         with replacing(path) as scratch:
-            pq.write_table(
-                table,
-                scratch,
-                compression="zstd",
-                compression_level=9,
-                use_dictionary=list(names),  # few distinct values: whole m3/s, whole centimetres
-                column_encoding={"time": "DELTA_BINARY_PACKED"},
-                write_page_checksum=True,
-                store_schema=True,  # Parquet itself keeps no offset, only its Arrow schema does
-            )
+            write_parquet(table, scratch)
         return
     if not path.name.endswith((".csv", ".csv.gz")):
         raise RividError(f"{path.name}: expected a name ending in .csv, .csv.gz or .parquet")
@@ -117,6 +108,20 @@ def _write(path: Path, days: Sequence[Day], sample_time: float, offset: dt.timed
         data = gzip.compress(data, mtime=0)  # the clock must not get into the bytes
     with replacing(path) as scratch:
         scratch.write_bytes(data)
+
+
+def write_parquet(table: pa.Table, where: Any) -> None:
+    """Write a table of logs, `time` first, to a path or a stream: small, with checksums."""
+    pq.write_table(
+        table,
+        where,
+        compression="zstd",
+        compression_level=9,
+        use_dictionary=table.column_names[1:],  # few distinct values: whole m3/s, whole centimetres
+        column_encoding={"time": "DELTA_BINARY_PACKED"},
+        write_page_checksum=True,
+        store_schema=True,  # Parquet itself keeps no offset, only its Arrow schema does
+    )
 
 
 def _names(days: Sequence[Day]) -> tuple[str, ...]:
@@ -141,7 +146,8 @@ def _milliseconds(n: int, sample_time: float) -> NDArray[np.int64]:
     return np.round(np.arange(n) * (1000.0 * sample_time)).astype(np.int64)
 
 
-def _offset_text(offset: dt.timedelta) -> str:
+def offset_text(offset: dt.timedelta) -> str:
+    """Like +01:00."""
     minutes = round(offset.total_seconds() / 60)
     sign = "-" if minutes < 0 else "+"
     return f"{sign}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
@@ -153,7 +159,7 @@ def _table(days: Sequence[Day], names: tuple[str, ...], sample_time: float, offs
         midnight = dt.datetime.combine(date, dt.time(), dt.timezone(offset))
         n = len(columns[names[0]])
         times.append(round(midnight.timestamp()) * 1000 + _milliseconds(n, sample_time))
-    stamp = pa.timestamp("ms", tz=_offset_text(offset))
+    stamp = pa.timestamp("ms", tz=offset_text(offset))
     arrays = [pa.array(np.concatenate(times)).cast(stamp)]
     fields = [pa.field("time", stamp, nullable=False)]
     for name in names:
@@ -164,11 +170,11 @@ def _table(days: Sequence[Day], names: tuple[str, ...], sample_time: float, offs
 
 
 def _text(days: Sequence[Day], names: tuple[str, ...], sample_time: float, offset: dt.timedelta) -> str:
-    zone = _offset_text(offset)
+    zone = offset_text(offset)
     lines = [",".join(("time", *names))]
     for date, columns in days:
         clocks = _clocks(date, len(columns[names[0]]), sample_time)
-        cells = [[_number(x) for x in np.asarray(columns[name], float).tolist()] for name in names]
+        cells = [[number_text(x) for x in np.asarray(columns[name], float).tolist()] for name in names]
         lines += [f"{clock}{zone}," + ",".join(row) for clock, *row in zip(clocks, *cells, strict=True)]
     return "\n".join(lines) + "\n"
 
@@ -182,6 +188,6 @@ def _clocks(date: dt.date, n: int, sample_time: float) -> list[str]:
     ]
 
 
-def _number(x: float) -> str:
+def number_text(x: float) -> str:
     """The shortest text that reads back as the same number; nothing for NaN."""
     return "" if x != x else repr(x).removesuffix(".0")

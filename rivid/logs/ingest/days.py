@@ -1,0 +1,181 @@
+"""The days of an export: which there are, which of them `rivid run` could use, and why not the others."""
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from rivid.errors import DataError
+from rivid.logs.columns import Floats, Micros
+from rivid.logs.grid import (
+    Grid,
+    TrailingGap,
+    make_grid,
+    on_grid,
+    refuse_filled,
+    refuse_supposed,
+)
+from rivid.logs.ingest.ledger import Fate
+from rivid.logs.ingest.series import Gathered, Series
+from rivid.logs.ingest.signals import Canonical, Held, Indices
+from rivid.logs.log import Fault
+from rivid.logs.spec import MICRO, Spec
+from rivid.logs.times import day_bounds, local
+
+Status = Literal["good", "refused", "pending"]
+Origins = list[tuple[Series, Indices]]
+ONE = dt.timedelta(days=1)
+
+
+@dataclass(eq=False)
+class DayLog:
+    """A day, judged.
+
+    Attributes
+    ----------
+    date : date
+    status : {"good", "refused", "pending"}
+    reason : str
+        Why it is not good.
+    times : ndarray, (n,)
+        Of its rows, ascending [us UTC].
+    columns : dict of ndarray, (n,)
+        Canonical columns; NaN where a row has no value of one.
+    origins : list of (Series, ndarray)
+        Which rows of the sources the values come from.
+    unsampled : list of (Series, ndarray)
+        Which reports of the day stand between its samples, or are sampled.
+    n_filled : int
+        Samples of the grid that lie in gaps.
+    """
+
+    date: dt.date
+    status: Status
+    reason: str
+    times: Micros
+    columns: dict[str, Floats]
+    origins: Origins = field(default_factory=list)
+    unsampled: Origins = field(default_factory=list)
+    n_filled: int = 0
+
+
+def dates_of(columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec) -> list[dt.date]:
+    """Local days that the export says something of, ascending; a row at midnight alone makes no day."""
+    stamps = np.unique(np.concatenate([column.stamps for column in columns]))
+    times = [column.times for column in columns if isinstance(column, Canonical)] or [stamps]
+    found = set(_days_of(np.concatenate(times), gathered.zone, spec.tolerance))
+    if any(isinstance(column, Held) for column in columns):
+        found |= set(_days_of(stamps, gathered.zone, spec.tolerance))
+        if all(isinstance(column, Held) for column in columns):  # nothing may change for a whole day
+            found = {min(found) + k * ONE for k in range((max(found) - min(found)).days + 1)}
+    longest = max(column.judged.spacing for column in columns)
+    kept = []
+    for date in sorted(found):
+        start, end = (t - spec.tolerance for t in day_bounds(date, gathered.zone))
+        first = start + max(2 * spec.tolerance + 1, spec.latest)
+        low, high = stamps.searchsorted((first, end))
+        faulty = any(start <= fault.time < end for fault in gathered.faults)
+        held = all(isinstance(column, Held) for column in columns) and start >= stamps[0]
+        if low < high or faulty or held or 2 * longest > end - start:
+            kept.append(date)
+    return kept
+
+
+def _days_of(times: Micros, zone: dt.tzinfo, early: int) -> list[dt.date]:
+    days, at = [], 0
+    times = np.unique(times) + early
+    while at < len(times):
+        date = local(int(times[at]), zone).date()
+        days.append(date)
+        at = int(times.searchsorted(day_bounds(date, zone)[1]))
+    return days
+
+
+def judge(
+    date: dt.date, columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec, today: dt.date
+) -> DayLog:
+    """One day: its rows, and whether `rivid run` could use them.
+
+    Parameters
+    ----------
+    date : date
+    columns : sequence of Canonical or Held
+    gathered : Gathered
+    spec : Spec
+    today : date
+        A log of this day, or a later one, may be unfinished.
+    """
+    grid = make_grid(*day_bounds(date, gathered.zone), spec.period, gathered.zone)
+    parts = [column.of_day(grid, spec.tolerance) for column in columns]
+    times = np.unique(np.concatenate([times for times, _, _ in parts]))
+    rows = {}
+    for column, (at, values, _) in zip(columns, parts, strict=True):
+        rows[column.signal.name] = np.full(len(times), np.nan)
+        rows[column.signal.name][times.searchsorted(at)] = values
+    origins = [origin for _, _, found in parts for origin in found]
+    reports = [r for column in columns if isinstance(column, Held) for r in column.reports_within(grid)]
+    day = DayLog(date, "good", "", times, rows, origins, reports)
+    faults = _faults_of(gathered.faults, grid, spec)
+    if faults:
+        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        day.status, day.reason = "refused", f"{faults[0].text}{more}"
+        return day
+    try:
+        day.n_filled = _filled(columns, [(at, values) for at, values, _ in parts], grid, spec)
+    except TrailingGap as error:
+        day.status, day.reason = "pending" if date >= today else "refused", str(error)
+    except DataError as error:
+        day.status, day.reason = "refused", str(error)
+    if day.status != "good":
+        day.reason += _advice(columns, parts, grid)
+    return day
+
+
+def _faults_of(faults: Sequence[Fault], grid: Grid, spec: Spec) -> list[Fault]:
+    low, high = grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest
+    return [fault for fault in dict.fromkeys(faults) if low <= fault.time < high]
+
+
+def _filled(
+    columns: Sequence[Canonical | Held], parts: list[tuple[Micros, Floats]], grid: Grid, spec: Spec
+) -> int:
+    """How many samples lie in gaps; raises as reading the day would."""
+    filled = np.zeros(len(grid.times), bool)
+    for column, (times, values) in zip(columns, parts, strict=True):
+        if column.signal.supposed:
+            refuse_supposed(times, column.signal, spec)
+        bridged = on_grid(times, values, grid, column.judged, spec)[1]
+        if bridged is not None:
+            filled |= bridged
+    if filled.any():
+        series = {c.signal.name: part for c, part in zip(columns, parts, strict=True)}
+        refuse_filled(filled, series, spec)
+    return int(filled.sum())
+
+
+def _advice(
+    columns: Sequence[Canonical | Held], parts: list[tuple[Micros, Floats, Origins]], grid: Grid
+) -> str:
+    """Irregular values may be reported when they change: only the user knows."""
+    for column, (times, _, _) in zip(columns, parts, strict=True):
+        if isinstance(column, Held) or len(times) < 3:
+            continue
+        steps = np.diff(times)
+        usual = np.median(steps)
+        if (np.abs(steps - usual) > 0.1 * usual).mean() > 0.5:
+            longest = int(np.ceil(max(steps.max(), grid.end - times[-1]) / MICRO))
+            return (
+                f"; if {column.signal.name} is logged only when it changes, set [input.hold] "
+                f"{column.signal.name} to the longest time that a value holds [s] (here at least {longest})"
+            )
+    return ""
+
+
+def settle(day: DayLog, fate: Fate) -> None:
+    """Enter what became of a day's values."""
+    for series, rows in day.unsampled:
+        series.fates[rows[series.fates[rows] == Fate.OUTSIDE]] = Fate.BETWEEN
+    for series, rows in day.origins:
+        series.fates[rows[series.fates[rows] != Fate.USED]] = fate  # held into a second day: used is used

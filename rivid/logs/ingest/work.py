@@ -1,0 +1,248 @@
+"""All of an ingest: read, judge, write, count."""
+
+import datetime as dt
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rivid.config import Config
+from rivid.errors import ConfigError, NoDataError
+from rivid.logs.header import UndeclaredError
+from rivid.logs.ingest.days import DayLog, dates_of, judge, settle
+from rivid.logs.ingest.export import Export, read_export
+from rivid.logs.ingest.ledger import Fate, FileCount, Ledger
+from rivid.logs.ingest.place import put, refuse_place
+from rivid.logs.ingest.series import Gathered, gather
+from rivid.logs.ingest.settings import refuse_settings, settings_for_logs, write_settings
+from rivid.logs.ingest.signals import canonical
+from rivid.logs.spec import Spec, spec_of
+from rivid.logs.write import Format
+from rivid.logs.write_rows import rows_as_bytes
+
+SNIFF = "`rivid sniff` proposes an [input] block"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How to ingest.
+
+    Attributes
+    ----------
+    format : {"csv", "csv.gz", "parquet"}
+    first, last : date or None
+        Local days that are asked for; None: from the beginning, to the end.
+    force : bool
+        Overwrite what differs.
+    dry_run : bool
+        Write nothing.
+    today : date or None
+        Of this day on, a log may be unfinished; None: of the clock.
+    run_config : Path or None
+        Where the configuration for the logs goes; None: beside `out`, ``<out>_run.toml``.
+    """
+
+    format: Format = "csv"
+    first: dt.date | None = None
+    last: dt.date | None = None
+    force: bool = False
+    dry_run: bool = False
+    today: dt.date | None = None
+    run_config: Path | None = None
+
+
+@dataclass(frozen=True)
+class DayResult:
+    """What became of a day: written, identical, refused, pending, or differs (another log stays in place)."""
+
+    date: dt.date
+    status: str
+    reason: str = ""
+    file: str = ""
+    rows: int = 0
+    filled: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return {**self.__dict__, "date": str(self.date)}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an ingest did.
+
+    Attributes
+    ----------
+    days : list of DayResult
+        In date order.
+    ledger : Ledger
+    run_config : Path
+    notes : list of str
+        Tags and columns that were passed over.
+    """
+
+    days: list[DayResult]
+    ledger: Ledger
+    run_config: Path
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Days by status."""
+        return Counter(day.status for day in self.days)
+
+    @property
+    def exit_code(self) -> int:
+        """0: all well; 3: a day is refused, or kept out by another log; 10: there is none."""
+        if not self.days:
+            return NoDataError.exit_code
+        return 3 if self.counts["refused"] or self.counts["differs"] else 0
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return {
+            "days": [day.to_json() for day in self.days],
+            "counts": dict(self.counts),
+            "values": self.ledger.to_json(),
+            "notes": self.notes,
+            "run_config": str(self.run_config),
+        }
+
+
+def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None = None) -> Outcome:
+    """Make daily logs of exports.
+
+    Parameters
+    ----------
+    exports : sequence of Path
+        Files of one dialect.
+    out : Path
+        DATA_DIR.
+    config : Config
+    wish : Wish, optional
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    ConfigError
+        Where the exports are not as declared, or something in place must not be overwritten.
+    DataError
+        Where a file cannot be read.
+    NoDataError
+        Where the exports hold no value that is asked for.
+    """
+    wish, spec = wish or Wish(), spec_of(config)
+    place = out.resolve()
+    run_config = wish.run_config or place.with_name(f"{place.name}_run.toml")
+    text = settings_for_logs(config)
+    refuse_place(out, exports)
+    unwritten = refuse_settings(run_config, text, force=wish.force) and not wish.dry_run
+    read = _read(exports, spec)
+    try:
+        gathered = gather(read, spec)
+    except UndeclaredError as error:
+        raise ConfigError(str(error)) from None
+    columns = canonical(gathered.series, spec)
+    for series in gathered.series.values():
+        series.fates[series.fates == Fate.USED] = Fate.OUTSIDE
+    dates = [
+        date
+        for date in dates_of(columns, gathered, spec)
+        if (wish.first or date) <= date <= (wish.last or date)
+    ]
+    today = wish.today or dt.datetime.now(gathered.zone).date()
+    results = []
+    for date in dates:
+        day = judge(date, columns, gathered, spec, today)
+        results.append(_finish(day, gathered, out, wish))
+    if unwritten and any(result.status in ("written", "identical") for result in results):
+        write_settings(run_config, text)
+    return Outcome(results, _ledger(read, gathered), run_config, _notes(read))
+
+
+def _read(exports: Sequence[Path], spec: Spec) -> list[Export]:
+    """All files; what none of them holds is said before any work."""
+    read = []
+    try:
+        for path in dict.fromkeys(exports):
+            read.append(read_export(path, spec))
+        found = {name for export in read for columns in export.parts for name in columns.numbers}
+        for export in read:
+            # an export of other tags is no fault; one that was to be read, and of which no row can be, is
+            if export.lacking and (not found or not export.seen.others):
+                raise UndeclaredError(f"{export.name}, {export.lacking}")
+        for signal in spec.signals:
+            for source in signal.sources:
+                if source not in found:
+                    others = Counter[str]()
+                    for export in read:
+                        others += export.seen.others
+                    tags = ", ".join(repr(tag[:40]) for tag in list(others)[:12])
+                    there = f"; tags that are not asked for: {tags}" if tags else ""
+                    raise UndeclaredError(f"no export holds {source!r} for {signal.name}{there}")
+    except UndeclaredError as error:
+        raise ConfigError(f"{error}; {SNIFF}") from None
+    return read
+
+
+def _finish(day: DayLog, gathered: Gathered, out: Path, wish: Wish) -> DayResult:
+    """Write a good day, and enter what became of its values."""
+    if day.status != "good":
+        settle(day, Fate.REFUSED if day.status == "refused" else Fate.PENDING)
+        return DayResult(day.date, day.status, day.reason)
+    there = np.any([np.isfinite(values) for values in day.columns.values()], axis=0)
+    times = day.times[there]
+    columns = {name: values[there] for name, values in day.columns.items()}
+    status, name = "written", f"{day.date}.{wish.format}"
+    if not wish.dry_run:
+        data = rows_as_bytes(times, columns, gathered.zone, wish.format)
+        status, name = put(out, day.date, wish.format, data, force=wish.force)
+    settle(day, Fate.STANDING if status == "differs" else Fate.USED)
+    reason = ""
+    if status == "differs":
+        reason = f"{name} is there and differs: --force writes it again"
+        if name != f"{day.date}.{wish.format}":
+            reason = f"{name} is there already: take it away, or choose its --format"
+    return DayResult(day.date, status, reason, name, len(times), day.n_filled)
+
+
+def _ledger(read: Sequence[Export], gathered: Gathered) -> Ledger:
+    ledger = Ledger()
+    for name, series in gathered.series.items():
+        ledger.count(name, series.fates, series.unreadable, series.unsorted)
+    for export in read:
+        seen = export.seen
+        for columns in export.parts:
+            ledger.flags += columns.flags
+        unreadable = seen.rows - seen.others.total() - _good_rows(export)
+        ledger.files.append(
+            FileCount(
+                export.name, seen.rows, unreadable, seen.comments, seen.headers, seen.empty, seen.others
+            )
+        )
+    return ledger
+
+
+def _good_rows(export: Export) -> int:
+    return sum(len(columns.times) for columns in export.parts)
+
+
+def _notes(read: Sequence[Export]) -> list[str]:
+    others = Counter[str]()
+    unread: dict[str, None] = {}
+    for export in read:
+        others += export.seen.others
+        unread |= dict.fromkeys(export.seen.cells)
+    notes = []
+    if unread:
+        notes.append(f"columns not read: {', '.join(name[:40] for name in unread)}")
+    if others:
+        tags = ", ".join(f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12))
+        notes.append(f"tags not asked for: {tags}{', ...' if len(others) > 12 else ''}")
+    return notes
