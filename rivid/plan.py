@@ -1,6 +1,9 @@
 """What a run has to do: the data sets of DATA_DIR, their keys, and which of them are asked for."""
 
 import datetime as dt
+import hashlib
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +14,8 @@ from rivid.config import Config
 from rivid.errors import NoDataError
 from rivid.logs.find import Catalog, FileFacts, find_days
 from rivid.logs.read import refuse_columns
-from rivid.store import digest
+from rivid.shard import Shard
+from rivid.store import METHOD_VERSION, digest
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Options:
         Draw figures and report.
     today : datetime.date, optional
         Taken for today.
+    shard : Shard, optional
+        Estimate this part of the days only, and leave tables and figures to the run that follows.
     """
 
     workers: int | None = None
@@ -41,6 +47,7 @@ class Options:
     verify: bool = False
     figures: bool = True
     today: dt.date | None = None
+    shard: Shard | None = None
 
     def now(self, config: Config) -> dt.date | dt.datetime:
         """Today's date in the reach's zone; without a zone the moment, for the log's own offset to date."""
@@ -89,6 +96,7 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     now = options.now(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
+    key_of = _under(settings)
     windows = []
     for date in sources:
         days = [date - dt.timedelta(days=k) for k in range(length - 1, -1, -1)]
@@ -98,7 +106,7 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
         missing = tuple(day for day in days if day not in sources)
         content = digest(str(date), [[str(s.date), *(part.digest for part in s.parts)] for s in present])
         unfinished = str(may_be_today) if date >= may_be_today else None
-        windows.append(Window(date, present, digest(content, settings, unfinished), missing, content))
+        windows.append(Window(date, present, key_of(content, unfinished), missing, content))
     if not windows:
         raise NoDataError(
             f"{len(sources)} days of logs in {data_dir}: a data set takes {length} days in a row "
@@ -106,12 +114,27 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
         )
     first, last = options.first or dt.date.min, options.last or dt.date.max
     asked = [w for w in windows if first <= w.date <= last]
-    if not asked:
+    if asked and options.shard:
+        asked = [w for w in asked if options.shard.holds(w.date)]  # perhaps none: the shard is done
+    elif not asked:
         raise NoDataError(
             f"no data set from {options.first or 'the first'} to {options.last or 'the last'}: "
             f"{data_dir} has them from {windows[0].date} to {windows[-1].date}"
         )
     return Plan(catalog, windows, asked, now)
+
+
+def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
+    """The key of a content under settings: ``digest(content, settings, unfinished)``, quickly."""
+    mark = "\0"
+    text = json.dumps([METHOD_VERSION, mark, settings], sort_keys=True, default=str)
+    begun, between = text.split(json.dumps(mark), 1)
+
+    def key(content: str, unfinished: str | None) -> str:
+        rest = f"{begun}{json.dumps(content)}{between[:-1]}, {json.dumps(unfinished)}]"
+        return hashlib.sha256(rest.encode()).hexdigest()
+
+    return key
 
 
 def _facts(known: dict[str, Any]) -> dict[str, FileFacts]:

@@ -74,9 +74,12 @@ def write(out: Path, record: dict[str, Any]) -> None:
 
 def hashes(out: Path, files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files of OUT, by their path in it."""
-    return {
-        str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)
-    }
+    return {str(path.relative_to(out)): _hash(path) for path in sorted(files)}
+
+
+def _hash(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:

@@ -1,7 +1,6 @@
 """A run: estimate what is new, and bring the tables, figures, report and run.json up to date."""
 
 import datetime as dt
-import os
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -9,22 +8,31 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from rivid import record
 from rivid.batch import Batch, Window
 from rivid.config import Config
+from rivid.drawing import draw_here, draw_with
 from rivid.errors import ConfigError, NoDataError
 from rivid.estimators import build
+from rivid.merge import write_merged
 from rivid.plan import Options, Plan, make_plan
-from rivid.store import Store, arrange, digest
-from rivid.tables import SCHEMA_VERSION, TABLES, write_tables
-from rivid.workers import run_batches
+from rivid.preload import DRAWING, cores, warm
+from rivid.rows import Rows, hash_of
+from rivid.store import Store, digest
+from rivid.tables import SCHEMA_VERSION, TABLES
+from rivid.workers import Engine, processes, run_batches
 
 BATCH_DAYS = 128
 """Days of a batch at most: small enough to share out, large enough to be worth a file."""
 
 ONE_PROCESS_BELOW = 1000
 """With fewer new days than this, starting worker processes takes longer than the work itself."""
+
+
+MOST_PAINTERS = 4
+"""Processes that draw: there are a few figures only, and each process reads the results for itself."""
 
 
 @dataclass
@@ -35,11 +43,12 @@ class Summary:
     ----------
     out : Path
     rows : pyarrow.Table
-        All rows of OUT, of schema :data:`rivid.tables.SEGMENT`.
+        All rows of OUT in their order, or those of the shard: columns :data:`rivid.rows.SHORT`, and
+        `message` where a day failed.
     windows : int
         Data sets of DATA_DIR.
-    computed, reused : int
-        Those estimated now, and taken over from earlier runs.
+    computed_keys, asked_keys : set of str
+        Keys of the data sets that were estimated now, and of those that were asked for.
     dropped : int
         Data sets of earlier runs whose logs are gone: OUT mirrors DATA_DIR.
     failures, new_failures : int
@@ -50,6 +59,8 @@ class Summary:
         Files that are no logs; of them those that no finished run has told of.
     damaged : list of str
         Segments that were damaged and dropped.
+    reused : int
+        Data sets taken over from earlier runs.
     """
 
     out: Path
@@ -73,7 +84,14 @@ class Summary:
         return len(self.computed_keys)
 
 
-def run(data_dir: Path, out: Path, config: Config, options: Options, progress: Any = None) -> Summary:
+def run(
+    data_dir: Path,
+    out: Path,
+    config: Config,
+    options: Options,
+    progress: Any = None,
+    engine: Engine | None = None,
+) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
 
     Parameters
@@ -82,8 +100,12 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
         Where the logs are; where the results go.
     config : Config
     options : Options
+        With a shard, its days are estimated and kept, and nothing else of OUT is touched: a run without
+        shard makes the tables.
     progress : callable, optional
         ``progress(total)`` gives a context manager whose value is called with each number of days done.
+    engine : Engine, optional
+        What executes batches and draws; by default as many processes as pay off.
 
     Returns
     -------
@@ -97,23 +119,28 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     build(config)  # settings that contradict each other are said before any work
     _refuse_places(data_dir, out)
-    with Store(out) as store:
+    with Store(out, options.shard.name if options.shard else "") as store:
         before = record.last(out)
         planned = make_plan(data_dir, config, options, store.known_files(data_dir))
         if options.force:
-            store.forget({w.key for w in planned.asked})
+            store.forget([w.key for w in planned.asked])
         kept = store.read()
-        done = set(kept["key"].to_pylist())
-        new = [w for w in planned.asked if w.key not in done]
-        _estimate(store, data_dir, config, new, planned, options, progress)
-        rows = arrange(store.read() if new else kept, [w.key for w in planned.windows], config.run.estimators)
-
+        new = _missing(planned.asked, kept)
+        if new:
+            if options.figures and not options.shard and engine is None and cores() > 1:
+                warm(DRAWING)  # while this process reads and estimates
+            _estimate(store, data_dir, config, new, planned, options, progress, engine)
+        of = planned.asked if options.shard else planned.windows
+        rows = (store.read() if new else kept).arranged([w.key for w in of], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, before, store, out)
-        content = digest(rows["key"].to_pylist(), config.as_used(), summary.bad_files, SCHEMA_VERSION)
+        if options.shard:
+            summary.seconds = time.perf_counter() - began
+            return summary
+        content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
         current = before.get("content") == content and record.is_whole(out, before, options.figures)
         if options.force or not current:
             record.unfinished(out, before)
-            write_tables(rows, out)
+            write_merged(rows, out)
             now = record.describe(config, data_dir, started) | {
                 "data_sets": summary.windows,
                 "computed": summary.computed,
@@ -126,16 +153,29 @@ def run(data_dir: Path, out: Path, config: Config, options: Options, progress: A
             files = [out / name for name in TABLES]
             if options.figures:
                 record.unfinished(out, now | {"failed": before.get("failed", [])})
-                files += _draw(out, now)
+                files += _draw(out, now, engine)
             else:
                 (out / "report.html").unlink(missing_ok=True)  # it would speak of older tables
             record.write(out, now | {"content": content, "outputs": record.hashes(out, files)})
             store.compact(rows)
             if summary.dropped:
-                store.forget(set(kept["key"].to_pylist()) - set(rows["key"].to_pylist()))
+                store.forget(_others(kept, rows))
         store.remember_files(data_dir, {p: f.to_json() for p, f in planned.catalog.files.items()})
     summary.seconds = time.perf_counter() - began
     return summary
+
+
+def _missing(asked: list[Window], kept: Rows) -> list[Window]:
+    """The windows that no segment holds."""
+    keys = pa.array([window.key for window in asked], pa.string())
+    done = pc.is_in(keys, value_set=kept.table["key"].combine_chunks())
+    return [window for window, is_done in zip(asked, done.to_pylist(), strict=True) if not is_done]
+
+
+def _others(kept: Rows, rows: Rows) -> list[str]:
+    """Keys that were kept and are no longer part of OUT."""
+    stale = pc.invert(pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks()))
+    return list(kept.table["key"].filter(stale).to_pylist())
 
 
 def _refuse_places(data_dir: Path, out: Path) -> None:
@@ -153,57 +193,60 @@ def _estimate(
     planned: Plan,
     options: Options,
     progress: Any,
+    engine: Engine | None,
 ) -> None:
     """Share the new windows out over batches and workers."""
-    workers = options.workers or (1 if len(new) < ONE_PROCESS_BELOW else os.cpu_count() or 1)
+    if engine is None:
+        workers = options.workers or (1 if len(new) < ONE_PROCESS_BELOW else cores())
+    else:
+        workers = engine.slots
     size = max(1, min(BATCH_DAYS, -(-len(new) // workers)))
     batches = (
         Batch(data_dir, config, tuple(new[at : at + size]), planned.now) for at in range(0, len(new), size)
     )
-    with progress(len(new)) if progress and new else nullcontext(lambda _: None) as done:
-        run_batches(batches, store.segments, workers, done)
+    with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
+        with nullcontext(engine) if engine else processes(workers) as executing:
+            run_batches(batches, store.segments, executing, done)
 
 
 def _summarise(
-    rows: pa.Table,
+    rows: Rows,
     planned: Plan,
     new: list[Window],
-    kept: pa.Table,
+    kept: Rows,
     before: dict[str, Any],
     store: Store,
     out: Path,
 ) -> tuple[Summary, list[str]]:
     """The summary, and the content of the days that failed."""
+    table = rows.table
+    dates = {window.date for window in planned.windows}
     summary = Summary(
         out=out,
-        rows=rows,
+        rows=table,
         windows=len(planned.windows),
         computed_keys={w.key for w in new},
         asked_keys={w.key for w in planned.asked},
         bad_files=planned.catalog.bad_files,
         new_bad_files=[b for b in planned.catalog.bad_files if list(b) not in before.get("bad_files", [])],
-        dropped=len(set(kept["date"].to_pylist()) - {w.date for w in planned.windows}),
+        dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
         damaged=store.damaged,
     )
-    failed_keys = set()
-    for key, name, status in zip(*(rows[c].to_pylist() for c in ("key", "estimator", "status")), strict=True):
-        of = summary.counts.setdefault(name, {})
-        of[status] = of.get(status, 0) + 1
-        if status == "failed":
-            failed_keys.add(key)
+    for name in pc.unique(table["estimator"]).to_pylist():
+        of = table["status"].filter(pc.equal(table["estimator"], name))
+        summary.counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
+    failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
     failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
     summary.failures = len(failed)
     summary.new_failures = len(set(failed) - set(before.get("failed", [])))
-    summary.reused = len(set(rows["key"].to_pylist()) - summary.computed_keys)
+    summary.reused = len(pc.unique(table["key"])) - summary.computed
     return summary, failed
 
 
-def _draw(out: Path, now: dict[str, Any]) -> list[Path]:
+def _draw(out: Path, now: dict[str, Any], engine: Engine | None = None) -> list[Path]:
     """Figures and report; gives the files written."""
-    from rivid.figures import draw_all
-    from rivid.report import write_report
-    from rivid.results import load_results
-
-    results = load_results(out)
-    figures = draw_all(results, out)
-    return [*(figure.path for figure in figures), write_report(results, figures, out, summary=now)]
+    if engine is not None:
+        return draw_here(out, now) if engine.slots == 1 else draw_with(engine, out, now)
+    painters = min(cores(), MOST_PAINTERS)
+    with processes(painters, DRAWING) as painting:
+        return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)

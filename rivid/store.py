@@ -3,25 +3,31 @@
 A segment is one Parquet file of a batch's rows (:data:`rivid.tables.SEGMENT`). Its rename is the commit:
 a killed run leaves whole segments or none. A segment that its checksums do not confirm is dropped, and its
 days are computed again.
+
+Who runs holds `lock`. Shards of one run share OUT: each holds a lock of its own, taken while it holds `lock`
+for a moment; a whole run takes `lock` and then finds no shard at work.
 """
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 from filelock import FileLock, Timeout
 
 from rivid.atomic import write_text
 from rivid.errors import LockedError, RividError
-from rivid.tables import SEGMENT, write_parquet
+from rivid.rows import Rows, read_rows, write_rows
 
 METHOD_VERSION = 1
 """Raised whenever the same input and settings would give another row: older rows are then computed again."""
+
+SHARD_PATIENCE = 20.0
+"""How long a shard waits for others to begin [s]: each holds the lock for a moment."""
 
 COMPACT_ABOVE = 12
 """Segments are merged into one when a run ends with more than this many."""
@@ -36,6 +42,12 @@ def digest(*parts: Any) -> str:
 class Store:
     """Holds OUT for one run: ``with Store(out) as store``.
 
+    Parameters
+    ----------
+    out : Path
+    shard : str
+        Name of the shard that this run is; empty for a whole run.
+
     Raises
     ------
     LockedError
@@ -44,32 +56,50 @@ class Store:
         When OUT cannot be written.
     """
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Path, shard: str = "") -> None:
         self.out = out
+        self.shard = shard
         self.root = out / ".rivid"
         self.segments = self.root / "segments"
         self._lock = FileLock(self.root / "lock")
+        self._shard_lock = FileLock(self.root / f"lock.{shard}")
         self.damaged: list[str] = []
 
     def __enter__(self) -> "Store":
         try:
             self.segments.mkdir(parents=True, exist_ok=True)
-            self._lock.acquire(timeout=0)
+            self._hold()
         except Timeout:
             raise LockedError(
                 f"another run is writing to {self.out}: wait for it, or give another --out"
             ) from None
         except OSError as error:
             raise RividError(f"cannot write to {self.out}: {error.strerror}: choose another --out") from None
-        for folder in (self.segments, self.root, self.out, self.out / "figures"):
+        for folder in () if self.shard else (self.segments, self.root, self.out, self.out / "figures"):
             for leftover in folder.glob(".*.part"):  # of a killed run
                 leftover.unlink(missing_ok=True)
         return self
+
+    def _hold(self) -> None:
+        """Take the lock; of a shard its own, while no whole run is at work."""
+        self._lock.acquire(timeout=SHARD_PATIENCE if self.shard else 0)
+        try:
+            if self.shard:
+                self._shard_lock.acquire(timeout=0)
+                self._lock.release()
+                return
+            for path in self.root.glob("lock.*"):
+                with FileLock(path).acquire(timeout=0):
+                    path.unlink()  # no shard can take it up: it would need `lock`
+        except BaseException:
+            self._lock.release()
+            raise
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._lock.release()
+        self._shard_lock.release()
 
     def known_files(self, data_dir: Path) -> dict[str, Any]:
         """What the last finished run saw of the files of DATA_DIR; empty where that is not known."""
@@ -85,68 +115,33 @@ class Store:
         known = {"data_dir": str(data_dir.resolve()), "files": files}
         write_text(self.root / "files.json", json.dumps(known, sort_keys=True))
 
-    def read(self) -> pa.Table:
-        """All rows of all sound segments; damaged segments are dropped and named."""
-        rows, damaged = read_segments(self.segments)
+    def read(self) -> Rows:
+        """What all sound segments hold; damaged segments are dropped and named."""
+        rows, damaged = read_rows(self.segments)
         for path, reason in damaged:
             self.damaged.append(f"{path.name}: {reason}")
             path.unlink(missing_ok=True)
         return rows
 
-    def forget(self, keys: set[str]) -> None:
+    def forget(self, keys: Iterable[str]) -> None:
         """Drop the rows of some keys: they are to be computed again."""
-        rows = self.read()
-        left = rows.filter(pa.array([key not in keys for key in rows["key"].to_pylist()], pa.bool_()))
-        paths = list(self.segments.glob("*.parquet"))
-        kept = write_segment(self.segments, left) if len(left) else None
-        for path in paths:
+        self.read()  # and with it what is damaged
+        gone = pa.array(keys if isinstance(keys, list) else list(keys), pa.string())
+        for path in sorted(self.segments.glob("*.parquet")):
+            rows, _ = read_rows(self.segments, [path])
+            left = pc.invert(pc.is_in(rows.table["key"], value_set=gone))
+            if pc.all(left, min_count=0).as_py():
+                continue
+            kept = write_rows(self.segments, rows.chosen(left)) if pc.any(left).as_py() else None
             if path != kept:
                 path.unlink(missing_ok=True)
 
-    def compact(self, rows: pa.Table) -> None:
+    def compact(self, rows: Rows) -> None:
         """Replace many segments by one that holds `rows`; stale rows go with them."""
         paths = sorted(self.segments.glob("*.parquet"))
         if len(paths) <= COMPACT_ABOVE:
             return
-        kept = write_segment(self.segments, rows)
+        kept = write_rows(self.segments, rows)
         for path in paths:
             if path != kept:
                 path.unlink(missing_ok=True)
-
-
-def read_segments(segments: Path) -> tuple[pa.Table, list[tuple[Path, str]]]:
-    """The rows of all sound segments, and the damaged ones with what is wrong; changes nothing."""
-    tables, damaged = [SEGMENT.empty_table()], []
-    for path in sorted(p for p in segments.glob("*.parquet") if p.is_file()):
-        try:
-            table = pq.read_table(path, page_checksum_verification=True)
-            if table.schema.names != SEGMENT.names:
-                raise ValueError("another version's columns")
-            tables.append(table.cast(SEGMENT))
-        except (OSError, ValueError, pa.ArrowException) as error:
-            damaged.append((path, str(error)))
-    return pa.concat_tables(tables), damaged
-
-
-def write_segment(segments: Path, rows: pa.Table) -> Path:
-    """Write one batch's rows; the name follows from its keys, so a repeated batch replaces itself."""
-    name = hashlib.sha256("".join(rows["key"].to_pylist()).encode()).hexdigest()[:24]
-    path = segments / f"{name}.parquet"
-    write_parquet(rows, path)
-    return path
-
-
-def arrange(rows: pa.Table, keys: Sequence[str], estimators: Sequence[str]) -> pa.Table:
-    """The rows of the given keys, in order of the keys and then of the estimators.
-
-    A key that several segments hold (a killed compaction) counts once: equal keys mean equal rows.
-    """
-    of_key = {key: i for i, key in enumerate(keys)}
-    of_name = {name: i for i, name in enumerate(estimators)}
-    place: dict[tuple[int, int], int] = {}
-    for row, (key, name) in enumerate(
-        zip(rows["key"].to_pylist(), rows["estimator"].to_pylist(), strict=True)
-    ):
-        if key in of_key and name in of_name:
-            place[of_key[key], of_name[name]] = row
-    return rows.take(pa.array([place[at] for at in sorted(place)], pa.int64())).combine_chunks()

@@ -1,7 +1,9 @@
-"""Batches mapped over worker processes, or over none: one path, the same rows.
+"""Batches mapped over an engine: over worker processes, or over none; one path, the same rows.
 
-A worker writes its own segment, so rows never travel between processes, and what was done stays done.
-A killed worker costs only its batch: the batch is halved until the day that kills is alone and failed.
+An :class:`Engine` is all that is asked of what executes: so many tasks at a time, each a function and its
+arguments, and a word when a worker died. A worker writes its own segment, so rows never travel between
+processes, and what was done stays done. A killed worker costs only its batch: the batch is halved until the
+day that kills is alone and failed.
 """
 
 import os
@@ -9,45 +11,153 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any, Protocol
 
 from rivid.batch import Batch, estimate_batch, failed_batch
 from rivid.lean import spare_pandas
 from rivid.leash import hold
-from rivid.store import write_segment
+from rivid.preload import ESTIMATING, warm
+from rivid.rows import write_segment
 
 Done = Callable[[int], None]
 IN_FLIGHT = 2
-"""Batches handed out per worker ahead of their turn."""
+"""Tasks handed out per worker ahead of their turn."""
 
 
-def run_batches(batches: Iterable[Batch], segments: Path, workers: int, done: Done) -> None:
+class Engine(Protocol):
+    """What executes tasks.
+
+    A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then gives
+    workers again. Any other exception is the task's own.
+    """
+
+    slots: int
+    """Tasks that run at a time."""
+
+    died: tuple[type[BaseException], ...]
+    """What says that a worker died."""
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a task executed; task, arguments and answer must travel between processes."""
+        ...
+
+    def renew(self) -> None:
+        """Have workers again after one died."""
+        ...
+
+    def one(self) -> AbstractContextManager["Engine"]:
+        """An engine of a single worker, for a task that may kill it."""
+        ...
+
+
+class Here:
+    """This process alone."""
+
+    slots = 1
+    died: tuple[type[BaseException], ...] = ()
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Execute the task, and come back when it is done."""
+        future: Future[Any] = Future()
+        future.set_result(task(*arguments))
+        return future
+
+    def renew(self) -> None:
+        """Nothing to renew: whoever kills this process ends the run."""
+
+    @contextmanager
+    def one(self) -> Iterator["Engine"]:
+        """This one."""
+        yield self
+
+
+class Processes:
+    """Worker processes of this machine: ``with Processes(4) as engine``; they are gone when the block ends.
+
+    Parameters
+    ----------
+    workers : int
+    modules : sequence of str
+        What workers need, imported once for all of them.
+    """
+
+    died: tuple[type[BaseException], ...] = (BrokenExecutor,)
+
+    def __init__(self, workers: int, modules: Sequence[str] = ESTIMATING) -> None:
+        self.slots = workers
+        self.modules = modules
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> "Processes":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._close(at_once=kind is not None)
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a worker execute the task."""
+        if self._pool is None:
+            self._pool = self._open()
+        try:
+            return self._pool.submit(task, *arguments)
+        except BrokenExecutor as error:  # a worker died since: the caller learns it as of any task
+            future: Future[Any] = Future()
+            future.set_exception(error)
+            return future
+
+    def renew(self) -> None:
+        """Drop what is left of the workers; the next task has new ones."""
+        self._close(at_once=True)
+
+    @contextmanager
+    def one(self) -> Iterator[Engine]:
+        """A worker apart from the others."""
+        with Processes(1, self.modules) as engine:
+            yield engine
+
+    def _open(self) -> ProcessPoolExecutor:
+        warm(self.modules)
+        context = get_context("forkserver" if os.name == "posix" else "spawn")
+        return ProcessPoolExecutor(
+            self.slots, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+        )
+
+    def _close(self, at_once: bool) -> None:
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        if at_once:
+            for process in list((pool._processes or {}).values()):
+                process.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractContextManager[Engine]:
+    """An engine of so many worker processes; of one: this process."""
+    return Processes(workers, modules) if workers > 1 else nullcontext(Here())
+
+
+def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
     """Estimate batches and write their segments.
 
     Parameters
     ----------
     batches : iterable of Batch
     segments : Path
-        Directory of the segments.
-    workers : int
-        Worker processes; 1 works in this process.
+        Directory of the segments; every worker of the engine must see it.
+    engine : Engine
     done : callable
         Called with the number of windows of each batch that is finished.
     """
-    if workers <= 1:
-        for batch in batches:
-            work(batch, segments)
-            done(len(batch.windows))
-        return
     waiting = deque(batches)
     while waiting:
-        for suspect in _drain(waiting, segments, workers, done):
-            _alone(suspect, segments, done)
+        for suspect in _drain(waiting, segments, engine, done):
+            _alone(suspect, segments, engine, done)
 
 
 def work(batch: Batch, segments: Path) -> None:
@@ -55,56 +165,38 @@ def work(batch: Batch, segments: Path) -> None:
     write_segment(segments, estimate_batch(batch))
 
 
-def _drain(waiting: deque[Batch], segments: Path, workers: int, done: Done) -> list[Batch]:
-    """Work until nothing waits, or until a worker dies; gives the batches that were then in its pool."""
+def _drain(waiting: deque[Batch], segments: Path, engine: Engine, done: Done) -> list[Batch]:
+    """Work until nothing waits, or until a worker dies; gives the batches that were then handed out."""
     under_way: dict[Future[None], Batch] = {}
-    with _pool(workers) as pool:
-        try:
-            while waiting or under_way:
-                while waiting and len(under_way) < IN_FLIGHT * workers:
-                    under_way[pool.submit(work, waiting[0], segments)] = waiting[0]
-                    waiting.popleft()
-                finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    future.result()
-                    done(len(under_way.pop(future).windows))
-        except BrokenProcessPool:
-            return list(under_way.values())
+    try:
+        while waiting or under_way:
+            while waiting and len(under_way) < IN_FLIGHT * engine.slots:
+                under_way[engine.submit(work, waiting[0], segments)] = waiting[0]
+                waiting.popleft()
+            finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+                done(len(under_way.pop(future).windows))
+    except engine.died:
+        engine.renew()
+        return list(under_way.values())
     return []
 
 
-def _alone(batch: Batch, segments: Path, done: Done) -> None:
+def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
     """A batch during which a worker died, by itself; halved for as long as it kills its worker."""
     try:
-        with _pool(1) as pool:
-            pool.submit(work, batch, segments).result()
+        with engine.one() as single:
+            single.submit(work, batch, segments).result()
         done(len(batch.windows))
-    except BrokenProcessPool:
+    except engine.died:
         if len(batch.windows) == 1:
             reason = "the worker process died on this day (out of memory?)"
             write_segment(segments, failed_batch(batch, reason))
             done(1)
             return
         for half in batch.halves():
-            _alone(half, segments, done)
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose processes are gone when the block ends, however it ends."""
-    context = get_context("forkserver" if os.name == "posix" else "spawn")
-    if os.name == "posix":
-        os.environ["RIVID_LEASH"] = "1"  # for the forkserver's import of the leash
-        context.set_forkserver_preload(["rivid.leash", "rivid.batch"])
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),))
-    try:
-        yield pool
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+            _alone(half, segments, engine, done)
 
 
 def _begin(parent: int) -> None:

@@ -11,16 +11,19 @@ import rivid
 
 ROOT = Path(rivid.__file__).parent
 ORDER = [
-    {"errors"},
-    {"core", "input_config"},
+    {"errors", "preload"},
+    {"core", "input_config", "shard"},
     {"estimator_config"},
     {"config", "atomic", "lean", "leash", "reach"},
     {"effects", "logs", "results", "tables", "estimators"},
     {"scenario"},
-    {"simulate", "figures", "store"},
-    {"diagnose", "batch", "report", "check", "record"},
+    {"simulate", "figures", "rows"},
+    {"diagnose", "store", "merge", "report", "check", "record"},
+    {"batch"},
     {"workers", "plan"},
+    {"drawing"},
     {"run"},
+    {"fleet"},
     {"cli"},
     {"__main__"},
 ]

@@ -28,6 +28,7 @@ _DATE = click.DateTime(["%Y-%m-%d"])
 @click.option("--verify", is_flag=True, help="Hash every file, also where size and time are unchanged.")
 @click.option("--strict", is_flag=True, help="Exit 3 for any failed day, also one that had failed before.")
 @click.option("--no-figures", is_flag=True, help="Tables only.")
+@click.option("--shard", metavar="I/N", help="Do the I-th of N parts; a run without --shard merges them.")
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and stop.")
 @click.option(
     "--json", "as_json", is_flag=True, help="A JSON line per day, and one for the whole, on stdout."
@@ -46,6 +47,7 @@ def command(
     verify: bool,
     strict: bool,
     no_figures: bool,
+    shard: str | None,
     dry_run: bool,
     as_json: bool,
     quiet: bool,
@@ -61,6 +63,13 @@ def command(
       rivid run sample_data/basse_isere --config configs/basse_isere.toml
       rivid run logs --config reach.toml --out results --quiet     (cron)
     """
+    from rivid.preload import DRAWING, cores, warm
+    from rivid.shard import Shard
+
+    part = Shard.parse(shard) if shard else None
+    if not (no_figures or dry_run or part or (out / "report.html").exists()) and cores() > 1:
+        warm(DRAWING)  # while this process imports, reads and estimates
+
     from rivid.config import load_config, parse
     from rivid.lean import spare_pandas
     from rivid.plan import Options, make_plan
@@ -83,12 +92,13 @@ def command(
         verify=verify,
         figures=not no_figures,
         today=today.date() if today else None,
+        shard=part,
     )
     if dry_run:
         return _dry_run(make_plan(data_dir, settings, options), out, settings)
     summary = run(data_dir, out, settings, options, None if quiet or as_json else _progress)
     if as_json:
-        _print_json(summary)
+        _print_json(summary, with_days=shard is None)
     for path, reason in summary.bad_files:
         click.echo(f"rivid: {path}: {reason}", err=True)
     if summary.dropped:
@@ -110,10 +120,10 @@ def command(
 
 
 def _dry_run(planned: Any, out: Path, settings: Any) -> int:
-    from rivid.store import read_segments
+    from rivid.rows import read_rows
 
-    rows, _ = read_segments(out / ".rivid" / "segments")
-    done = set(rows["key"].to_pylist())
+    rows, _ = read_rows(out / ".rivid" / "segments")
+    done = set(rows.table["key"].to_pylist())
     new = [w for w in planned.asked if w.key not in done]
     click.echo(
         f"{len(planned.windows)} data sets in all, {len(planned.asked)} asked for, {len(new)} to estimate"
@@ -153,16 +163,19 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 
-def _print_json(summary: Any) -> None:
+def _print_json(summary: Any, with_days: bool) -> None:
     import json
 
-    from rivid.tables import DELAYS
+    import pyarrow.parquet as pq
 
-    for row in summary.rows.select(["key", *DELAYS.names]).to_pylist():
-        key = row.pop("key")
-        if key in summary.asked_keys:
-            row["computed"] = key in summary.computed_keys
-            click.echo(json.dumps(_finite(row), default=str))
+    at = 0  # rows of the table are those of the summary, in the same order
+    for batch in pq.ParquetFile(summary.out / "delays.parquet").iter_batches() if with_days else ():
+        keys = summary.rows["key"].slice(at, len(batch)).to_pylist()
+        at += len(batch)
+        for key, row in zip(keys, batch.to_pylist(), strict=True):
+            if key in summary.asked_keys:
+                row["computed"] = key in summary.computed_keys
+                click.echo(json.dumps(_finite(row), default=str))
     whole = {
         "summary": {
             "out": str(summary.out),

@@ -17,6 +17,10 @@ KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_da
 """How the names of the figures begin that this package owns in OUT/figures."""
 
 
+Job = tuple[str, str]
+"""A figure to draw: its kind, and the estimator it shows; empty for all of them."""
+
+
 @dataclass(frozen=True)
 class FigureFile:
     """A figure that has been written.
@@ -74,34 +78,73 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
     -----
     Source: Figs 12-18. The same results give the same bytes.
     """
-    from rivid.figures import delay_map, discharge, fir_day, histogram, style, t50, tdr
+    folder = out / "figures"
+    drawn = [draw(results, job, folder, day=day) for job in jobs(results)]
+    files = [file for file in drawn if file is not None]
+    drop_old(folder, files)
+    return files
+
+
+def jobs(results: "Results") -> list[Job]:
+    """The figures of a run, in the order of the report."""
     from rivid.figures.passage import leading_response
     from rivid.figures.selection import estimates_delay
     from rivid.figures.words import WITHOUT_FIR
 
-    folder = out / "figures"
-    files = []
     speaks = leading_response(results)
+    found: list[Job] = []
+    for e in results.estimators:
+        if not e.dates:
+            continue
+        kinds = ["t50", "t50_discharge"] if e is speaks else []
+        kinds += ["tdr"] if e.estimator not in WITHOUT_FIR else []
+        kinds += ["histogram", "delay_map", "delay_discharge"] if estimates_delay(e) else []
+        found += [(kind, e.estimator) for kind in kinds]
+    return [*found, ("fir_day", "")]
+
+
+def draw(results: "Results", job: Job, folder: Path, *, day: "dt.date | None" = None) -> FigureFile | None:
+    """Draw one figure; None where no day has what it shows.
+
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+    job : Job
+        One of :func:`jobs`.
+    folder : Path
+        Where the file goes.
+    day : datetime.date, optional
+        As of :func:`draw_all`.
+
+    Returns
+    -------
+    FigureFile or None
+
+    Raises
+    ------
+    ConfigError, RividError
+        As :func:`draw_all`.
+    """
+    from rivid.figures import delay_map, discharge, fir_day, histogram, style, t50, tdr
+
+    kind, name = job
     with style.styled():
-        for estimator in results.estimators:
-            if not estimator.dates:
-                continue
-            if estimator is speaks:
-                files.append(t50.draw(results, estimator, folder))
-                files.append(t50.draw_discharge(results, estimator, folder))
-            if estimator.estimator not in WITHOUT_FIR:
-                files.append(tdr.draw(results, estimator, folder))
-            if estimates_delay(estimator):
-                for figure in (histogram, delay_map, discharge):
-                    files.append(figure.draw(results, estimator, folder))
-        one_day = fir_day.draw(results, folder, day=day)
-        if one_day is not None:
-            files.append(one_day)
-    _drop_old(folder, files)
-    return files
+        if kind == "fir_day":
+            return fir_day.draw(results, folder, day=day)
+        estimator = next(e for e in results.estimators if e.estimator == name)
+        painter = {
+            "t50": t50.draw,
+            "t50_discharge": t50.draw_discharge,
+            "tdr": tdr.draw,
+            "histogram": histogram.draw,
+            "delay_map": delay_map.draw,
+            "delay_discharge": discharge.draw,
+        }[kind]
+        return painter(results, estimator, folder)
 
 
-def _drop_old(folder: Path, files: list[FigureFile]) -> None:
+def drop_old(folder: Path, files: list[FigureFile]) -> None:
     """Remove figures of estimators that are no longer part of the run."""
     kept = {file.path.name for file in files}
     for kind in KINDS:

@@ -18,10 +18,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, NullLocator
-from PIL import Image
 
 from rivid.atomic import replacing
 from rivid.figures import FigureFile
+from rivid.figures.palette import reduced
 from rivid.figures.words import shorten, time_unit
 
 INK = "#262B31"
@@ -191,8 +191,7 @@ def save(figure: Figure, path: Path) -> None:
     with replacing(path) as scratch:
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-        image = Image.fromarray(np.ascontiguousarray(pixels))
-        image.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(scratch, "PNG")
+        reduced(pixels).save(scratch, "PNG")
 
 
 def figure_file(page: Sheet, kind: str, estimator: str, path: Path, title: str, caption: str) -> FigureFile:
