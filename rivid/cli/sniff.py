@@ -5,13 +5,15 @@ from pathlib import Path
 import click
 
 
-@click.command("sniff", short_help="Propose an [input] block for a foreign CSV.")
-@click.argument("export", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.command("sniff", short_help="Propose an [input] block for a foreign export.")
+@click.argument(
+    "exports", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False)
+)
 @click.option("--time-zone", metavar="NAME", help="Zone of its clock, as Europe/Paris.")
-def command(export: Path, time_zone: str | None) -> int:
-    """Propose an [input] block for EXPORT, a CSV from elsewhere.
+def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
+    """Propose an [input] block for EXPORTS, one file from elsewhere, or several of one dialect.
 
-    What the file alone does not tell is said in comments.
+    What the files alone do not tell is said in comments.
 
     \b
     Example:
@@ -21,5 +23,5 @@ def command(export: Path, time_zone: str | None) -> int:
     from rivid.logs.sniff import sniff
 
     parse({"time_zone": time_zone}, InputConfig, "--time-zone")
-    click.echo(sniff(export, time_zone).toml, nl=False)
+    click.echo(sniff(exports, time_zone).toml, nl=False)
     return 0

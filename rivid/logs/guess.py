@@ -31,14 +31,17 @@ _ROLES = (
     (
         "h_L",
         r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$"
-        r"|_(00065|00062|62614|62615)\b",
+        r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
         r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|saliente",
     ),
-    ("u_Qi", r"inflow|u_qi|q_?in\b|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"),
-    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|_00060\b"),
+    (
+        "u_Qi",
+        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante",
+    ),
+    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
 
 
@@ -104,6 +107,8 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     text = name.lower()
+    if not unit_text and (match := re.search(r"[\[(]([^\])]*)[\])]", name)):
+        unit_text = match[1]
     flow = _unit_in(text, unit_text, _FLOW_UNITS)
     role = next((role for role, words in _ROLES if re.search(words, text)), "")
     if role == "h_L" and flow:

@@ -4,9 +4,10 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rivid.errors import DataError
+from rivid.logs.remarks import Zrxp, guess_comment, read_zrxp
 from rivid.logs.times import read_text
 
 SEPARATORS = (";", "\t", "|", ",")
@@ -27,7 +28,7 @@ _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f")
 FORMATS: tuple[str | None, ...] = (
     None,
     *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
-    *("%Y%m%d%H%M", "%Y%m%d %H%M", "%Y%m%d%H%M%S", "%Y-%m-%d %I:%M:%S %p"),
+    *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
 )
 """Formats that are tried; None is ISO 8601."""
 
@@ -50,6 +51,16 @@ class Layout:
         The first row of units, empty texts without one.
     rows : list of list of str
         Cells of the data that was looked at.
+    comment : str
+        How lines begin that hold no data; empty for none.
+    header_rows : int
+        Rows whose cells together make the names.
+    repeated : bool
+        Whether the header stands again among the data.
+    zrxp : Zrxp or None
+        What the comments of a ZRXP file say; it has no header.
+    blocks : list of str
+        The tag of each row, where a line above tells it.
     """
 
     encoding: str
@@ -59,6 +70,11 @@ class Layout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     rows: list[list[str]]
+    comment: str = ""
+    header_rows: int = 1
+    repeated: bool = False
+    zrxp: Zrxp | None = None
+    blocks: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -77,6 +93,8 @@ class TimeLayout:
         What could not be decided; empty where nothing is left open.
     steps : list of int
         Between rows [us].
+    others : tuple of str
+        Formats that mean other times and fit as well; then `time_format` is not decided.
     """
 
     columns: tuple[int, ...]
@@ -84,6 +102,7 @@ class TimeLayout:
     zoned: bool
     doubt: str
     steps: list[int]
+    others: tuple[str, ...] = ()
 
 
 def guess_encoding(content: bytes) -> str:
@@ -114,6 +133,11 @@ def guess_layout(content: bytes, name: str) -> Layout:
     encoding = guess_encoding(content)
     text = content.decode(encoding, "replace").lstrip("\ufeff")
     lines = re.split(r"\r\n|\n|\r", text)
+    if zrxp := read_zrxp(lines):
+        return _of_zrxp(lines, zrxp, encoding)
+    comment = guess_comment(lines)
+    numbered = [(i, line) for i, line in enumerate(lines) if not (comment and line.startswith(comment))]
+    lines = [line for _, line in numbered]
     separator, width = _guess_separator(lines)
     if width < 2:
         raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
@@ -124,14 +148,53 @@ def guess_layout(content: bytes, name: str) -> Layout:
         raise DataError(
             f"{name} has no header: line {header + 1} is already data; add a line of column names"
         )
-    body = [row for row in cells[header + 1 :] if len(row) == width and any(row) and row != names]
-    unit_rows = 0
-    while unit_rows < min(len(body), 5) and not any(_looks_like_data(cell) for cell in body[unit_rows]):
-        unit_rows += 1
-    if len(body) == unit_rows:
+    full = [row for row in cells[header + 1 :] if len(row) == width and any(row)]
+    body = [row for row in full if row != names]
+    above = 0
+    while above < min(len(body), 5) and not any(_looks_like_data(cell) for cell in body[above]):
+        above += 1
+    if len(body) == above:
         raise DataError(f"{name} has a header and no rows of data")
-    units = tuple(body[0]) if unit_rows else ("",) * width
-    return Layout(encoding, separator, header, unit_rows, tuple(names), units, body[unit_rows:])
+    header_rows = _rows_of_names([names, *body[:above]])
+    parts = zip(*[names, *body[: header_rows - 1]], strict=True)
+    names = [" ".join(filter(None, cells)) for cells in parts]
+    units = tuple(body[header_rows - 1]) if above >= header_rows else ("",) * width
+    remarks = comment and not any(line.strip() for line in lines[:header])
+    return Layout(
+        encoding,
+        separator,
+        0 if remarks else numbered[header][0],
+        above - header_rows + 1,
+        tuple(names),
+        units,
+        body[above:],
+        comment,
+        header_rows,
+        len(full) > len(body),
+    )
+
+
+def _of_zrxp(lines: Sequence[str], zrxp: Zrxp, encoding: str) -> Layout:
+    """No header: the comments name the columns, and the series of the rows below them."""
+    rows, blocks, tag = [], [], ""
+    for line in lines:
+        if match := re.search(zrxp.pattern, line):
+            tag = match[1].strip()
+        cells = line.split()
+        if not line.startswith("#") and len(cells) == len(zrxp.columns):
+            rows.append(cells)
+            blocks.append(tag)
+    none = ("",) * len(zrxp.columns)
+    return Layout(encoding, " ", 0, 0, zrxp.columns, none, rows, "#", 1, False, zrxp, blocks)
+
+
+def _rows_of_names(rows: Sequence[Sequence[str]]) -> int:
+    """How many of the rows above the data it takes for distinct names; one where that cannot be."""
+    for count in range(1, len(rows) + 1):
+        names = [" ".join(filter(None, cells)) for cells in zip(*rows[:count], strict=True)]
+        if len(set(filter(None, names))) == len(list(filter(None, names))):
+            return count
+    return 1
 
 
 def _find_header(cells: Sequence[list[str]], width: int) -> int:
@@ -213,7 +276,7 @@ def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | No
         return None
     best = max(len(times) for _, times in fits)
     fits = [fit for fit in fits if len(fit[1]) == best]
-    doubt = ""
+    doubt, others = "", []
     if len(fits) > 1 and fits[0][0] is not None:
         smooth = [
             fit for fit in fits if max(map(abs, _steps([t for t, _ in fit[1]])), default=0) < LONGEST_JUMP
@@ -221,11 +284,11 @@ def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | No
         if len(smooth) == 1:
             fits = smooth
         elif len({tuple(t for t, _ in fit[1]) for fit in fits}) > 1:
-            others = ", ".join(repr(fit[0]) for fit in fits[1:])
-            doubt = f"{texts[0]!r} also reads as {others}: day or month first?"
+            others = [fit[0] for fit in fits[1:] if fit[0]]
+            doubt = f"{texts[0]!r} also reads as {', '.join(map(repr, others))}: day or month first?"
     time_format, times = fits[0]
     zoned = all(offset is not None for _, offset in times)
-    return TimeLayout(columns, time_format, zoned, doubt, _steps([time for time, _ in times]))
+    return TimeLayout(columns, time_format, zoned, doubt, _steps([time for time, _ in times]), tuple(others))
 
 
 def _steps(times: list[int]) -> list[int]:

@@ -6,7 +6,7 @@ from rivid.logs.numbers import NumberReader
 from rivid.logs.spec import MICRO, Spec
 from rivid.logs.times import read_text
 
-MANY = 20
+MANY_TEXTS = 20
 """Texts of a column that is not read: with more of them it holds no flags."""
 ENDLESS = 10**9
 
@@ -78,7 +78,7 @@ class RowReader:
         for i, texts in self.watched.items():
             if texts is not None and cells[i] not in texts:
                 texts.add(cells[i])
-                if len(texts) > MANY:
+                if len(texts) > MANY_TEXTS:
                     self.watched[i] = None
         time = read_text(" ".join(cells[i] for i in self.time_at), self.spec.time_format)
         if time is None:

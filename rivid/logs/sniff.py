@@ -1,45 +1,39 @@
-"""Propose an `[input]` block for a foreign CSV, and say in comments what could not be decided."""
+"""Propose an `[input]` block for a foreign export, and say in comments what could not be decided."""
 
-import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rivid.config import InputConfig
 from rivid.errors import DataError
 from rivid.logs.files import Limits, read_bytes, shown
+from rivid.logs.flags import Beside, look_beside
 from rivid.logs.guess import ColumnGuess, guess_column, guess_marks
 from rivid.logs.layout import Layout, TimeLayout, guess_layout, guess_time
 from rivid.logs.numbers import NumberReader
+from rivid.logs.proposal import Proposal, Questions, write_toml
+from rivid.logs.roles import roles_of
 from rivid.logs.spec import MICRO
+from rivid.logs.tags import Tagged, by_tag
+from rivid.logs.times import clock_turns_back
+
+__all__ = ["Proposal", "sniff"]
 
 LOOKED_AT = 2 << 20
 """Bytes that are enough to tell a layout."""
 ROWS = 20_000
+UNSTEADY = 0.3
+"""Share of odd steps beyond which values come when they change, not regularly."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """What a file seems to be.
-
-    Attributes
-    ----------
-    toml : str
-        A configuration that `load_config` accepts, with comments.
-    open_questions : list of str
-        What the file alone does not tell.
-    """
-
-    toml: str
-    open_questions: list[str]
-
-
-def sniff(path: Path, time_zone: str | None = None) -> Proposal:
-    """Propose an `[input]` block for a CSV, plain or gzipped.
+def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> Proposal:
+    """Propose an `[input]` block for an export: text, plain or gzipped.
 
     Parameters
     ----------
-    path : Path
+    path : Path, or sequence of Path
+        One file, or several of one dialect that belong together.
     time_zone : str, optional
         Zone of its clock, where its times carry no offset.
 
@@ -50,138 +44,206 @@ def sniff(path: Path, time_zone: str | None = None) -> Proposal:
     Raises
     ------
     DataError
-        Where the file is no table with a header and times.
+        Where a file is no table with a header and times.
     """
+    paths = [path] if isinstance(path, Path) else list(dict.fromkeys(path))
+    looks = [_look(each) for each in paths]
+    return _propose(looks, ", ".join(shown(each.name) for each in paths[:3]), time_zone)
+
+
+@dataclass
+class _Look:
+    """What a file seems to be.
+
+    `columns` are names, units and cells of all that may hold numbers: columns of the wide layout, or tags.
+    """
+
+    layout: Layout
+    time: TimeLayout
+    tagged: Tagged | None
+    columns: list[tuple[str, str, list[str]]] = field(default_factory=list)
+
+
+def _look(path: Path) -> _Look:
     name = shown(path.name)
-    if path.suffix.lower() == ".parquet":
+    content, _ = read_bytes(path, name, Limits(512 << 20, 0))
+    if content[:4] == b"PAR1" or path.suffix.lower() == ".parquet":
         raise DataError(
             f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
         )
-    content, _ = read_bytes(path, name, Limits(512 << 20, 0))
     if len(content) > LOOKED_AT:
         content = content[: content.rfind(b"\n", 0, LOOKED_AT) + 1] or content[:LOOKED_AT]
     layout = guess_layout(content, name)
-    del layout.rows[ROWS:]
+    del layout.rows[ROWS:], layout.blocks[ROWS:]
     time = guess_time(layout)
     if time is None:
         raise DataError(
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             "set [input] time and time_format"
         )
-    return _propose(layout, time, path.name, time_zone)
+    tagged = by_tag(layout, time, path.name)
+    look = _Look(layout, time, tagged)
+    if tagged is not None:
+        look.columns = [(tag, tagged.units.get(tag, ""), cells) for tag, cells in tagged.cells.items()]
+        look.time = replace(time, steps=tagged.shortest)
+        return look
+    for i, column in enumerate(layout.names):
+        if i not in time.columns and column:
+            look.columns.append((column, layout.units[i], [row[i] for row in layout.rows]))
+    return look
 
 
-def _propose(layout: Layout, time: TimeLayout, name: str, time_zone: str | None) -> Proposal:
-    rest = [i for i in range(len(layout.names)) if i not in time.columns and layout.names[i]]
-    cells = {i: [row[i] for row in layout.rows] for i in rest}
-    decimal, thousands, mark_doubt = guess_marks(list(cells.values()))
-    default = InputConfig()
+def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
+    questions, default = Questions(), InputConfig()
+    first = looks[0]
+    layout, time, tagged = first.layout, first.time, first.tagged
+    unlike = [look for look in looks[1:] if _kind(look) != _kind(first)]
+    if unlike:
+        questions.ask("encoding", f"{len(unlike)} of the files are of another kind than the first")
+    sources = list({entry[0]: entry for look in looks for entry in look.columns}.values())
+    beside = look_beside(layout, time, tagged)
+    decimal, thousands, doubt = guess_marks([cells for _, _, cells in sources])
+    questions.ask("decimal", doubt)
     reader = NumberReader(default.missing, decimal, thousands)
-    found = [guess_column(layout.names[i], layout.units[i], cells[i], reader) for i in rest]
+    found = [
+        guess_column(source, unit, cells, reader)
+        for source, unit, cells in sources
+        if source not in beside.columns
+    ]
     columns = [column for column in found if column is not None]
-    questions = [doubt for doubt in (time.doubt, mark_doubt) if doubt]
-    roles, kind = _roles(columns, questions)
+    questions.ask("time_format", time.doubt)
+    roles, kind = roles_of(columns, questions)
     used = [column for group in roles.values() for column in group]
     step = sorted(time.steps)[len(time.steps) // 2] / MICRO if time.steps else 0.0
     every = min((column.every for column in used), default=1)
+    zrxp = layout.zrxp
+    if time_zone is None and zrxp is not None:
+        time_zone = zrxp.zone or None
 
-    keys: dict[str, Any] = {"time": _one_or_all([layout.names[i] for i in time.columns])}
+    keys: dict[str, Any] = {"layout": "long" if tagged else "wide"}
+    keys |= {"time": _one_or_all([layout.names[i] for i in time.columns])}
     keys |= {role: _one_or_all([column.name for column in group]) for role, group in roles.items()}
     if kind == "pool" and "u_Qo" not in roles:
         keys["u_Qo"] = ""
-    keys |= {"time_format": time.time_format, "time_zone": time_zone, "encoding": layout.encoding}
-    keys |= {"separator": layout.separator, "decimal": decimal, "thousands": thousands}
-    keys |= {"skip_rows": layout.skip_rows, "unit_rows": layout.unit_rows}
-    texts = [t for t in dict.fromkeys(text for column in used for text in column.texts)]
+    if tagged is not None:
+        keys |= {"tag": tagged.tag or None, "value": tagged.value}
+    if zrxp is not None:
+        keys |= {"tag_pattern": zrxp.pattern, "columns": list(zrxp.columns)}
+    undecided = {"time_format": (time.time_format, *time.others)} if time.others else {}
+    keys |= {"time_format": None if undecided else time.time_format, "time_zone": time_zone}
+    keys |= {"encoding": layout.encoding, "separator": layout.separator, "decimal": decimal}
+    keys |= {"thousands": thousands, "comment": layout.comment, "skip_rows": layout.skip_rows}
+    keys |= {"header_rows": layout.header_rows, "unit_rows": layout.unit_rows}
+    if layout.repeated:
+        keys["repeated_header"] = "drop"
+    texts = list(dict.fromkeys(text for column in used for text in column.texts))
     if texts:
         keys["missing"] = [*default.missing, *texts]
-    keys["sentinels"] = sorted({s for column in used for s in column.sentinels})
-    tables = {
+        questions.ask("missing", f"{', '.join(map(repr, texts[:6]))}: taken for values that are not measured")
+    keys["sentinels"] = sorted(
+        {s for column in used for s in column.sentinels} | set(zrxp.missing if zrxp else ())
+    )
+    tables: dict[str, dict[str, Any]] = {
         "units": {r: g[0].unit for r, g in roles.items() if g[0].unit},
         "interval": {r: g[0].every * step for r, g in roles.items() if g[0].every > every and step},
     }
-    if not time.zoned and time_zone is None:
-        questions.append("its times carry no UTC offset: set time_zone to the zone of the log's clock")
-    for role, group in roles.items():
-        if len({column.unit for column in group}) > 1:
-            questions.append(f"the columns of {role} seem to have different units")
-        elif not group[0].unit and group[0].name != role:
-            unit = "m" if role == "h_L" else "m3/s"
-            questions.append(
-                f"no unit is written for {role}: {unit} is taken unless [input.units] says otherwise"
-            )
-    if texts:
-        questions.append(f"{', '.join(map(repr, texts[:6]))}: taken for values that are not measured")
-    questions.append(
-        "does a value stand for the interval before its time, after it, or the instant? ([input.stamp])"
-    )
+    if tagged is not None:
+        usual = {r: tagged.usual(g[0].name) / MICRO for r, g in roles.items()}
+        tables["interval"] = {r: s for r, s in usual.items() if s > 1.01 * step}
+    _ask_of_times(first, beside, time_zone, keys, questions)
+    _ask_of_units(roles, questions)
+    _add_flags(beside, roles, tagged is not None, keys, tables, questions)
+    steps = [tagged.steps.get(c.name, []) for c in used] if tagged else [time.steps]
+    if any(map(_unsteady, steps)):
+        tables["interval"] = {}
+        questions.ask(
+            "hold",
+            "values come at irregular times: if they are logged when they change, set [input.hold] to the "
+            "longest time that one holds, and [reach] sample_time",
+        )
+    else:
+        questions.ask(
+            "stamp",
+            "does a value stand for the interval before its time, after it, or the instant? ([input.stamp])",
+        )
     left = [column.name for column in columns if column not in used]
     if left:
-        questions.append(f"columns left out: {', '.join(left)}")
-    toml = _write(
-        name, kind, step * every, {k: v for k, v in keys.items() if _needed(k, v, default)}, tables, questions
-    )
-    return Proposal(toml, questions)
+        questions.ask("", f"{'tags' if tagged else 'columns'} left out: {', '.join(left)}")
+    needed = {k: v for k, v in keys.items() if v is not None and v != getattr(default, k)}
+    return write_toml(name, kind, step * every, needed, tables, undecided, questions)
 
 
-def _roles(columns: list[ColumnGuess], questions: list[str]) -> tuple[dict[str, list[ColumnGuess]], str]:
-    """Which column is which; several columns that leave the reach are summed."""
-    roles: dict[str, list[ColumnGuess]] = {}
-    by_role = {role: [c for c in columns if c.role == role] for role in ("u_Qi", "u_Qo", "h_L", "flow")}
-    flows = by_role["flow"]
-    if by_role["h_L"]:
-        roles["h_L"] = by_role["h_L"][:1]
-        roles["u_Qi"] = by_role["u_Qi"][:1] or flows[:1]
-        roles["u_Qo"] = by_role["u_Qo"] or [c for c in flows if c not in roles["u_Qi"]][:1]
-        kind = "pool"
-    else:
-        named, others = by_role["u_Qi"][:1], [*flows, *by_role["u_Qo"]]
-        order = [*named, *others, *by_role["u_Qi"][1:]]  # what is not called an inflow is rather the output
-        roles["u_Qi"], roles["Q_L"], kind = order[:1], order[1:2], "river"
-        if len(order) > 2:
-            questions.append("more than two discharges and no level: which is the inflow, which the output?")
-    if len(by_role["u_Qi"]) > 1 and kind == "pool":
-        questions.append(f"u_Qi: which of {', '.join(c.name for c in by_role['u_Qi'])}, or the sum of some?")
-    if not roles["u_Qi"]:
-        questions.append("no column is called like an inflow: set u_Qi")
-    if kind == "river" and not roles["Q_L"]:
-        questions.append("no column is called like a level or a second discharge: set h_L, or Q_L of a river")
-    if len(roles.get("u_Qo", [])) > 1:
-        questions.append(f"u_Qo: the sum of {', '.join(c.name for c in roles['u_Qo'])}?")
-    return {role: group for role, group in roles.items() if group}, kind
+def _kind(look: _Look) -> tuple[Any, ...]:
+    layout = look.layout
+    return (layout.encoding, layout.separator, layout.skip_rows, look.time.time_format, look.tagged is None)
+
+
+def _ask_of_times(
+    look: _Look, beside: Beside, time_zone: str | None, keys: dict[str, Any], questions: Questions
+) -> None:
+    """Zones, and the hour that comes twice."""
+    if look.time.zoned:
+        return
+    if time_zone is None and not beside.zones:
+        questions.ask(
+            "time_zone", "its times carry no UTC offset: set time_zone to the zone of the log's clock"
+        )
+    elif time_zone is None and len(set(beside.zones.values())) > 1:
+        questions.ask("time_zone", "its clock is changed: set time_zone to the zone whose days are meant")
+    if time_zone is not None and not beside.zones and look.tagged is None:
+        texts = [" ".join(row[i] for i in look.time.columns) for row in look.layout.rows]
+        if clock_turns_back(texts, look.time.time_format, time_zone):
+            keys["ambiguous"] = "order"
+
+
+def _ask_of_units(roles: dict[str, list[ColumnGuess]], questions: Questions) -> None:
+    for role, group in roles.items():
+        if len({column.unit for column in group}) > 1:
+            questions.ask("units", f"the columns of {role} seem to have different units")
+        elif not group[0].unit and group[0].name != role:
+            unit = "m" if role == "h_L" else "m3/s"
+            questions.ask(
+                "units",
+                f"no unit is written for {role}: {unit} is taken unless [input.units] says otherwise",
+            )
+
+
+def _add_flags(
+    beside: Beside,
+    roles: dict[str, list[ColumnGuess]],
+    long: bool,
+    keys: dict[str, Any],
+    tables: dict[str, dict[str, Any]],
+    questions: Questions,
+) -> None:
+    """Columns of flags and zones, and those that may be neither."""
+    if beside.zones:
+        keys["zone_column"], tables["zones"] = beside.zone_column, beside.zones
+        questions.ask("zones", f"offsets of {', '.join(beside.zones)}: by their usual meaning")
+    own = {
+        role: [beside.flags[column.name] for column in group if column.name in beside.flags]
+        for role, group in roles.items()
+    }
+    whole = {r: _one_or_all(f) for r, f in own.items() if f and len(f) == len(roles[r])}
+    if whole and not long:
+        tables["quality"] = whole
+    elif beside.of_row:
+        keys["quality"] = beside.of_row
+    if "quality" in tables or "quality" in keys:
+        keys["good"] = beside.good
+        questions.ask(
+            "good", f"flags: {beside.counted}; {', '.join(map(repr, beside.good))} taken as good, no other"
+        )
+    flagged = {flag for flags in own.values() for flag in flags} | {beside.of_row}
+    keys["ignore"] = [column for column in beside.doubtful if column not in flagged]
+    if keys["ignore"]:
+        questions.ask("ignore", f"{', '.join(keys['ignore'])}: taken as no flags")
+
+
+def _unsteady(steps: list[int]) -> bool:
+    usual = sorted(steps)[len(steps) // 2] if steps else 0
+    return bool(steps) and sum(abs(s - usual) > 0.1 * usual for s in steps) > UNSTEADY * len(steps)
 
 
 def _one_or_all(names: list[str]) -> str | list[str]:
     return names[0] if len(names) == 1 else names
-
-
-def _needed(key: str, value: Any, default: InputConfig) -> bool:
-    return value is not None and value != getattr(default, key)
-
-
-def _write(
-    name: str,
-    kind: str,
-    sample_time: float,
-    keys: dict[str, Any],
-    tables: dict[str, Any],
-    questions: list[str],
-) -> str:
-    # JSON strings, numbers and lists are TOML ones too, but for escapes that JSON alone knows
-    def said(value: Any) -> str:
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
-
-    safe = "".join(c if c.isprintable() else "?" for c in name)
-    lines = [f"# Proposed for {safe}. Read it through: what follows was seen, not known.", "[reach]"]
-    lines += [f"kind = {said(kind)}"] + (
-        [f"sample_time = {sample_time:g}"] if 1 <= sample_time <= 86_400 else []
-    )
-    lines += ["", "[input]"]
-    lines += [f"{key} = {said(value)}" for key, value in keys.items()]
-    for table, entries in tables.items():
-        if entries:
-            lines += ["", f"[input.{table}]"]
-            lines += [f"{key} = {said(value)}" for key, value in entries.items()]
-    lines += ["", "# Not decided:"]
-    lines += ["# - " + "".join(c if c.isprintable() else "?" for c in question) for question in questions]
-    return "\n".join(lines) + "\n"

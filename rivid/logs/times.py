@@ -2,6 +2,7 @@
 
 import datetime as dt
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from zoneinfo import ZoneInfo
 
@@ -127,6 +128,16 @@ def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:
     offset = moment.utcoffset()
     assert offset is not None
     return round(offset.total_seconds()) * MICRO
+
+
+def clock_turns_back(texts: Iterable[str], time_format: str | None, time_zone: str) -> bool:
+    """Whether times of a local clock go through an hour twice, as that zone's do when summer ends."""
+    moments = [time for text in texts if (time := read_text(text, time_format)) and time[1] is None]
+    naive = np.array([time for time, _ in moments], np.int64)
+    if not len(naive) or not to_utc(naive, zone_named(time_zone), "error")[1]:
+        return False
+    utc, refused = to_utc(naive, zone_named(time_zone), "order")
+    return not refused and bool((np.diff(utc) > 0).all()) and bool((np.diff(naive) < 0).any())
 
 
 def read_text(text: str, time_format: str | None) -> tuple[int, int | None] | None:

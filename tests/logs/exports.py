@@ -70,6 +70,7 @@ EXPORTS = {
     "french": Export(
         head=("Date", "Débit amont (m3/s)", "Débit turbiné (m3/s)", "Cote (m)"),
         separator=";", decimal=",", encoding="latin-1", time_format="%d/%m/%Y %H:%M", newline="\r\n",
+        date=dt.date(2008, 3, 25),
         declared={"time": "Date", "u_Qi": "Débit amont (m3/s)",
                   "u_Qo": "Débit turbiné (m3/s)", "h_L": "Cote (m)",
                   "separator": ";", "decimal": ",", "encoding": "latin-1", "time_format": "%d/%m/%Y %H:%M"},

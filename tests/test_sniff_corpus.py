@@ -1,0 +1,128 @@
+"""What sniff proposes for the corpus: right by itself where it is sure, and a question where it is not."""
+
+import tomllib
+
+import pytest
+from click.testing import CliRunner
+
+from rivid.cli import cli
+from rivid.config import Config, load_config, parse
+from rivid.errors import RividError
+from rivid.logs.ingest.work import ingest
+from rivid.logs.sniff import sniff
+from tests.test_ingest_corpus import CASES, HERE, differences, expected_of, files_of, found_in
+
+ANSWERS = {
+    "exception": {"hold": {"u_Qi": 3600, "u_Qo": 3600, "h_L": 3600}},
+    "hourly_means": {"stamp": {"u_Qi": "end"}},
+    "undecidable": {"time_format": "%d/%m/%Y %H:%M"},
+    "units_of_plant": {"u_Qo": ["unit 1", "unit 2", "gates"]},
+    "usgs": {"u_Qi": "111_00060", "u_Qo": "222_00060"},
+    "zrxp": {"u_Qi": "UPPER.Q", "u_Qo": "LOWER.Q"},
+    "tag_files": {"u_Qi": "UP_Q", "u_Qo": "DN_Q"},
+}
+"""What people must answer; the other cases need no answer but the zone, which each is given."""
+
+
+def zone_of(name):
+    return load_config(HERE / name / "config.toml").input.time_zone
+
+
+def gaps_of(name):
+    """How much may be missing is a wish, not a property of the file."""
+    given = load_config(HERE / name / "config.toml")
+    return {"max_gap": given.input.max_gap}
+
+
+def outcome_of(name, raw, tmp_path):
+    raw = {**raw, "input": {**raw["input"], **gaps_of(name)}, "reach": {"sample_time": 900, **raw["reach"]}}
+    return ingest(files_of(name), tmp_path / "logs", parse(raw, Config))
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ANSWERS])
+def test_where_sniff_is_sure_its_proposal_alone_reads_right(name, tmp_path):
+    proposal = sniff(files_of(name), zone_of(name))
+    outcome = outcome_of(name, tomllib.loads(proposal.toml), tmp_path)
+    assert outcome.exit_code == 0, [day.reason for day in outcome.days] + [proposal.toml]
+    found, expected = found_in(tmp_path / "logs"), expected_of(name)
+    assert differences(found, expected) == []
+    measured = sum(value is not None for row in expected.values() for value in row)
+    assert sum(value is not None for row in found.values() for value in row) == measured
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_what_sniff_cannot_tell_it_asks_and_the_answers_make_it_right(name, tmp_path):
+    proposal = sniff(files_of(name), zone_of(name))
+    raw = tomllib.loads(proposal.toml)
+    assert set(ANSWERS[name]) <= set(proposal.open_keys), proposal.toml
+    raw["input"] |= ANSWERS[name]
+    outcome = outcome_of(name, raw, tmp_path)
+    assert outcome.exit_code == 0, [day.reason for day in outcome.days] + [proposal.toml]
+    found, expected = found_in(tmp_path / "logs"), expected_of(name)
+    assert differences(found, expected) == []
+    measured = sum(value is not None for row in expected.values() for value in row)
+    assert sum(value is not None for row in found.values() for value in row) == measured
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_proposal_is_never_wrong_in_what_it_does_not_ask(name, tmp_path):
+    """Each key is declared as it is, or is a question, or makes no difference to the values."""
+    proposal = sniff(files_of(name), zone_of(name))
+    raw = tomllib.loads(proposal.toml)
+    try:
+        outcome = outcome_of(name, raw, tmp_path)
+    except RividError as error:
+        assert error.exit_code == 2 and "\n" not in str(error)
+        assert name in ANSWERS
+        return
+    wrong = differences(found_in(tmp_path / "logs"), expected_of(name))
+    assert not wrong or any(key in proposal.open_keys for key in ANSWERS.get(name, ()))
+    assert outcome.days
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if zone_of(name)])
+def test_without_a_zone_it_is_asked_for_and_nothing_is_read(name, tmp_path):
+    proposal = sniff(files_of(name))
+    if name in ("zrxp", "historian"):  # the file tells: TZUTC+1 in its header, Z behind each time
+        assert "time_zone" not in proposal.open_keys
+        return
+    assert "time_zone" in proposal.open_keys
+    with pytest.raises(RividError, match="time_zone|time_format|input"):
+        outcome = outcome_of(name, tomllib.loads(proposal.toml), tmp_path)
+        assert all(day.status == "refused" for day in outcome.days)
+        raise RividError(outcome.days[0].reason)
+
+
+def test_two_readings_of_a_date_are_left_to_choose_in_a_comment():
+    (path,) = files_of("undecidable")
+    proposal = sniff(path, "Etc/GMT-1")
+    assert '# time_format = "%d/%m/%Y %H:%M" or "%m/%d/%Y %H:%M": choose one' in proposal.toml
+    assert "time_format" not in tomllib.loads(proposal.toml)["input"]
+    assert {"time_format", "units", "stamp"} <= set(proposal.open_keys)
+
+
+def test_units_that_no_word_tells_are_asked_for():
+    (path,) = files_of("historian")
+    proposal = sniff(path)
+    assert "units" in proposal.open_keys
+    assert "no unit is written for u_Qi: m3/s is taken" in proposal.toml
+    (path,) = files_of("french")
+    assert "units" not in sniff(path, "Etc/GMT-1").open_keys
+
+
+def test_flags_are_shown_and_only_those_known_or_common_are_taken_as_good():
+    (path,) = files_of("usgs")
+    proposal = sniff(path, "America/Denver")
+    raw = tomllib.loads(proposal.toml)["input"]
+    assert raw["good"] == ["A"] and "good" in proposal.open_keys
+    assert raw["quality"] == {"u_Qi": "111_00060_cd", "u_Qo": "222_00060_cd", "h_L": "333_00065_cd"}
+    assert raw["zones"] == {"MDT": "-06:00", "MST": "-07:00"}
+
+
+def test_the_command_takes_files_that_belong_together(tmp_path):
+    words = [*map(str, files_of("split"))]
+    result = CliRunner().invoke(cli, ["sniff", *words], standalone_mode=False)
+    assert result.return_value == 0
+    (tmp_path / "c.toml").write_text(result.output)
+    given = load_config(tmp_path / "c.toml").input
+    assert (given.u_Qi, given.u_Qo, given.h_L) == ("inflow", "outflow", "level")
