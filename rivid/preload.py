@@ -1,10 +1,12 @@
-"""The process that workers are forked from, started before it is needed.
+"""The process that workers are forked from, started before it is needed; and how a worker begins.
 
 It imports what workers need while this process does something else; a worker is then a fork of it, ready at
 once. Nothing heavy is imported here, so that it can be the first thing a command does.
 """
 
 import os
+import signal
+import time
 from collections.abc import Sequence
 
 ESTIMATING = ("rivid.leash", "rivid.batch")
@@ -42,3 +44,30 @@ def warm(modules: Sequence[str]) -> None:
     os.environ["RIVID_LEASH"] = "1"  # for its import of the leash
     forkserver.set_forkserver_preload(list(modules))
     forkserver.ensure_running()
+
+
+def begin(parent: int) -> None:
+    """Set a worker up: signals are the parent's business, and it does not outlive the parent."""
+    import threading
+
+    from rivid.lean import spare_pandas
+    from rivid.leash import hold
+
+    hold()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    spare_pandas()
+    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
+
+
+def _leave_with(parent: int) -> None:
+    while True:
+        try:
+            os.kill(parent, 0)
+        except ProcessLookupError:
+            os._exit(1)
+        except PermissionError:
+            pass
+        time.sleep(0.5)

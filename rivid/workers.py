@@ -7,9 +7,6 @@ day that kills is alone and failed.
 """
 
 import os
-import signal
-import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
@@ -19,9 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rivid.batch import Batch, estimate_batch, failed_batch
-from rivid.lean import spare_pandas
-from rivid.leash import hold
-from rivid.preload import ESTIMATING, warm
+from rivid.preload import ESTIMATING, begin, warm
 from rivid.rows import write_segment
 
 Done = Callable[[int], None]
@@ -124,7 +119,7 @@ class Processes:
         warm(self.modules)
         context = get_context("forkserver" if os.name == "posix" else "spawn")
         return ProcessPoolExecutor(
-            self.slots, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+            self.slots, mp_context=context, initializer=begin, initargs=(os.getpid(),)
         )
 
     def _close(self, at_once: bool) -> None:
@@ -197,25 +192,3 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
             return
         for half in batch.halves():
             _alone(half, segments, engine, done)
-
-
-def _begin(parent: int) -> None:
-    """Set a worker up: signals are the parent's business, and it does not outlive the parent."""
-    hold()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if hasattr(signal, "SIGALRM"):
-        signal.signal(signal.SIGALRM, signal.SIG_IGN)
-    spare_pandas()
-    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
-
-
-def _leave_with(parent: int) -> None:
-    while True:
-        try:
-            os.kill(parent, 0)
-        except ProcessLookupError:
-            os._exit(1)
-        except PermissionError:
-            pass
-        time.sleep(0.5)

@@ -11,11 +11,11 @@ import rivid
 
 ROOT = Path(rivid.__file__).parent
 ORDER = [
-    {"errors", "preload"},
+    {"errors"},
     {"core", "input_config", "shard"},
     {"estimator_config"},
     {"config", "atomic", "lean", "leash", "reach"},
-    {"effects", "logs", "results", "tables", "estimators"},
+    {"effects", "logs", "results", "tables", "estimators", "preload"},
     {"scenario"},
     {"simulate", "figures", "rows"},
     {"diagnose", "store", "merge", "report", "check", "record"},
