@@ -58,8 +58,12 @@ def command(
     import json
 
     from rivid.config import load_config
-    from rivid.logs.ingest.work import Wish, ingest
+    from rivid.errors import ConfigError
+    from rivid.logs.ingest.work import Wish, ingest, run_config_beside
 
+    target = run_config or run_config_beside(out)
+    if target.resolve() == config.resolve():
+        raise ConfigError(f"{target} is the --config itself: choose another --run-config")
     wish = Wish(
         format=form,
         first=first.date() if first else None,
@@ -67,10 +71,8 @@ def command(
         force=force,
         dry_run=dry_run,
         today=today.date() if today else None,
-        run_config=run_config,
+        run_config=target,
     )
-    if run_config is not None and run_config.resolve() == config.resolve():
-        raise click.UsageError("--run-config is the --config itself: choose another file")
     outcome = ingest(exports, out, load_config(config), wish)
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))

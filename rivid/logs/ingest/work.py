@@ -138,8 +138,7 @@ def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None
         Where the exports hold no value that is asked for.
     """
     wish, spec = wish or Wish(), spec_of(config)
-    place = out.resolve()
-    run_config = wish.run_config or place.with_name(f"{place.name}_run.toml")
+    run_config = wish.run_config or run_config_beside(out)
     text = settings_for_logs(config)
     refuse_place(out, exports)
     unwritten = refuse_settings(run_config, text, force=wish.force) and not wish.dry_run
@@ -164,6 +163,12 @@ def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None
     if unwritten and any(result.status in ("written", "identical") for result in results):
         write_settings(run_config, text)
     return Outcome(results, _ledger(read, gathered), run_config, _notes(read))
+
+
+def run_config_beside(out: Path) -> Path:
+    """Where the configuration for the logs goes, unless said otherwise."""
+    place = out.resolve()
+    return place.with_name(f"{place.name}_run.toml")
 
 
 def _read(exports: Sequence[Path], spec: Spec) -> list[Export]:

@@ -1,0 +1,474 @@
+"""What ingest refuses, counts and leaves alone."""
+
+import datetime as dt
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rivid.cli import cli
+from rivid.config import Config, load_config, parse
+from rivid.errors import ConfigError, DataError, RividError
+from rivid.logs.find import find_days
+from rivid.logs.ingest import work
+from rivid.logs.ingest.work import Wish, ingest
+from rivid.logs.read import read_window
+
+DAY = dt.date(2008, 3, 10)
+REACH = {"sample_time": 900}
+NEXT = DAY + dt.timedelta(days=1)
+
+
+def wide(n=96, start=0, first=DAY, zone="+01:00"):
+    """Rows of time, inflow, outflow, level as lists of text."""
+    midnight = dt.datetime.combine(first, dt.time())
+    return [
+        [(midnight + dt.timedelta(seconds=900 * k)).isoformat() + zone, f"{300 + k}", f"{290 + k}", "118.5"]
+        for k in range(start, start + n)
+    ]
+
+
+def write(path, rows, head="time,u_Qi,u_Qo,h_L"):
+    path.write_text("\n".join([head, *(",".join(row) for row in rows)]) + "\n")
+    return path
+
+
+def go(tmp_path, rows, wish=None, head="time,u_Qi,u_Qo,h_L", reach=None, **given):
+    config = parse({"reach": REACH | (reach or {}), "input": given}, Config)
+    return ingest([write(tmp_path / "export.csv", rows, head)], tmp_path / "logs", config, wish)
+
+
+def value(outcome, source="u_Qi"):
+    return outcome.ledger.to_json()["sources"][source]
+
+
+def statuses(outcome):
+    return [day.status for day in outcome.days]
+
+
+class TestWhatIsThere:
+    def test_the_same_again_changes_nothing(self, tmp_path):
+        assert statuses(go(tmp_path, wide(192))) == ["written", "written"]
+        stamps = {p: p.stat().st_mtime_ns for p in (tmp_path / "logs").iterdir()}
+        again = go(tmp_path, wide(192))
+        assert statuses(again) == ["identical", "identical"] and again.exit_code == 0
+        assert {p: p.stat().st_mtime_ns for p in (tmp_path / "logs").iterdir()} == stamps
+
+    @pytest.mark.parametrize("form", ["csv", "csv.gz", "parquet"])
+    def test_a_day_that_differs_stays_unless_forced(self, tmp_path, form):
+        go(tmp_path, wide(192), Wish(format=form))
+        path = tmp_path / "logs" / f"{DAY}.{form}"
+        before = path.read_bytes()
+        rows = wide(192)
+        rows[5][1] = "333"
+        kept = go(tmp_path, rows, Wish(format=form))
+        assert statuses(kept) == ["differs", "identical"] and kept.exit_code == 3
+        assert path.read_bytes() == before and "--force" in kept.days[0].reason
+        assert value(kept)["dropped"] == {"other log in place": 96}
+        assert statuses(go(tmp_path, rows, Wish(format=form, force=True))) == ["written", "identical"]
+        assert path.read_bytes() != before
+
+    def test_a_log_of_another_format_is_no_place_for_a_second_one(self, tmp_path):
+        go(tmp_path, wide())
+        outcome = go(tmp_path, wide(), Wish(format="parquet", force=True))
+        assert (
+            statuses(outcome) == ["differs"] and "2008-03-10.csv is there already" in outcome.days[0].reason
+        )
+        assert os.listdir(tmp_path / "logs") == ["2008-03-10.csv"]
+
+    def test_a_link_is_not_followed(self, tmp_path):
+        (tmp_path / "logs").mkdir()
+        precious = tmp_path / "precious.txt"
+        precious.write_text("kept")
+        (tmp_path / "logs" / f"{DAY}.csv").symlink_to(precious)
+        assert statuses(go(tmp_path, wide(), Wish(force=True))) == ["differs"]
+        assert precious.read_text() == "kept"
+
+    def test_an_export_among_the_logs_is_refused(self, tmp_path):
+        (tmp_path / "logs").mkdir()
+        path = write(tmp_path / "logs" / "export.csv", wide())
+        with pytest.raises(ConfigError, match="would take it for a log"):
+            ingest([path], tmp_path / "logs", parse({"reach": REACH}, Config))
+
+    def test_a_directory_with_other_logs_is_refused(self, tmp_path):
+        (tmp_path / "logs").mkdir()
+        write(tmp_path / "logs" / "2008-03.csv", wide())
+        with pytest.raises(ConfigError, match="holds 2008-03.csv, which would mix"):
+            go(tmp_path, wide())
+
+    def test_a_configuration_that_differs_is_not_overwritten(self, tmp_path):
+        (tmp_path / "logs_run.toml").write_text("# mine\n")
+        with pytest.raises(ConfigError, match="says otherwise: --force"):
+            go(tmp_path, wide())
+        assert not (tmp_path / "logs").exists()
+        go(tmp_path, wide(), Wish(force=True))
+        assert load_config(tmp_path / "logs_run.toml").reach.sample_time == 900
+
+    def test_a_dry_run_counts_and_writes_nothing(self, tmp_path):
+        outcome = go(tmp_path, wide(), Wish(dry_run=True))
+        assert statuses(outcome) == ["written"] and value(outcome)["used"] == 96
+        assert os.listdir(tmp_path) == ["export.csv"]
+
+    def test_killed_between_days_and_started_again_it_ends_as_if_never_killed(self, tmp_path, monkeypatch):
+        whole = tmp_path / "whole"
+        whole.mkdir()
+        go(whole, wide(480))
+        real, calls = os.replace, []
+
+        def dies(a, b):
+            calls.append(b)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+            return real(a, b)
+
+        monkeypatch.setattr("rivid.atomic.os.replace", dies)
+        with pytest.raises(KeyboardInterrupt):
+            go(tmp_path, wide(480))
+        assert len(os.listdir(tmp_path / "logs")) == 2
+        monkeypatch.setattr("rivid.atomic.os.replace", real)
+        assert statuses(go(tmp_path, wide(480))) == ["identical"] * 2 + ["written"] * 3
+        for path in (whole / "logs").iterdir():
+            assert (tmp_path / "logs" / path.name).read_bytes() == path.read_bytes()
+
+    def test_a_full_disk_is_one_line_and_leaves_no_torn_file(self, tmp_path):
+        write(tmp_path / "export.csv", wide(960))
+        (tmp_path / "c.toml").write_text("[reach]\nsample_time = 900\n")
+        code = (
+            "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))\n"
+            "from rivid.cli import main; main()"
+        )
+        words = ["ingest", "export.csv", "--config", "c.toml", "--out", "logs"]
+        done = subprocess.run(
+            [sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == 1 and done.stderr.count("\n") == 1
+        assert done.stderr.startswith("rivid: cannot write logs/2008-03-10.csv: ")
+        assert os.listdir(tmp_path / "logs") == []
+
+
+class TestDays:
+    def test_days_that_are_not_whole_are_refused_and_their_values_counted(self, tmp_path):
+        outcome = go(tmp_path, wide(n=200, start=40))
+        assert statuses(outcome) == ["refused", "written", "refused"] and outcome.exit_code == 3
+        assert "gap of 10.0 h from 00:00" in outcome.days[0].reason
+        assert value(outcome) == {
+            "read": 200, "used": 96, "dropped": {"refused day": 104}, "sorted": 0,
+        }  # fmt: skip
+        assert os.listdir(tmp_path / "logs") == [f"{NEXT}.csv"]
+
+    def test_a_day_that_is_not_over_is_unfinished_and_no_failure(self, tmp_path):
+        outcome = go(tmp_path, wide(n=150), Wish(today=NEXT))
+        assert statuses(outcome) == ["written", "pending"] and outcome.exit_code == 0
+        assert value(outcome)["dropped"] == {"unfinished day": 54}
+
+    def test_only_days_that_are_asked_for_are_written(self, tmp_path):
+        outcome = go(tmp_path, wide(n=200, start=40), Wish(first=NEXT, last=NEXT))
+        assert statuses(outcome) == ["written"] and outcome.exit_code == 0
+        assert value(outcome)["dropped"] == {"not asked for": 104}
+
+    def test_no_day_that_is_asked_for_is_no_data(self, tmp_path):
+        assert go(tmp_path, wide(), Wish(first=dt.date(2010, 1, 1))).exit_code == 10
+
+    def test_a_row_at_the_last_midnight_makes_no_day(self, tmp_path):
+        outcome = go(tmp_path, wide(n=97))
+        assert statuses(outcome) == ["written"] and outcome.exit_code == 0
+        assert value(outcome)["dropped"] == {"not asked for": 1}
+
+    def test_what_cannot_be_read_refuses_the_day_before_and_after_it(self, tmp_path):
+        rows = wide(n=288)
+        rows[96] = ["garbage", "1", "2", "3"]
+        outcome = go(tmp_path, rows)
+        assert statuses(outcome) == ["refused", "refused", "written"]
+        assert "line 98" in outcome.days[0].reason and "[input] time_format" in outcome.days[0].reason
+        assert value(outcome)["dropped"]["unreadable row"] == 1
+
+    def test_a_value_beyond_any_river_refuses_its_day(self, tmp_path):
+        rows = wide()
+        rows[9][1] = "4e6"
+        outcome = go(tmp_path, rows)
+        assert statuses(outcome) == ["refused"] and "beyond any river" in outcome.days[0].reason
+
+    def test_undeclared_sentinels_refuse_their_day_only(self, tmp_path):
+        rows = wide(192)
+        rows[9][3] = "-777"
+        outcome = go(tmp_path, rows)
+        assert statuses(outcome) == ["refused", "written"]
+        assert "set [input] sentinels = [-777]" in outcome.days[0].reason
+
+    def test_a_river_and_a_pool_without_outflow(self, tmp_path):
+        rows = [[t, i, o] for t, i, o, _ in wide()]
+        outcome = go(tmp_path, rows, head="time,up,down", reach={"kind": "river"}, u_Qi="up", Q_L="down")
+        assert outcome.exit_code == 0
+        (tmp_path / "pool").mkdir()
+        pool = go(tmp_path / "pool", rows, head="time,in,level", u_Qi="in", h_L="level", u_Qo="")
+        assert pool.exit_code == 0
+        for folder, config in ((tmp_path, outcome.run_config), (tmp_path / "pool", pool.run_config)):
+            read = load_config(config)
+            (source,) = find_days(folder / "logs", read).days
+            data = read_window(folder / "logs", [source], read)
+            assert data.outflow is None and data.inflow[3] == 303 and data.output[3] == 293
+
+
+class TestTimes:
+    def test_rows_out_of_order_are_sorted_and_counted(self, tmp_path):
+        rows = wide()
+        rows[10], rows[20] = rows[20], rows[10]
+        outcome = go(tmp_path, rows)
+        assert value(outcome) == {"read": 96, "used": 96, "dropped": {}, "sorted": 10}
+
+    def test_duplicates_that_agree_are_dropped_and_those_that_do_not_refuse_the_day(self, tmp_path):
+        rows = wide(192)
+        outcome = go(tmp_path, [*rows, rows[4]])
+        assert value(outcome)["dropped"] == {"duplicate": 1} and outcome.exit_code == 0
+        (tmp_path / "b").mkdir()
+        other = [rows[4][0], "1.5", *rows[4][2:]]
+        outcome = go(tmp_path / "b", [*rows, other])
+        assert statuses(outcome) == ["refused", "written"]
+        assert (
+            "line 194: 2008-03-10 01:00 is logged twice with different u_Qi: 304 and 1.5 (export.csv, line 6)"
+            in (outcome.days[0].reason)
+        )
+
+    def test_an_ambiguous_hour_is_counted_and_refuses_its_day(self, tmp_path):
+        paris = "Europe/Paris"
+        day = dt.date(2008, 10, 25)
+        midnight = dt.datetime(2008, 10, 25, tzinfo=dt.timezone(dt.timedelta(hours=2)))
+        rows = []
+        from zoneinfo import ZoneInfo
+
+        for k in range(96 + 100):
+            moment = (midnight + dt.timedelta(seconds=900 * k)).astimezone(ZoneInfo(paris))
+            rows.append([f"{moment:%Y-%m-%dT%H:%M}", f"{300 + k}", "290", "118.5"])
+        outcome = go(tmp_path, rows, time_zone=paris)
+        assert statuses(outcome) == ["written", "refused"] and outcome.days[0].date == day
+        assert "[input] ambiguous" in outcome.days[1].reason
+        assert value(outcome)["dropped"] == {"ambiguous or impossible time": 8, "refused day": 92}
+        (tmp_path / "b").mkdir()
+        told = go(tmp_path / "b", rows, time_zone=paris, ambiguous="order")
+        assert statuses(told) == ["written", "written"] and value(told)["used"] == 196
+        assert (tmp_path / "b" / "logs" / "2008-10-26.csv").read_text().count("\n") == 101
+
+    def test_files_whose_days_differ_need_a_zone(self, tmp_path):
+        a = write(tmp_path / "a.csv", wide())
+        b = write(tmp_path / "b.csv", wide(first=NEXT, zone="+02:00"))
+        with pytest.raises(ConfigError, match="different UTC offsets: set .* time_zone"):
+            ingest([a, b], tmp_path / "logs", parse({"reach": REACH}, Config))
+
+
+def changes(*rows):
+    return [[f"2008-03-10T{t}+01:00", tag, v, *more] for t, tag, v, *more in rows]
+
+
+HOLD = {"layout": "long", "tag": "tag"}
+
+
+class TestByException:
+    """Values that are logged when they change."""
+
+    def rows(self):
+        """A change of the inflow each hour, at odd minutes; the others regular."""
+        rows = []
+        for k in range(96):
+            time = f"{k // 4:02d}:{15 * (k % 4):02d}:00"
+            rows += [(time, "u_Qo", "300"), (time, "h_L", "118.5")]
+            if k % 4 == 0:
+                rows.append((f"{k // 4:02d}:0{7 if k else 0}:00", "u_Qi", f"{300 + k}"))
+        return rows
+
+    def test_it_is_refused_where_it_is_not_declared_with_the_way_out(self, tmp_path):
+        rows = self.rows()
+        uneven = [row for i, row in enumerate(rows) if row[1] != "u_Qi" or i % 2]
+        outcome = go(tmp_path, changes(*uneven), head="time,tag,value", **HOLD)
+        assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
+
+    def test_declared_it_is_sampled_and_held(self, tmp_path):
+        outcome = go(tmp_path, changes(*self.rows()), head="time,tag,value", hold={"u_Qi": 4000}, **HOLD)
+        assert outcome.exit_code == 0
+        config = load_config(outcome.run_config)
+        (source,) = find_days(tmp_path / "logs", config).days
+        data = read_window(tmp_path / "logs", [source], config)
+        # the change at 01:07 is seen at 01:15
+        expected = [300 + 4 * ((k - 1) // 4 if k >= 5 else 0) for k in range(96)]
+        np.testing.assert_array_equal(data.inflow, expected)
+        assert data.n_filled == 0
+        assert value(outcome)["used"] == 24
+
+    def test_a_value_is_held_no_longer_than_declared(self, tmp_path):
+        outcome = go(
+            tmp_path, changes(*self.rows()), head="time,tag,value", hold={"u_Qi": 2000}, max_gap=0, **HOLD
+        )
+        assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
+
+    def test_a_state_ends_what_was_held(self, tmp_path):
+        rows = [*self.rows(), ("10:20:00", "u_Qi", "Comm Fail")]
+        missing = ["", "Comm Fail"]
+        outcome = go(
+            tmp_path, changes(*rows), head="time,tag,value", hold={"u_Qi": 4000}, missing=missing,
+            max_gap=3600, **HOLD,
+        )  # fmt: skip
+        assert outcome.exit_code == 0 and outcome.days[0].filled == 3  # 10:30, 10:45, 11:00
+        table = (tmp_path / "logs" / f"{DAY}.csv").read_text().splitlines()
+        assert [line.split(",")[1] for line in table[42:47]] == ["340", "", "", "", "344"]
+
+    def test_what_comes_between_two_samples_is_counted(self, tmp_path):
+        rows = [*self.rows(), ("10:01:00", "u_Qi", "999")]
+        outcome = go(tmp_path, changes(*rows), head="time,tag,value", hold={"u_Qi": 4000}, **HOLD)
+        assert value(outcome)["dropped"] == {"between samples": 1} and value(outcome)["used"] == 24
+        assert "999" not in (tmp_path / "logs" / f"{DAY}.csv").read_text()
+
+    def test_a_value_is_held_over_midnight(self, tmp_path):
+        rows = changes(*self.rows()) + [
+            [row[0].replace("-10T", "-11T"), *row[1:]]
+            for row in changes(*self.rows())
+            if not (row[1] == "u_Qi" and row[0][11:16] < "01")
+        ]
+        outcome = go(tmp_path, rows, head="time,tag,value", hold={"u_Qi": 7200}, **HOLD)
+        assert statuses(outcome) == ["written", "written"]
+        first = (tmp_path / "logs" / f"{NEXT}.csv").read_text().splitlines()[1]
+        assert first == "2008-03-11T00:00:00+01:00,392,300,118.5"
+
+    def test_run_itself_refuses_such_a_configuration(self, tmp_path):
+        write(tmp_path / f"{DAY}.csv", wide())
+        for said in ({"hold": {"u_Qi": 60}}, {"layout": "long"}):
+            with pytest.raises(ConfigError, match="rivid ingest"):
+                find_days(tmp_path, parse({"reach": REACH, "input": said}, Config))
+
+
+class TestFlags:
+    def test_an_undeclared_column_of_flags_is_refused(self, tmp_path):
+        rows = [[*row, "B" if k == 7 else "G"] for k, row in enumerate(wide())]
+        with pytest.raises(ConfigError, match=r"'q' \('B', 'G'\) may hold flags .* quality and good"):
+            go(tmp_path, rows, head="time,u_Qi,u_Qo,h_L,q")
+        outcome = go(tmp_path, rows, head="time,u_Qi,u_Qo,h_L,q", ignore=["q"])
+        assert outcome.exit_code == 0 and value(outcome)["used"] == 96
+
+    def test_declared_they_are_counted_by_flag_and_run_reads_the_export_alike(self, tmp_path):
+        rows = [[*row, {7: "B", 8: "?"}.get(k, "G")] for k, row in enumerate(wide())]
+        given = {"quality": "q", "good": ["G"], "max_gap": 3600}
+        outcome = go(tmp_path, rows, head="time,u_Qi,u_Qo,h_L,q", **given)
+        assert dict(outcome.ledger.flags) == {"B": 3, "?": 3} and outcome.days[0].filled == 2
+        config = parse({"reach": REACH, "input": given}, Config)
+        (source,) = find_days(tmp_path / "export.csv", config).days
+        straight = read_window(tmp_path / "export.csv", [source], config)
+        assert straight.n_filled == 2 and straight.notes == "6 flagged values dropped"
+        read = load_config(outcome.run_config)
+        (source,) = find_days(tmp_path / "logs", read).days
+        np.testing.assert_array_equal(read_window(tmp_path / "logs", [source], read).inflow, straight.inflow)
+
+    def test_a_unit_that_the_export_states_must_be_declared(self, tmp_path):
+        head = "time,Q cfs,out,level (ft)"
+        given = {"u_Qi": "Q cfs", "u_Qo": "out", "h_L": "level (ft)"}
+        with pytest.raises(ConfigError, match=r"'Q cfs' seems to be in cfs: set \[input.units\] u_Qi"):
+            go(tmp_path, wide(), head=head, **given)
+        units = {"u_Qi": "cfs", "h_L": "m"}  # said otherwise: people know better than names
+        assert go(tmp_path, wide(), head=head, units=units, **given).exit_code == 0
+
+
+class TestCommand:
+    def invoke(self, tmp_path, *words):
+        if not (tmp_path / "c.toml").exists():
+            (tmp_path / "c.toml").write_text("[reach]\nsample_time = 900\n")
+        args = [
+            "ingest",
+            str(tmp_path / "e.csv"),
+            "-c",
+            str(tmp_path / "c.toml"),
+            "-o",
+            str(tmp_path / "logs"),
+        ]
+        return CliRunner().invoke(cli, [*args, *words], standalone_mode=False)
+
+    def test_table_json_and_exit_codes(self, tmp_path):
+        write(tmp_path / "e.csv", wide(n=150))
+        result = self.invoke(tmp_path)
+        assert result.return_value == 3
+        assert "2008-03-11  refused" in result.output and "refused day" in result.output
+        assert "2 days: 1 written, 1 refused" in result.output
+        told = json.loads(self.invoke(tmp_path, "--json").output)
+        assert told["counts"] == {"identical": 1, "refused": 1}
+        assert told["values"]["sources"]["h_L"]["dropped"] == {"refused day": 54}
+        assert told["values"]["files"][0]["rows"] == 150
+        assert self.invoke(tmp_path, "--to", "2008-03-10").return_value == 0
+        assert self.invoke(tmp_path, "--from", "2009-01-01").return_value == 10
+
+    def test_the_configuration_of_the_exports_is_never_overwritten(self, tmp_path):
+        write(tmp_path / "e.csv", wide())
+        self.invoke(tmp_path)
+        result = self.invoke(tmp_path, "--force", "--run-config", str(tmp_path / "c.toml"))
+        assert isinstance(result.exception, ConfigError) and "is the --config itself" in str(result.exception)
+        (tmp_path / "c.toml").rename(tmp_path / "logs_run.toml")
+        args = ["ingest", str(tmp_path / "e.csv"), "-c", str(tmp_path / "logs_run.toml")]
+        for more in ([], ["--force"]):
+            result = CliRunner().invoke(
+                cli, [*args, "-o", str(tmp_path / "logs"), *more], standalone_mode=False
+            )
+            assert isinstance(result.exception, ConfigError)
+            assert "choose another --run-config" in str(result.exception)
+        assert (tmp_path / "logs_run.toml").read_text() == "[reach]\nsample_time = 900\n"
+
+    def test_it_prints_what_to_do_next(self, tmp_path):
+        write(tmp_path / "e.csv", wide())
+        assert f"next: rivid run {tmp_path / 'logs'} --config" in self.invoke(tmp_path).output
+
+
+WORDS = st.sampled_from(
+    [b"", b"\n", b"\r", b",", b";", b'"', b"\0", b"nan", b"-inf", b"1e999", b"-999", b"\xff", b"#", b"time",
+     b"24:00", b"9999-12-31T23:59:59.999999-14:00", b"u_Qi", b"9" * 400, b"2008-03-10"]
+)  # fmt: skip
+TAGS = enumerate(("u_Qi", "u_Qo", "h_L"), 1)
+LONG = "\n".join(["time,tag,value", *(f"{r[0]},{tag},{r[j]}" for j, tag in TAGS for r in wide())])
+SEEDS = {
+    "wide": ("\n".join(["time,u_Qi,u_Qo,h_L", *(",".join(row) for row in wide())]) + "\n").encode(),
+    "long": (LONG + "\n").encode(),
+}
+
+
+@st.composite
+def mutated(draw, seed):
+    content = bytearray(seed)
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, len(content)))
+        match draw(st.integers(0, 3)):
+            case 0:
+                content[at : at + 1] = bytes([draw(st.integers(0, 255))])
+            case 1:
+                del content[at : at + draw(st.integers(1, 60))]
+            case 2:
+                content[at:at] = draw(WORDS)
+            case 3:
+                content[at:at] = content[at : at + draw(st.integers(1, 200))]
+    return bytes(content)
+
+
+@pytest.mark.parametrize("kind", SEEDS)
+@given(data=st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reason(tmp_path, kind, data):
+    path = tmp_path / "export.csv"
+    path.write_bytes(data.draw(mutated(SEEDS[kind])))
+    config = parse({"reach": REACH, "input": HOLD if kind == "long" else {}}, Config)
+    try:
+        outcome = ingest([path], tmp_path / "logs", config, Wish(force=True, dry_run=True))
+    except RividError as error:
+        assert error.exit_code in (1, 2, 10) and "\n" not in str(error)
+        return
+    for entry in outcome.ledger.to_json()["sources"].values():
+        assert entry["read"] == entry["used"] + sum(entry["dropped"].values())
+    for file in outcome.ledger.files:
+        assert file.unreadable >= 0
+
+
+def test_a_damaged_file_is_no_configuration_fault(tmp_path):
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(b"\x1f\x8b\x08\0garbage")
+    with pytest.raises(DataError) as caught:
+        ingest([path], tmp_path / "logs", parse({"reach": REACH}, Config))
+    assert caught.value.exit_code == 1 and not isinstance(caught.value, ConfigError)
+    assert work.SNIFF not in str(caught.value)
