@@ -19,6 +19,9 @@ MUCH = 0.25
 DOUBTLESS, SMALL_GAINS, SMALLEST = 1e-5, (20.0, 8.0), 0.02
 """p, gains on the fitting and the selecting days [nats] and share of the error of a name that is not
 material: what no response takes upon itself can be small and sure."""
+WEAK = 0.002, 10.0, 3.0, 1.5, 0.03
+"""p, gains on the fitting and the selecting days [nats], t and mean share of the error of a flow that is weak
+but clear: the error falls at every horizon."""
 FEW_BLOCKS = 3
 """With fewer blocks of selecting days on which it acts, t says little, and the gain alone decides."""
 MATERIAL = (0.06, 0.08, 0.20)
@@ -78,6 +81,8 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     gains = proposal.gain_fit / days[0], proposal.gain_select / days[1]
     if proposal.events is not None:  # rare by nature, and each has paid its price
         return min(proposal.gain_fit, proposal.gain_select) > LEAST_EVENTS and is_material(proposal)
+    if _is_weak_but_clear(proposal, round_number):
+        return True
     limit, least = SURE_IF_MATERIAL if is_material(proposal) else SURE
     steady = 0.5 if proposal.improvement.min() >= MUCH else 1.0
     sure = proposal.p_value <= limit and proposal.gain_select > least and proposal.t >= steady
@@ -98,6 +103,24 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     if proposal.name in ABSORBED:
         return bool(min(gains) > A_DAY)
     return _is_small_but_sure(proposal)
+
+
+def _is_weak_but_clear(proposal: Proposal, round_number: int) -> bool:
+    """Whether a flow of small likelihood is unlikely by chance, and seen in every part of the season.
+
+    What such a name may be mistaken for is told by its ties.
+    """
+    if proposal.name in (*ABSORBED, "sensor_step", "sensor_drift") or proposal.level_noise:
+        return False
+    limit, fit, select, t, share = WEAK
+    return bool(
+        proposal.p_value <= limit / 2**round_number
+        and proposal.gain_fit > fit
+        and proposal.gain_select > select
+        and proposal.t >= t
+        and proposal.improvement.min() > 0.0
+        and proposal.improvement.mean() >= share
+    )
 
 
 def _is_small_but_sure(proposal: Proposal) -> bool:
