@@ -334,6 +334,17 @@ class TestByException:
         first = (tmp_path / "logs" / f"{NEXT}.csv").read_text().splitlines()[1]
         assert first == "2008-03-11T00:00:00+01:00,392,300,118.5"
 
+    def test_all_by_exception_a_day_without_a_change_is_held_and_a_last_midnight_is_no_day(self, tmp_path):
+        rows = [
+            [f"{day}T00:00:00+01:00", tag, value]
+            for day in (DAY, NEXT, NEXT + dt.timedelta(days=2))
+            for tag, value in (("u_Qi", "300"), ("u_Qo", "290"), ("h_L", "118.5"))
+        ]
+        hold = dict.fromkeys(("u_Qi", "u_Qo", "h_L"), 3 * 86_400)
+        outcome = go(tmp_path, rows, head="time,tag,value", hold=hold, **HOLD)
+        assert statuses(outcome) == ["written"] * 3 and outcome.exit_code == 0
+        assert value(outcome)["used"] == 2 and value(outcome)["dropped"] == {"not asked for": 1}
+
     def test_run_itself_refuses_such_a_configuration(self, tmp_path):
         write(tmp_path / f"{DAY}.csv", wide())
         for said in ({"hold": {"u_Qi": 60}}, {"layout": "long"}):
@@ -369,6 +380,31 @@ class TestFlags:
             go(tmp_path, wide(), head=head, **given)
         units = {"u_Qi": "cfs", "h_L": "m"}  # said otherwise: people know better than names
         assert go(tmp_path, wide(), head=head, units=units, **given).exit_code == 0
+
+
+class TestNames:
+    def test_a_column_that_no_export_holds_is_told_with_the_nearest(self, tmp_path):
+        with pytest.raises(ConfigError, match="no export holds 'u_Qout' for u_Qo; nearest is 'u_Qo'"):
+            go(tmp_path, wide(), u_Qo="u_Qout")
+        rows = changes(("00:00:00", "in", "1"), ("00:00:00", "LEVEL", "118"), ("00:00:00", "out", "1"))
+        given = {"u_Qi": "in", "u_Qo": "out", "h_L": "LEVL"}
+        with pytest.raises(ConfigError, match="no export holds 'LEVL' for h_L; nearest is 'LEVEL'"):
+            go(tmp_path, rows, head="time,tag,value", **HOLD, **given)
+
+    def test_logs_that_ingest_wrote_say_where_their_configuration_is(self, tmp_path):
+        rows = [[*row] for row in wide()]
+        go(tmp_path, rows, head="time,in,out,level", u_Qi="in", u_Qo="out", h_L="level")
+        config = parse({"reach": REACH, "input": {"u_Qi": "in", "u_Qo": "out", "h_L": "level"}}, Config)
+        (source,) = find_days(tmp_path / "logs", config).days
+        with pytest.raises(DataError, match="`rivid ingest` wrote, the configuration stands beside them"):
+            read_window(tmp_path / "logs", [source], config)
+
+    def test_flags_of_parquet_logs_are_never_passed_over(self, tmp_path):
+        go(tmp_path, wide(), Wish(format="parquet"))
+        config = parse({"reach": REACH, "input": {"quality": "q", "good": ["G"]}}, Config)
+        (source,) = find_days(tmp_path / "logs", config).days
+        with pytest.raises(DataError, match="flags and zones of Parquet are read by `rivid ingest` only"):
+            read_window(tmp_path / "logs", [source], config)
 
 
 class TestCommand:

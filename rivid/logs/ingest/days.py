@@ -77,7 +77,8 @@ def dates_of(columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec
         first = start + max(2 * spec.tolerance + 1, spec.latest)
         low, high = stamps.searchsorted((first, end))
         faulty = any(start <= fault.time < end for fault in gathered.faults)
-        held = all(isinstance(column, Held) for column in columns) and start >= stamps[0]
+        throughout = stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
+        held = throughout and all(isinstance(column, Held) for column in columns)
         if low < high or faulty or held or 2 * longest > end - start:
             kept.append(date)
     return kept

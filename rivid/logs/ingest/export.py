@@ -225,7 +225,10 @@ def _of_parquet(content: bytes, spec: Spec, name: str, stem: str) -> Export:
         export = Export(name, long.tags, long.seen, long.lacking)
     else:
         export = _wide(reader.columns(), name)
-    export.parts[:] = [replace(columns, unit="row") for columns in export.parts]
+    export.parts[:] = [
+        replace(columns, unit="row", bad=[b._replace(text="row" + b.text[4:]) for b in columns.bad])
+        for columns in export.parts
+    ]
     _refuse_flags(export, spec)
     _refuse_units(export, spec)
     return export

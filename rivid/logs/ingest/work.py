@@ -1,6 +1,7 @@
 """All of an ingest: read, judge, write, count."""
 
 import datetime as dt
+import difflib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -185,12 +186,11 @@ def _read(exports: Sequence[Path], spec: Spec) -> list[Export]:
         for signal in spec.signals:
             for source in signal.sources:
                 if source not in found:
-                    others = Counter[str]()
-                    for export in read:
-                        others += export.seen.others
-                    tags = ", ".join(repr(tag[:40]) for tag in list(others)[:12])
-                    there = f"; tags that are not asked for: {tags}" if tags else ""
-                    raise UndeclaredError(f"no export holds {source!r} for {signal.name}{there}")
+                    unread = {name for e in read for name in (*e.seen.others, *e.seen.cells)}
+                    near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
+                    nearest = f"; nearest is {near[0]!r}" if near else ""
+                    said = f"no export holds {source!r} for {signal.name}{nearest}"
+                    raise UndeclaredError(f"{said}: set [input] {signal.name} to the export's own name")
     except UndeclaredError as error:
         raise ConfigError(f"{error}; {SNIFF}") from None
     return read
