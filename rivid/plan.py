@@ -38,6 +38,8 @@ class Options:
         Taken for today.
     shard : Shard, optional
         Estimate this part of the days only, and leave tables and figures to the run that follows.
+    most_new : int, optional
+        Leave a run with more new days than this alone.
     """
 
     workers: int | None = None
@@ -48,6 +50,7 @@ class Options:
     figures: bool = True
     today: dt.date | None = None
     shard: Shard | None = None
+    most_new: int | None = None
 
     def now(self, config: Config) -> dt.date | dt.datetime:
         """Today's date in the reach's zone; without a zone the moment, for the log's own offset to date."""

@@ -14,7 +14,7 @@ from rivid import record
 from rivid.batch import Batch, Window
 from rivid.config import Config
 from rivid.drawing import draw_here, draw_with
-from rivid.errors import ConfigError, NoDataError
+from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import build
 from rivid.merge import write_merged
 from rivid.plan import Options, Plan, make_plan
@@ -22,7 +22,7 @@ from rivid.preload import DRAWING, cores, warm
 from rivid.rows import Rows, hash_of
 from rivid.store import Store, digest
 from rivid.tables import SCHEMA_VERSION, TABLES
-from rivid.workers import Engine, processes, run_batches
+from rivid.workers import Engine, Here, processes, run_batches
 
 BATCH_DAYS = 128
 """Days of a batch at most: small enough to share out, large enough to be worth a file."""
@@ -33,6 +33,10 @@ ONE_PROCESS_BELOW = 1000
 
 MOST_PAINTERS = 4
 """Processes that draw: there are a few figures only, and each process reads the results for itself."""
+
+
+class TooManyError(RividError):
+    """More days are new than the run was to take on (``Options.most_new``)."""
 
 
 @dataclass
@@ -126,6 +130,10 @@ def run(
             store.forget([w.key for w in planned.asked])
         kept = store.read()
         new = _missing(planned.asked, kept)
+        if options.most_new is not None and len(new) > options.most_new:
+            raise TooManyError(
+                f"{len(new)} new days in {data_dir}: {options.most_new} at most were to be run"
+            )
         if new:
             if options.figures and not options.shard and engine is None and cores() > 1:
                 warm(DRAWING)  # while this process reads and estimates
@@ -246,7 +254,7 @@ def _summarise(
 def _draw(out: Path, now: dict[str, Any], engine: Engine | None = None) -> list[Path]:
     """Figures and report; gives the files written."""
     if engine is not None:
-        return draw_here(out, now) if engine.slots == 1 else draw_with(engine, out, now)
+        return draw_here(out, now) if isinstance(engine, Here) else draw_with(engine, out, now)
     painters = min(cores(), MOST_PAINTERS)
     with processes(painters, DRAWING) as painting:
         return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)

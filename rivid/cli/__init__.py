@@ -24,6 +24,7 @@ COMMANDS = {
     "simulate": "Make daily logs of a simulated reach, and their truth.",
     "effects": "What a simulation may lack: the catalogue of effects.",
     "figures": "Redraw figures and report from stored results.",
+    "fleet": "Say what is to be said of all reaches together.",
 }
 
 

@@ -58,30 +58,36 @@ def command(
     Reads daily logs, estimates the delay and the impulse response of each day, and writes tables, figures
     and a report to OUT.
 
+    A DATA_DIR without logs that holds directories of logs is a fleet's: each is a reach, run into
+    OUT/<reach>, and fleet.html speaks of all of them. The configuration is then a file for all, or a
+    directory with a <reach>.toml for each over a defaults.toml.
+
+    --shard does one part of N: every N-th block of days of a reach, every N-th reach of a fleet. Parts run
+    at the same time, on any machines that see OUT. The same command without --shard merges them; of a
+    fleet, `rivid fleet OUT` is enough.
+
     \b
     Examples:
       rivid run sample_data/basse_isere --config configs/basse_isere.toml
       rivid run logs --config reach.toml --out results --quiet     (cron)
+      rivid run fleet_logs --config configs/fleet --out out --shard 3/16
     """
+    from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.preload import DRAWING, cores, warm
     from rivid.shard import Shard
 
     part = Shard.parse(shard) if shard else None
     if not (no_figures or dry_run or part or (out / "report.html").exists()) and cores() > 1:
-        warm(DRAWING)  # while this process imports, reads and estimates
+        if holds_logs(data_dir):
+            warm(DRAWING)  # while this process imports, reads and estimates
 
+    from rivid.cli.fleet_run import run_all, say_plan
     from rivid.config import load_config, parse
     from rivid.lean import spare_pandas
     from rivid.plan import Options, make_plan
     from rivid.run import run
 
     spare_pandas()
-    settings = load_config(config)
-    unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
-    if estimators:
-        raw = settings.model_dump(mode="json", exclude_none=True)
-        raw["run"]["estimators"] = list(estimators)
-        settings = parse(raw, type(settings), "--estimator")
     if dry_run and as_json:
         raise click.UsageError("--dry-run has no JSON: leave out one of the two")
     options = Options(
@@ -94,6 +100,20 @@ def command(
         today=today.date() if today else None,
         shard=part,
     )
+    reaches = find_fleet(data_dir, config, estimators)
+    if reaches is not None:
+        if dry_run:
+            return say_plan(reaches, out)
+        bar = None if quiet or as_json else _progress
+        return run_all(
+            data_dir, reaches, out, options, strict=strict, as_json=as_json, quiet=quiet, progress=bar
+        )
+    settings = load_config(config)
+    unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
+    if estimators:
+        raw = settings.model_dump(mode="json", exclude_none=True)
+        raw["run"]["estimators"] = list(estimators)
+        settings = parse(raw, type(settings), "--estimator")
     if dry_run:
         return _dry_run(make_plan(data_dir, settings, options), out, settings)
     summary = run(data_dir, out, settings, options, None if quiet or as_json else _progress)
@@ -110,10 +130,18 @@ def command(
     if config and unsaid and not quiet:
         words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
         click.echo(f"rivid: {words}", err=True)
-    if not as_json and not quiet:
+    if part and not as_json and not quiet:
+        click.echo(
+            f"shard {part}: {len(summary.asked_keys):,} of {summary.windows:,} data sets, "
+            f"{summary.computed:,} estimated now"
+        )
+        click.echo("when all shards are done, the same command without --shard merges them")
+    elif not as_json and not quiet:
         from rivid.cli.summary import print_summary
 
         print_summary(summary, settings, "report.html" if options.figures else "delays.csv")
+    if part:
+        return 0  # what failed is told by the run that merges
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
     return 3 if summary.new_failures or summary.new_bad_files else 0

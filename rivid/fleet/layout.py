@@ -1,0 +1,219 @@
+"""Find the reaches of a fleet, and the configuration of each: its own file over shared defaults."""
+
+import os
+import re
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rivid.errors import ConfigError, NoDataError, RividError
+from rivid.logs.files import shown, suffix_of
+
+if TYPE_CHECKING:
+    from rivid.config import Config
+
+DEFAULTS = "defaults.toml"
+"""What the reaches share, in a directory of configurations."""
+
+NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}")
+OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
+"""What OUT holds of the fleet itself; no reach is called so."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """One reach of a fleet.
+
+    Attributes
+    ----------
+    name : str
+        Of its directory; letters, digits, dot, underscore and hyphen.
+    data_dir : Path
+        Its logs.
+    raw : dict
+        Its configuration as TOML gives it, own keys over shared ones; not validated.
+    source : str
+        Where that came from, for messages.
+    fault : str
+        Why it cannot be run; empty where nothing is known against it.
+    fault_code : int
+        The exit code that goes with it.
+    """
+
+    name: str
+    data_dir: Path
+    raw: dict[str, Any]
+    source: str
+    fault: str = ""
+    fault_code: int = 0
+
+    def config(self) -> "Config":
+        """The validated configuration.
+
+        Raises
+        ------
+        ConfigError
+            In one line.
+        """
+        from rivid.config import Config, parse
+
+        if self.fault:
+            raise (
+                NoDataError(self.fault)
+                if self.fault_code == NoDataError.exit_code
+                else ConfigError(self.fault)
+            )
+        raw = deepcopy(self.raw)
+        reach = raw.setdefault("reach", {})
+        if isinstance(reach, dict) and reach.setdefault("name", self.name) != self.name:
+            raise ConfigError(
+                f"{self.source}: reach.name = {reach['name']!r}: in a fleet the directory names the reach: "
+                f"leave it out, or write {self.name!r}"
+            )
+        return parse(raw, Config, self.source)
+
+
+def find_fleet(data_dir: Path, configs: Path | None, estimators: Sequence[str] = ()) -> list[Reach] | None:
+    """The reaches of a fleet, by name; None where DATA_DIR is that of a single reach.
+
+    DATA_DIR is a fleet's where it holds directories of logs and no log itself, or where `configs` is a
+    directory: then each reach has the keys of ``<reach>.toml`` there over those of ``defaults.toml``. A file
+    is shared by all reaches.
+
+    Parameters
+    ----------
+    data_dir : Path
+    configs : Path, optional
+    estimators : sequence of str
+        Taken in place of the configured ones.
+
+    Returns
+    -------
+    list of Reach, or None
+
+    Raises
+    ------
+    ConfigError
+        Where what all reaches share cannot be read.
+    NoDataError
+        Where there are configurations of a fleet and no reach.
+    """
+    asked = configs is not None and configs.is_dir()
+    if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
+        if asked:
+            raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
+        return None
+    folders = _folders(data_dir)
+    if not asked and not any(holds for _, _, holds in folders):
+        return None
+    shared = _defaults(configs)
+    own = _own(configs) if asked and configs is not None else {}
+    reaches = []
+    for name, path, holds in folders:
+        if holds or name in own:
+            reaches.append(_reach(name, path, shared, own.pop(name, None), configs, data_dir, estimators))
+    for name, path in own.items():
+        missing = f"{path} is of a reach without directory of logs: {data_dir / name} does not exist"
+        reaches.append(Reach(name, data_dir / name, {}, str(path), missing, NoDataError.exit_code))
+    if not reaches:
+        raise NoDataError(
+            f"no reach in {data_dir}: a directory of logs is expected for each, {data_dir}/<reach>/"
+        )
+    return sorted(reaches, key=lambda reach: reach.name)
+
+
+def _folders(data_dir: Path) -> list[tuple[str, Path, bool]]:
+    """Directories in DATA_DIR that are not hidden, and whether they hold logs."""
+    with os.scandir(data_dir) as entries:
+        found = [Path(e.path) for e in entries if not e.name.startswith(".") and e.is_dir()]
+    return [(path.name, path, holds_logs(path)) for path in found]
+
+
+def holds_logs(folder: Path) -> bool:
+    """Whether a directory holds a log."""
+    try:
+        with os.scandir(folder) as entries:
+            return any(
+                suffix_of(e.name) is not None and not e.name.startswith(".") and not e.is_dir()
+                for e in entries
+            )
+    except OSError:
+        return True  # its run will say why it cannot be read
+
+
+def _defaults(configs: Path | None) -> dict[str, Any]:
+    from rivid.config import Config, parse
+
+    if configs is None:
+        return {}
+    if not configs.is_dir():
+        raw = _read(configs)
+        parse(raw, Config, str(configs))  # what all share is refused once, not once for each
+        return raw
+    path = configs / DEFAULTS
+    return _read(path) if path.exists() else {}
+
+
+def _own(configs: Path) -> dict[str, Path]:
+    """The files of single reaches, by reach."""
+    paths = (path for path in configs.glob("*.toml") if path.name != DEFAULTS)
+    return {path.name.removesuffix(".toml"): path for path in paths if not path.name.startswith(".")}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    from rivid.config import read_toml
+
+    raw = read_toml(path)
+    said = raw.get("diagnose")
+    if isinstance(said, dict) and isinstance(said.get("effects_file"), str):
+        said["effects_file"] = str(path.parent / said["effects_file"])  # beside the configuration
+    return raw
+
+
+def _reach(
+    name: str,
+    path: Path,
+    shared: dict[str, Any],
+    own: Path | None,
+    configs: Path | None,
+    data_dir: Path,
+    estimators: Sequence[str],
+) -> Reach:
+    source = str(own or configs or "the defaults")
+    fault = _fault(name, path, data_dir)
+    raw: dict[str, Any] = {}
+    try:
+        raw = merged(shared, _read(own) if own else {})
+    except RividError as error:
+        fault = fault or str(error)
+    if estimators:
+        raw = merged(raw, {"run": {"estimators": list(estimators)}})
+    return Reach(name, path, raw, source, fault, ConfigError.exit_code if fault else 0)
+
+
+def _fault(name: str, path: Path, data_dir: Path) -> str:
+    if not NAME.fullmatch(name):
+        said = shown(name)
+        return f"{said!r} cannot name a reach: expected letters, digits, . _ - only, at most 80: rename it"
+    if name in OWN:
+        return f"{name!r} cannot name a reach: OUT/{name} is the fleet's own: rename it"
+    if path.is_symlink() and path.resolve().parent != data_dir.resolve():
+        return f"{path} is a link that leads out of {data_dir}: put the directory itself there"
+    return ""
+
+
+def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Tables merged key by key; of anything else the own value counts.
+
+    Examples
+    --------
+    >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
+    {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
+    """
+    both = deepcopy(shared)
+    for key, value in own.items():
+        mine = both.get(key)
+        both[key] = merged(mine, value) if isinstance(mine, dict) and isinstance(value, dict) else value
+    return both

@@ -1,0 +1,218 @@
+"""What is said of all reaches together: fleet.html, fleet.csv, fleet.parquet, fleet.json in OUT."""
+
+import datetime as dt
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv
+
+from rivid import __version__
+from rivid.atomic import replacing, write_text
+from rivid.figures.words import count, duration, number
+from rivid.fleet.outcome import Outcome, worst
+from rivid.tables import write_parquet
+
+SCHEMA_VERSION = 1
+
+SILENT_AFTER = 2
+"""A reach is silent where its last log is so many days older than the fleet's latest, or more."""
+
+FLEET = pa.schema(
+    [
+        ("reach", pa.string()),
+        ("code", pa.int64()),
+        ("error", pa.string()),
+        ("data_sets", pa.int64()),
+        ("failures", pa.int64()),
+        ("bad_files", pa.int64()),
+        ("first", pa.string()),
+        ("last", pa.string()),
+        ("estimator", pa.string()),
+        ("quantity", pa.string()),
+        ("sample_time_s", pa.float64()),
+        ("answered_last_week", pa.int64()),
+        ("days_last_week", pa.int64()),
+        ("median", pa.float64()),
+        ("band_low", pa.float64()),
+        ("band_high", pa.float64()),
+        ("median_last_week", pa.float64()),
+        ("above_last_week", pa.int64()),
+        ("below_last_week", pa.int64()),
+        ("left_band", pa.bool_()),
+    ]
+)
+"""A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
+
+
+def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, Any]:
+    """Write the files of the fleet.
+
+    Parameters
+    ----------
+    out : Path
+        OUT of the fleet.
+    outcomes : sequence of Outcome
+        Of all reaches.
+    name : str
+        What the page calls the fleet.
+
+    Returns
+    -------
+    dict
+        fleet.json: the exit code, counts, and the names of the reaches to look at: `failing`, `left_band`,
+        `silent`, `changed`.
+
+    Raises
+    ------
+    RividError
+        Where a file cannot be written.
+    """
+    outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
+    before = _before(out)
+    table = pa.Table.from_pylist([_row(outcome) for outcome in outcomes], FLEET)
+    write_parquet(table, out / "fleet.parquet")
+    with replacing(out / "fleet.csv") as scratch:
+        pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
+    told = summary(outcomes, before)
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("rivid", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("fleet.html.j2").render(_context(outcomes, told, before, name))
+    write_text(out / "fleet.html", page)
+    write_text(out / "fleet.json", json.dumps(told, indent=1, sort_keys=True) + "\n")
+    return told
+
+
+def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, Any]:
+    """What fleet.json says, given what it said before."""
+    contents = before.get("contents") or {}
+    latest = max((o.last for o in outcomes if o.last), default="")
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "made": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
+        "code": worst(o.code for o in outcomes),
+        "reaches": len(outcomes),
+        "data_sets": sum(o.data_sets for o in outcomes),
+        "latest": latest,
+        "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
+        "left_band": [o.reach for o in outcomes if o.band is not None and o.band.left],
+        "silent": [o.reach for o in outcomes if o.last and is_silent(o, latest)],
+        "changed": [o.reach for o in outcomes if o.content and contents.get(o.reach) != o.content],
+        "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
+        "data_sets_of": {o.reach: o.data_sets for o in outcomes},
+    }
+
+
+def is_silent(outcome: Outcome, latest: str) -> bool:
+    """Whether a reach has had no log for days while others have."""
+    behind = dt.date.fromisoformat(latest) - dt.date.fromisoformat(outcome.last)
+    return behind.days >= SILENT_AFTER
+
+
+def _before(out: Path) -> dict[str, Any]:
+    """The last fleet.json; empty without one."""
+    try:
+        told = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _row(o: Outcome) -> dict[str, Any]:
+    b = o.band
+    week = None if b is None or math.isnan(b.week_median) else b.week_median
+    return {
+        "reach": o.reach, "code": o.code, "error": o.error, "data_sets": o.data_sets,
+        "failures": o.failures, "bad_files": o.bad_files, "first": o.first, "last": o.last,
+        "estimator": o.estimator, "quantity": o.quantity, "sample_time_s": o.sample_time or None,
+        "answered_last_week": o.answered_week, "days_last_week": o.days_week,
+        "median": b and b.median, "band_low": b and b.low, "band_high": b and b.high,
+        "median_last_week": week, "above_last_week": b and b.above, "below_last_week": b and b.below,
+        "left_band": b and b.left,
+    }  # fmt: skip
+
+
+def _context(
+    outcomes: Sequence[Outcome], told: dict[str, Any], before: dict[str, Any], name: str
+) -> dict[str, Any]:
+    had = before.get("data_sets_of") or {}
+    chosen = {kind: set(told[kind]) for kind in ("failing", "left_band", "silent", "changed")}
+    failing = [o for o in outcomes if o.reach in chosen["failing"]]
+    left = [o for o in outcomes if o.reach in chosen["left_band"]]
+    left.sort(key=_distance, reverse=True)
+    return {
+        "name": name,
+        "version": __version__,
+        "made": told["made"],
+        "since": before.get("made", ""),
+        "facts": [count(len(outcomes), "reach", "reaches"), count(told["data_sets"], "data set")],
+        "latest": told["latest"],
+        "sentences": _sentences(told),
+        "failing": [(o, _why(o)) for o in sorted(failing, key=lambda o: (not o.error, o.reach))],
+        "left": [(o, _week(o)) for o in left],
+        "silent": [o for o in outcomes if o.reach in chosen["silent"]],
+        "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in outcomes if o.reach in chosen["changed"]],
+        "all": [(o, _band(o), _week(o)) for o in outcomes],
+    }
+
+
+def _sentences(told: dict[str, Any]) -> list[str]:
+    n = told["reaches"]
+    said = []
+    for kind, one, more in (
+        ("failing", "reach fails or has failed days in its last week", "reaches fail or have such days"),
+        ("left_band", "reach has left the band of its delay", "reaches have left the band of their delay"),
+        ("silent", "reach is without new logs", "reaches are without new logs"),
+    ):
+        many = len(told[kind])
+        said.append(f"{many or 'No'} {one if many in (0, 1) else more}.")
+    changed = len(told["changed"])
+    said.append(f"{changed or 'None'} of {n:,} changed since the report before.")
+    return said
+
+
+def _why(o: Outcome) -> list[tuple[str, str]]:
+    """What is wrong with a reach, by day where it is a day's fault."""
+    said = [("", o.error)] if o.error else []
+    if o.bad_files and o.code:
+        said.append(("", f"{count(o.bad_files, 'file')} that cannot be used: see its report"))
+    said += o.recent
+    if not said:
+        said.append(("", f"{count(o.failures, 'day')} failed: see its report"))
+    return said
+
+
+def _distance(o: Outcome) -> float:
+    """How far the week's median lies from the year's, in widths of the band."""
+    b = o.band
+    if b is None or math.isnan(b.week_median):
+        return 0.0
+    return abs(b.week_median - b.median) / max(b.high - b.low, 1.0)
+
+
+def _band(o: Outcome) -> str:
+    return "–" if o.band is None else f"{number(o.band.low)} to {number(o.band.high)}"
+
+
+def _week(o: Outcome) -> dict[str, str]:
+    """The last week in words."""
+    b = o.band
+    if b is None or math.isnan(b.week_median):
+        return {"median": "–", "time": "", "beyond": ""}
+    sides = [(b.above, "above"), (b.below, "below")]
+    beyond = " and ".join(f"{n} {side}" for n, side in sides if n)
+    return {
+        "median": number(b.week_median),
+        "time": duration([b.week_median * o.sample_time]),
+        "beyond": f"{beyond or 'none'} of {b.days}",
+    }
