@@ -7,10 +7,10 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy glen-canyon-page figures paper-page sensitivity pictures sample-data lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data lock clean
 
 help:  ## what there is to make
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 $(VENV)/.ready: pyproject.toml requirements.lock
 	$(PYTHON) -c "import sys; assert sys.version_info >= (3, 11), 'rivid needs Python 3.11 or newer'"
@@ -48,6 +48,19 @@ bench: setup  ## speed and memory, written to docs/performance.md
 
 accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
 	$(BIN)/python -m benchmarks.accuracy
+
+posterior-pages: setup  ## how right and how sure the posterior is, written to docs/accuracy_{posterior,river}.md
+	$(BIN)/python -m benchmarks.posterior
+	$(BIN)/python -m benchmarks.posterior_river
+
+PEERS := .venv-peers
+$(PEERS)/.ready: pyproject.toml requirements.lock  # sysidentpy asks for an older numpy than the lock holds
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	@touch $@
+
+peers: $(PEERS)/.ready  ## the posterior beside what a user would take instead, written to docs/peers.md
+	$(PEERS)/bin/python -m benchmarks.peers
 
 glen-canyon-page: setup  ## the measured river beside what is known of it, written to docs/glen_canyon.md
 	$(BIN)/python -m benchmarks.glen_canyon
@@ -88,4 +101,4 @@ lock: setup  ## resolve the versions of requirements.lock anew (needs uv)
 	uv pip compile --universal --extra dev pyproject.toml -o requirements.lock --no-annotate --no-header
 
 clean:  ## remove the environment and all output
-	rm -rf $(VENV) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(PEERS) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
