@@ -155,7 +155,7 @@ def ablations():
                 yield from ((name, f"{key}.{inner}") for inner in value)
 
 
-@pytest.mark.parametrize(("name", "left_out"), ablations())
+@pytest.mark.parametrize(("name", "left_out"), list(ablations()))
 def test_whatever_is_not_declared_is_asked_for_or_makes_no_difference(tmp_path, name, left_out):
     raw = tomllib.loads((HERE / name / "config.toml").read_text())
     table = raw["input"]

@@ -5,7 +5,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from rivid.logs.ingest.export import looks_like_flags
-from rivid.logs.layout import Layout, TimeLayout
+from rivid.logs.layout import Layout
+from rivid.logs.layout_time import TimeLayout
 from rivid.logs.longtext import is_unit_column
 from rivid.logs.rows import MANY_TEXTS
 from rivid.logs.tags import NUMBER, Tagged

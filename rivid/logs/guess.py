@@ -84,6 +84,8 @@ def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
         if not any("." in cell for cell in cells):
             doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
+    if cells and all(re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", cell) for cell in cells):
+        doubt = f"{cells[0]!r}: is the point a decimal mark (as taken here) or between thousands?"
     return decimal, thousands, doubt
 
 

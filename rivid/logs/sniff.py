@@ -10,7 +10,8 @@ from rivid.errors import DataError
 from rivid.logs.files import Limits, read_bytes, shown
 from rivid.logs.flags import Beside, look_beside
 from rivid.logs.guess import ColumnGuess, guess_column, guess_marks
-from rivid.logs.layout import Layout, TimeLayout, guess_layout, guess_time
+from rivid.logs.layout import Layout, guess_layout
+from rivid.logs.layout_time import TimeLayout, guess_time
 from rivid.logs.numbers import NumberReader
 from rivid.logs.proposal import Proposal, Questions, write_toml
 from rivid.logs.roles import roles_of

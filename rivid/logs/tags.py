@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rivid.logs.layout import Layout, TimeLayout
+from rivid.logs.layout import Layout
+from rivid.logs.layout_time import TimeLayout
 from rivid.logs.longtext import is_unit_column
 from rivid.logs.times import read_text
 

@@ -192,6 +192,14 @@ class TestWhatSniffCannotTell:
         proposal = self.propose(tmp_path, "time;inflow;level\n" + rows)
         assert any("decimal mark" in q for q in proposal.open_questions)
 
+    def test_a_point_before_three_digits_everywhere(self, tmp_path):
+        rows = "".join(f"2024-04-03T{h:02d}:00;1.23{h % 10};4.000\n" for h in range(24))
+        proposal = self.propose(tmp_path, "time;inflow;level\n" + rows)
+        assert "decimal" in proposal.open_keys
+        rows = "".join(f"2024-04-03T{h:02d}:00;31{h % 10};4.000\n" for h in range(24))
+        proposal = self.propose(tmp_path, "time;inflow;level\n" + rows)
+        assert "decimal" not in proposal.open_keys
+
     @pytest.mark.parametrize(
         "text", ["", "\n\n", "no table here\nat all\n", "1;2\n3;4\n", "a;b\n", "a;b\nx;y\nz;w\n"]
     )
