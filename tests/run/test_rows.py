@@ -1,0 +1,149 @@
+"""Rows that are not held: the same tables whatever the size of a chunk and the order of the segments."""
+
+import shutil
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from rivid import merge, rows, tables
+from rivid.rows import Rows, hash_of, read_rows, write_rows, write_segment
+from rivid.store import Store
+from rivid.tables import SEGMENT, to_table
+from tests.daily import write_days
+from tests.run.test_run import TABLES, bytes_of, rivid
+
+NAMES = ("ml", "posterior")
+
+
+def segment(keys, seed=0):
+    """Rows of some days, two estimators each, as workers write them."""
+    rng = np.random.default_rng(seed)
+    columns = {name: [] for name in SEGMENT.names}
+    for key in keys:
+        for name in NAMES:
+            sure = name == "posterior" and key % 3
+            row = {
+                "key": f"{key:04d}",
+                "date": __import__("datetime").date(2000, 1, 1) + __import__("datetime").timedelta(days=key),
+                "reach": "r",
+                "estimator": name,
+                "status": "failed" if key % 5 == 0 else "ok",
+                "delay_samples": float(key % 7),
+                "probability": 0.5 if sure else None,
+                "message": f"=said of {key}" if key % 5 == 0 else "a remark",
+                "fir": None if key % 5 == 0 else rng.random(4).tolist(),
+                "fir_sd": rng.random(4).tolist() if sure and key % 5 else None,
+                "first_candidate": 1 if sure else None,
+                "curve": rng.random(3).tolist() if sure else None,
+            }
+            for column in columns:
+                columns[column].append(row.get(column))
+    return to_table(columns, SEGMENT)
+
+
+@pytest.fixture
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(rows, "CHUNK", 16)
+    monkeypatch.setattr(merge, "CHUNK", 16)
+
+
+def scattered(folder, seed=0, days=60):
+    """Segments in no order, one day twice; the keys in order."""
+    folder.mkdir()
+    order = np.random.default_rng(seed).permutation(days)
+    for part in np.array_split(order, 7):
+        write_segment(folder, segment(part.tolist()))
+    write_segment(folder, segment([3, 4]))
+    return [f"{key:04d}" for key in range(days)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_read_in_chunks_is_what_is_held(tmp_path, monkeypatch, seed):
+    keys = scattered(tmp_path / "segments", seed)
+    held, _ = read_rows(tmp_path / "segments")
+    assert held.kept is not None
+    held = held.arranged(keys, NAMES)
+    monkeypatch.setattr(rows, "CHUNK", 16)
+    spread, damaged = read_rows(tmp_path / "segments")
+    assert spread.kept is None and not damaged
+    spread = spread.arranged(keys, NAMES)
+    whole = pa.concat_tables(spread.chunks())
+    assert whole.equals(held.kept) and len(whole) == 120
+    assert hash_of(spread) == hash_of(held)
+    assert [len(chunk) for chunk in spread.chunks()] == [16] * 7 + [8]
+
+
+def test_of_messages_only_those_of_failed_days_are_held(tmp_path):
+    scattered(tmp_path / "segments")
+    found, _ = read_rows(tmp_path / "segments")
+    for status, message in zip(*(found.table[c].to_pylist() for c in ("status", "message")), strict=True):
+        assert (message is not None) == (status == "failed")
+
+
+def test_tables_cut_in_chunks_hold_what_tables_in_one_piece_hold(tmp_path, small_chunks):
+    keys = scattered(tmp_path / "segments")
+    found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
+    merge.write_merged(found, tmp_path / "chunks")
+    tables.write_tables(pa.concat_tables(found.chunks()).combine_chunks(), tmp_path / "whole")
+    for name in TABLES:
+        one, other = tmp_path / "chunks" / name, tmp_path / "whole" / name
+        if name.endswith(".csv"):
+            assert one.read_bytes() == other.read_bytes()
+        else:
+            assert pq.read_table(one).equals(pq.read_table(other))
+    assert pq.ParquetFile(tmp_path / "chunks" / "delays.parquet").num_row_groups == 8
+
+
+def test_no_responses_with_spread_in_one_chunk_and_some_in_another(tmp_path, small_chunks):
+    folder = tmp_path / "segments"
+    folder.mkdir()
+    write_segment(folder, segment(range(0, 60, 3)))  # no day of these has one
+    write_segment(folder, segment([61]))
+    found = read_rows(folder)[0].arranged([f"{key:04d}" for key in [*range(0, 60, 3), 61]], NAMES)
+    merge.write_merged(found, tmp_path / "out")
+    sd = pq.read_table(tmp_path / "out" / "fir.parquet")["sd"]
+    assert sd.null_count == len(sd) - 4
+
+
+def test_many_rows_are_one_segment_of_many_row_groups(tmp_path, small_chunks):
+    keys = scattered(tmp_path / "segments")
+    found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
+    (tmp_path / "one").mkdir()
+    path = write_rows(tmp_path / "one", found)
+    assert pq.ParquetFile(path).num_row_groups == 8
+    again = read_rows(tmp_path / "one")[0].arranged(keys, NAMES)
+    assert pa.concat_tables(again.chunks()).equals(pa.concat_tables(found.chunks()))
+
+
+def test_keys_that_are_forgotten_are_gone_and_the_others_are_not(tmp_path, small_chunks):
+    with Store(tmp_path / "out") as store:
+        store.segments.rmdir()
+        keys = scattered(store.segments)
+        store.forget([*keys[::2], "unknown"])
+        left = store.read().arranged(keys, NAMES)
+    assert left.table["key"].to_pylist() == [key for key in keys[1::2] for _ in NAMES]
+
+
+def test_rows_of_nothing(tmp_path):
+    found, damaged = read_rows(tmp_path)
+    assert len(found) == 0 and not damaged
+    nothing = found.arranged(["a"], ["ml"])
+    assert isinstance(nothing, Rows) and [len(chunk) for chunk in nothing.chunks()] == [0]
+
+
+def test_runs_in_small_chunks_give_the_same_answers(tmp_path, monkeypatch):
+    write_days(tmp_path / "data", 9)
+    words = ("run", tmp_path / "data", "--no-figures", "--estimator", "jmap", "--estimator", "ml", "--out")
+    assert rivid(*words, tmp_path / "plain")[0] == 0
+    monkeypatch.setattr(rows, "CHUNK", 4)
+    monkeypatch.setattr(merge, "CHUNK", 4)
+    assert rivid(*words, tmp_path / "small", "--to", "2008-03-13")[0] == 0
+    (tmp_path / "data" / "2008-03-10.csv").unlink()
+    shutil.copytree(tmp_path / "small", tmp_path / "direct")
+    assert rivid(*words, tmp_path / "small")[0] == 0
+    assert rivid(*words, tmp_path / "direct", "--force")[0] == 0
+    assert bytes_of(tmp_path / "small") == bytes_of(tmp_path / "direct")
+    plain = pq.read_table(tmp_path / "plain" / "delays.parquet").slice(2)
+    assert pq.read_table(tmp_path / "small" / "delays.parquet").equals(plain)

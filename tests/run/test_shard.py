@@ -1,0 +1,104 @@
+"""Shards of a run: parts that go together, locks that keep them from a whole run, and the same bytes."""
+
+import datetime as dt
+import subprocess
+import sys
+from collections import Counter
+
+import pytest
+
+from rivid.errors import ConfigError, LockedError
+from rivid.shard import BLOCK, Shard
+from rivid.store import Store
+from tests.daily import write_days
+from tests.run.test_run import bytes_of, rivid
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40])
+def test_every_day_is_of_one_shard_whatever_other_days_there_are(count):
+    days = [dt.date(1999, 1, 1) + dt.timedelta(days=k) for k in range(40 * BLOCK)]
+    shards = [Shard(i + 1, count) for i in range(count)]
+    of = Counter(shard.index for day in days for shard in shards if shard.holds(day))
+    assert sum(of.values()) == len(days) and set(of) == set(range(1, count + 1))
+    assert max(of.values()) - min(of.values()) <= 2 * BLOCK
+    places = Counter(shard.index for place in range(80) for shard in shards if shard.holds_place(place))
+    assert sum(places.values()) == 80 and len(places) == count
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["0/4", "5/4", "1", "1/", "/4", "a/b", "1/4/2", "-1/4", "1.0/4", "²/4", "1/100001", "1" * 30 + "/4"],
+)
+def test_what_is_no_shard_is_refused_in_one_line(text, tmp_path):
+    with pytest.raises(ConfigError, match="expected I/N"):
+        Shard.parse(text)
+    assert rivid("run", tmp_path, "--shard", text)[0] == 2
+
+
+def test_shards_and_then_a_run_give_the_bytes_of_a_run(tmp_path):
+    data = tmp_path / "data"
+    write_days(data, 70)
+    (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert rivid("run", data, "--out", whole, "--no-figures")[0] == 3
+    estimated = 0
+    for part in ("3/3", "1/3", "2/3"):
+        code, said = rivid("run", data, "--out", parts, "--shard", part)
+        assert code == 0, "what failed is told by the run that merges"
+        estimated += int(said.split(" estimated now")[0].split()[-1])
+        assert not (parts / "delays.csv").exists() and not (parts / "run.json").exists()
+    assert estimated == 70
+    code, said = rivid("run", data, "--out", parts, "--no-figures")
+    assert code == 3 and "0 estimated now, 70 done before" in said
+    assert bytes_of(parts) == bytes_of(whole)
+
+
+def test_a_shard_with_nothing_to_do_is_well(tmp_path):
+    write_days(tmp_path / "data", 2)
+    codes = [
+        rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--shard", f"{i}/9") for i in range(1, 10)
+    ]
+    assert [code for code, _ in codes] == [0] * 9
+    assert sum("2 estimated now" in said for _, said in codes) == 1
+
+
+def test_a_shard_without_any_log_has_no_data(tmp_path):
+    (tmp_path / "data").mkdir()
+    assert rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--shard", "1/2")[0] == 10
+
+
+def test_shards_work_side_by_side_and_keep_a_whole_run_out(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    monkeypatch.setattr("rivid.store.SHARD_PATIENCE", 0.2)
+    with Store(out, "1-of-3"), Store(out, "2-of-3"):
+        with pytest.raises(LockedError), Store(out, "2-of-3"):
+            pass
+        with pytest.raises(LockedError), Store(out):
+            pass
+        with Store(out, "3-of-3"):
+            pass
+    with Store(out):
+        with pytest.raises(LockedError), Store(out, "1-of-3"):
+            pass
+    assert not list((out / ".rivid").glob("lock.*"))
+    with Store(out, "1-of-3"):
+        pass
+
+
+def test_shards_at_the_same_time_lose_nothing(tmp_path):
+    data, out = tmp_path / "data", tmp_path / "out"
+    write_days(data, 70)
+    words = [sys.executable, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--shard"]
+    jobs = [subprocess.Popen([*words, f"{i}/3"], stderr=subprocess.PIPE) for i in (1, 2, 3)]
+    for job in jobs:
+        _, said = job.communicate(timeout=60)
+        assert job.returncode == 0, said
+    assert "0 estimated now, 70 done before" in rivid("run", data, "--out", out, "--no-figures")[1]
+
+
+def test_json_of_a_shard_is_its_summary(tmp_path):
+    import json
+
+    write_days(tmp_path / "data", 3)
+    _, said = rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--shard", "1/1", "--json")
+    assert json.loads(said)["summary"]["computed"] == 3
