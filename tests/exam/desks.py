@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.exam.answering import Logs
+from rivid.errors import ConfigError
 from tests.exam.answers import answer, truth
 
 
@@ -27,3 +28,10 @@ def floored(case, seed, response):
 def refused(logs):
     """Fails where it is asked at all."""
     raise AssertionError(f"asked again in {Path.cwd()}")
+
+
+def barren(case, seed):
+    """A season that cannot be, at one seed."""
+    if seed == 5001:
+        raise ConfigError("operators.level_gain is too strong")
+    return planted(case, seed)

@@ -71,3 +71,11 @@ def test_a_shard_that_cannot_be_is_refused(text, capsys):
     with pytest.raises(SystemExit):
         options([f"--shard={text}"])
     assert "expected I/N" in capsys.readouterr().err
+
+
+def test_a_season_that_cannot_be_simulated_is_told_and_the_others_are_asked(tmp_path):
+    lines = []
+    barren = Desks(desks.barren, desks.answered, desks.floored)
+    assert run(TODO, processes=1, kept=tmp_path, desks=barren, report=lines.append) == 2
+    assert sum("cannot be simulated: operators.level_gain is too strong" in line for line in lines) == 2
+    assert [seed for _, seed in outstanding(TODO, (0, 1), tmp_path)] == [5001, 5001]
