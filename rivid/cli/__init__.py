@@ -25,6 +25,7 @@ COMMANDS = {
     "effects": "What a simulation may lack: the catalogue of effects.",
     "figures": "Redraw figures and report from stored results.",
     "fleet": "Say what is to be said of all reaches together.",
+    "season": "Join the days of a run; the law of delay and discharge.",
 }
 
 

@@ -1,0 +1,117 @@
+"""``rivid season``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from rivid.core.delay_law import DelayLaw
+    from rivid.season import Joined, SeasonDays
+
+
+@click.command("season", short_help="Join the days of a run; the law of delay and discharge.")
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study.")
+@click.option("--reach", metavar="NAME", help="The reach, where OUT is a fleet's.")
+@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
+def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
+    """Join the days of a finished run that asked for `posterior`.
+
+    OUT is the directory that `rivid run` wrote. Nothing is estimated again. Writes season.csv and
+    season.parquet, a row per day as posterior-season; delay_law.csv, delay by class of discharge for a
+    controller, and delay_law.json, the law itself; figures/season.png and figures/delay_law.png. A day knows
+    the days before it only, so that its answer stays when days are added.
+
+    \b
+    Examples:
+      rivid season out
+      rivid season out --both-ways
+      rivid season fleet_out --reach upper
+    """
+    from rivid import record
+    from rivid.errors import NoDataError
+    from rivid.lean import spare_pandas
+    from rivid.season import join, law_of, read_days, write_season
+    from rivid.store import Store
+
+    spare_pandas()
+    out = _of_reach(out, reach)
+    if not record.last(out):  # before the lock, which would make the directory
+        raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
+    with Store(out):
+        run = record.last(out)
+        if not run.get("outputs"):
+            raise NoDataError(f"the last run into {out} did not finish: run it again")
+        days = read_days(out, run)
+        joined, law = join(days, both_ways), law_of(days)
+        write_season(days, joined, law, out)
+        from rivid.figures import law as law_figure
+        from rivid.figures import season as season_figure
+        from rivid.figures import style
+
+        with style.styled():
+            season_figure.draw(days, joined, out / "figures")
+            law_figure.draw(days, law, out / "figures")
+    if not quiet:
+        _print(days, joined, law)
+        click.echo(f"\nseason.csv, delay_law.csv and figures: {out}")
+    return 0
+
+
+def _of_reach(out: Path, reach: str | None) -> Path:
+    """OUT itself, or that of one reach of a fleet."""
+    from rivid import record
+    from rivid.errors import ConfigError
+
+    run = record.last(out)
+    if run:
+        if reach is not None and reach != run["reach"]:
+            raise ConfigError(f"--reach {reach}: {out} is of {run['reach']} alone: leave --reach out")
+        return out
+    names = sorted(path.parent.name for path in out.glob("*/run.json")) if out.is_dir() else []
+    if reach in names:
+        return out / str(reach)
+    if reach is None and not names:
+        return out
+    came = "no --reach" if reach is None else f"--reach {reach}"
+    raise ConfigError(f"{came}: expected one of the reaches in {out}: {', '.join(names) or 'there are none'}")
+
+
+def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
+    import numpy as np
+
+    had, has = np.isfinite(days.delay), np.isfinite(joined.delay)
+    differ = int((had & has & (days.delay != joined.delay)).sum())
+    unseen = int((~joined.observed).sum())
+    way = "each day knows those before" if joined.direction == "forward" else "each day knows all days"
+    rows = [
+        ("days", f"{len(days.dates):,}, {days.dates[0]} to {days.dates[-1]}"),
+        ("", f"{unseen:,} of them say nothing, and are told by the others"),
+        ("answered", f"{int(had.sum()):,} alone, {int(has.sum()):,} joined"),
+        (
+            "changed",
+            f"{differ:,} to another delay; {int((has & ~had).sum()):,} new, {int((had & ~has).sum()):,} gone",
+        ),
+        ("related", f"days have to do with each other with probability {joined.related:.2f}"),
+    ]
+    click.echo(f"{days.reach}: posterior-season, {way}")
+    for name, text in rows if unseen else [rows[0], *rows[2:]]:
+        click.echo(f"  {name:9s} {text}")
+    click.echo()
+    if law.status != "ok":
+        click.echo(f"no law of delay and discharge: {law.message}")
+        return
+    what = "t50" if days.river else "T"
+    click.echo(
+        f"{what} = {law.T0:.0f} s (Q / {law.Q0:.0f})^{-law.b:.2f}, "
+        f"{law.b_low:.2f} to {law.b_high:.2f} ({law.level:.0%}); {law.days:,} days in {law.blocks} blocks\n"
+    )
+    click.echo("  discharge [m3/s]    median     delay [s], by the law       a single day   days")
+    t = law.table
+    for i in range(len(t.n)):
+        click.echo(
+            f"  {t.discharge_low[i]:7.1f} to {t.discharge_high[i]:6.1f}   {t.discharge[i]:6.1f}   "
+            f"{t.delay[i]:6.0f}  {t.low[i]:6.0f} to {t.high[i]:6.0f}   "
+            f"{t.day_low[i]:6.0f} to {t.day_high[i]:6.0f}  {t.n[i]:5d}"
+        )
