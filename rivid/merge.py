@@ -4,20 +4,26 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from rivid import tables
 from rivid.atomic import replacing
-from rivid.rows import CHUNK, Rows
-from rivid.tables import DELAYS, write_tables
+from rivid.rows import Rows, whole_numbers
+from rivid.tables import DELAYS
 
 Write = Callable[[pa.Table], None]
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How a text begins that a spreadsheet takes for a formula."""
 
 
 def write_merged(rows: Rows, out: Path) -> None:
     """Write the :data:`rivid.tables.TABLES`.
+
+    fir.parquet has a column `sd` where an estimator of the run gives the spread of its response;
+    posterior.parquet has no row where none gives probabilities.
 
     Parameters
     ----------
@@ -28,31 +34,52 @@ def write_merged(rows: Rows, out: Path) -> None:
 
     Notes
     -----
-    Up to :data:`rivid.rows.CHUNK` rows the files are those of :func:`rivid.tables.write_tables`; beyond, each
-    chunk is a row group of its own. Either way the rows alone decide the bytes.
+    Each chunk of rows is a row group of delays.parquet; the rows alone decide the bytes.
     """
-    chunks = rows.chunks()
-    if len(rows) <= CHUNK:
-        write_tables(next(chunks), out)
-        return
     with ExitStack() as open_files:
         delays = open_files.enter_context(_parquet(out / "delays.parquet"))
         text = open_files.enter_context(_csv(out / "delays.csv"))
         fir = open_files.enter_context(_parquet(out / "fir.parquet"))
         criterion = open_files.enter_context(_parquet(out / "criterion.parquet"))
         posterior = open_files.enter_context(_parquet(out / "posterior.parquet"))
-        for chunk in chunks:
+        for chunk in rows.chunks():
             short = chunk.select(DELAYS.names)
             delays(short)
-            text(tables._safe_for_spreadsheets(short))
-            lag0 = pa.scalar(0, pa.int64())
-            responses = tables._with_spread(tables._long(chunk, "fir", lag0, "lag", "value"), chunk)
-            if rows.spread and "sd" not in responses.column_names:
-                responses = responses.append_column("sd", pa.nulls(len(responses), pa.float64()))
-            fir(responses)
-            criterion(tables._long(chunk, "curve", chunk["first_candidate"], "delay_samples", "criterion"))
+            text(_safe_for_spreadsheets(short))
+            responses = _long(chunk, "fir", None, "lag", "value")
+            fir(_with_spread(responses, chunk) if rows.spread else responses)
+            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion"))
             sure = chunk.filter(chunk["probability"].is_valid())
-            posterior(tables._long(sure, "curve", sure["first_candidate"], "delay_samples", "probability"))
+            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability"))
+
+
+def _long(rows: pa.Table, column: str, first: str | None, axis: str, value: str) -> pa.Table:
+    """A row per element of a list column: date, reach, estimator, axis, value; the axis begins at `first`."""
+    lists = rows[column].combine_chunks()
+    lengths = pc.fill_null(pc.list_value_length(lists), 0).to_numpy(zero_copy_only=False)
+    of_row = np.repeat(np.arange(len(rows)), lengths)
+    labels = np.arange(len(of_row)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    if first is not None:
+        labels += pc.fill_null(rows[first], 0).to_numpy()[of_row]
+    keys = rows.select(["date", "reach", "estimator"]).take(whole_numbers(of_row))
+    return keys.append_column(axis, whole_numbers(labels)).append_column(value, pc.list_flatten(lists))
+
+
+def _with_spread(responses: pa.Table, rows: pa.Table) -> pa.Table:
+    """The long table of responses, with their standard deviations; empty where a row has none."""
+    lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
+    has = np.repeat(rows["fir_sd"].is_valid().to_numpy(), lengths)
+    place = np.where(has, np.cumsum(has) - 1, -1)
+    given = pc.list_flatten(rows["fir_sd"]).combine_chunks()
+    where = pc.if_else(pc.less(whole_numbers(place), 0), pa.scalar(None, pa.int64()), whole_numbers(place))
+    return responses.append_column("sd", given.take(where))
+
+
+def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
+    """Text that a spreadsheet would run as a formula gets an apostrophe in front."""
+    column = table["message"].to_pylist()
+    safe = ["'" + text if text and text.startswith(FORMULA) else text for text in column]
+    return table.set_column(table.column_names.index("message"), "message", pa.array(safe, pa.string()))
 
 
 @contextmanager
@@ -65,7 +92,7 @@ def _parquet(path: Path) -> Iterator[Write]:
             if not writers:
                 writer = pq.ParquetWriter(scratch, table.schema, compression="zstd", write_page_checksum=True)
                 writers.append(stack.enter_context(writer))
-            if len(table):
+            if len(table):  # a row group without rows would be one more
                 writers[0].write_table(table)
 
         yield write

@@ -42,7 +42,7 @@ def warm(modules: Sequence[str]) -> None:
     from multiprocessing import forkserver
 
     os.environ["RIVID_LEASH"] = "1"  # for its import of the leash
-    forkserver.set_forkserver_preload(list(modules))
+    forkserver.set_forkserver_preload([*modules, "rivid.settled"])
     forkserver.ensure_running()
 
 

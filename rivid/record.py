@@ -9,6 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
+
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.config import Config
@@ -44,7 +47,8 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
     """The part of the record that holds before anything is computed; order and delays are those of [jmap]."""
     settings = config.jmap_settings()
     versions = {"rivid": __version__, "python": platform.python_version()}
-    versions |= {name: version(name) for name in ("numpy", "scipy", "pyarrow", "matplotlib")}
+    versions |= {"numpy": np.__version__, "pyarrow": pa.__version__}
+    versions |= {name: version(name) for name in ("scipy", "matplotlib")}  # not loaded, perhaps
     return {
         "schema_version": SCHEMA_VERSION,
         "reach": config.reach.name,

@@ -62,6 +62,18 @@ class Rows:
         """Whether a row has a spread of its response."""
         return bool(pc.any(self.table["spread"]).as_py())
 
+    def and_new(self, segments: Path) -> tuple["Rows", list[tuple[Path, str]]]:
+        """These rows and those of segments written since, and the damaged of these."""
+        known = {path for path, _ in self.units}
+        paths = [p for p in sorted(segments.glob("*.parquet")) if p.is_file() and p not in known]
+        new, damaged = read_rows(segments, paths)
+        n = pa.scalar(len(self.units), pa.int64())
+        at = new.table.column_names.index("unit")
+        table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
+        few = self.kept is not None and new.kept is not None and len(table) <= CHUNK
+        kept = pa.concat_tables([self.kept, new.kept]) if few else None
+        return Rows(table, self.units + new.units, kept), damaged
+
     def chosen(self, mask: pa.Array) -> "Rows":
         """The rows of a mask."""
         kept = None if self.kept is None else self.kept.filter(mask)

@@ -139,7 +139,7 @@ def run(
                 warm(DRAWING)  # while this process reads and estimates
             _estimate(store, data_dir, config, new, planned, options, progress, engine)
         of = planned.asked if options.shard else planned.windows
-        rows = (store.read() if new else kept).arranged([w.key for w in of], config.run.estimators)
+        rows = (store.read(kept) if new else kept).arranged([w.key for w in of], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, before, store, out)
         if options.shard:
             summary.seconds = time.perf_counter() - began

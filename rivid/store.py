@@ -115,9 +115,12 @@ class Store:
         known = {"data_dir": str(data_dir.resolve()), "files": files}
         write_text(self.root / "files.json", json.dumps(known, sort_keys=True))
 
-    def read(self) -> Rows:
-        """What all sound segments hold; damaged segments are dropped and named."""
-        rows, damaged = read_rows(self.segments)
+    def read(self, before: Rows | None = None) -> Rows:
+        """What all sound segments hold; damaged segments are dropped and named.
+
+        Where `before` is what was read before, only segments written since are.
+        """
+        rows, damaged = read_rows(self.segments) if before is None else before.and_new(self.segments)
         for path, reason in damaged:
             self.damaged.append(f"{path.name}: {reason}")
             path.unlink(missing_ok=True)

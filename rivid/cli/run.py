@@ -1,6 +1,7 @@
 """``rivid run``."""
 
 import datetime as dt
+import gc
 import math
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,7 @@ def command(
         if holds_logs(data_dir):
             warm(DRAWING)  # while this process imports, reads and estimates
 
+    gc.disable()  # what is imported stays: looking through it for rubbish is a tenth of the start
     from rivid.cli.fleet_run import run_all, say_plan
     from rivid.config import load_config, parse
     from rivid.lean import spare_pandas
@@ -88,6 +90,8 @@ def command(
     from rivid.run import run
 
     spare_pandas()
+    gc.freeze()
+    gc.enable()
     if dry_run and as_json:
         raise click.UsageError("--dry-run has no JSON: leave out one of the two")
     options = Options(

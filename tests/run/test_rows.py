@@ -46,7 +46,6 @@ def segment(keys, seed=0):
 @pytest.fixture
 def small_chunks(monkeypatch):
     monkeypatch.setattr(rows, "CHUNK", 16)
-    monkeypatch.setattr(merge, "CHUNK", 16)
 
 
 def scattered(folder, seed=0, days=60):
@@ -138,7 +137,6 @@ def test_runs_in_small_chunks_give_the_same_answers(tmp_path, monkeypatch):
     words = ("run", tmp_path / "data", "--no-figures", "--estimator", "jmap", "--estimator", "ml", "--out")
     assert rivid(*words, tmp_path / "plain")[0] == 0
     monkeypatch.setattr(rows, "CHUNK", 4)
-    monkeypatch.setattr(merge, "CHUNK", 4)
     assert rivid(*words, tmp_path / "small", "--to", "2008-03-13")[0] == 0
     (tmp_path / "data" / "2008-03-10.csv").unlink()
     shutil.copytree(tmp_path / "small", tmp_path / "direct")
