@@ -87,15 +87,20 @@ def _parquet(path: Path) -> Iterator[Write]:
     """A Parquet file that grows by tables; it takes its place when all are written."""
     with replacing(path) as scratch, ExitStack() as stack:
         writers: list[pq.ParquetWriter] = []
+        empty: list[pa.Table] = []
 
         def write(table: pa.Table) -> None:
             if not writers:
                 writer = pq.ParquetWriter(scratch, table.schema, compression="zstd", write_page_checksum=True)
                 writers.append(stack.enter_context(writer))
-            if len(table):  # a row group without rows would be one more
+                empty.append(table.slice(0, 0))
+            if len(table):
                 writers[0].write_table(table)
+                empty.clear()
 
         yield write
+        for table in empty:  # a file without rows has one row group all the same
+            writers[0].write_table(table)
         stack.close()
 
 
