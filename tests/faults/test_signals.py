@@ -1,0 +1,86 @@
+"""SIGINT and SIGTERM in the middle of a run: its code, soon, nobody left, and what was done is kept."""
+
+import signal
+import time
+
+import pytest
+
+from rivid import run as running
+from rivid.config import Config
+from rivid.run import run
+from tests.daily import write_days
+from tests.faults.processes import end, forked, is_locked, moments, start, wait_until
+from tests.faults.test_kills import QUICK, duration, kept, resume
+from tests.run.test_run import bytes_of
+
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("season")
+    write_days(folder / "data", 60)
+    run(folder / "data", folder / "whole", Config(), QUICK)
+    return folder / "data", bytes_of(folder / "whole")
+
+
+def interrupt(season, tmp_path, n, seed):
+    """Signals at random moments from the taking of the lock on; how many came in time."""
+    data, whole = season
+    came = 0
+    for k, share in enumerate(moments(seed, n, 0, duration(data, tmp_path / "timed"))):
+        number = list(CODES)[k % 2]
+        out = tmp_path / str(k)
+        child = start("run", data, "--out", out, "--workers", 2, "--quiet")
+        wait_until(
+            lambda out=out, child=child: is_locked(out / ".rivid" / "lock") or child.poll() is not None
+        )
+        time.sleep(share / 2)
+        running_still = child.poll() is None
+        code, seconds, alive = end(child, number)
+        assert code in ((CODES[number], 0) if running_still else (0,))
+        assert seconds < 2 and not alive
+        came += code != 0
+        assert resume(data, out) == whole
+    return came
+
+
+def test_signals_in_the_middle_of_a_run(season, tmp_path, tried):
+    came = interrupt(season, tmp_path, 3, seed=3)
+    assert came >= 1
+    tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
+
+
+@pytest.mark.long
+def test_many_signals_in_the_middle_of_a_run(season, tmp_path, tried):
+    came = interrupt(season, tmp_path, 60, seed=4)
+    assert came >= 30
+    tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
+
+
+@pytest.mark.parametrize("done", [1, 3, 5])
+def test_what_was_done_before_a_signal_is_kept(season, tmp_path, monkeypatch, tried, done):
+    data, whole = season
+    monkeypatch.setattr(running, "BATCH_DAYS", 10)
+    estimate, left = running.run_batches, done
+
+    def interrupted(batches, segments, engine, said):
+        def count(n):
+            nonlocal left
+            said(n)
+            left -= 1
+            if left == 0:
+                signal.raise_signal(signal.SIGINT)
+
+        estimate(batches, segments, engine, count)
+
+    def action():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        monkeypatch.setattr(running, "run_batches", interrupted)
+        run(data, tmp_path / "out", Config(), QUICK)
+
+    with forked(action) as code:
+        assert code == 1
+    assert len(kept(tmp_path / "out")) >= 10 * done
+    assert resume(data, tmp_path / "out") == whole
+    tried("SIGINT after so many of six batches; then again")
