@@ -105,13 +105,14 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
     what = "t50" if days.river else "T"
     click.echo(
         f"{what} = {law.T0:.0f} s (Q / {law.Q0:.0f})^{-law.b:.2f}, "
-        f"{law.b_low:.2f} to {law.b_high:.2f} ({law.level:.0%}); {law.days:,} days in {law.blocks} blocks\n"
+        f"{law.b_low:.2f} to {law.b_high:.2f} ({law.level:.0%})"
     )
-    click.echo("  discharge [m3/s]    median     delay [s], by the law       a single day   days")
+    click.echo(f"  {law.days:,} days in {law.blocks} blocks; days scatter by {law.scatter:.1%} about it\n")
+    click.echo("  discharge [m3/s]   median    delay [s], by the law      a single day   days")
     t = law.table
     for i in range(len(t.n)):
         click.echo(
-            f"  {t.discharge_low[i]:7.1f} to {t.discharge_high[i]:6.1f}   {t.discharge[i]:6.1f}   "
-            f"{t.delay[i]:6.0f}  {t.low[i]:6.0f} to {t.high[i]:6.0f}   "
+            f"  {t.discharge_low[i]:7.1f} to {t.discharge_high[i]:6.1f}  {t.discharge[i]:6.1f}  "
+            f"{t.delay[i]:6.0f}  {t.low[i]:6.0f} to {t.high[i]:6.0f}  "
             f"{t.day_low[i]:6.0f} to {t.day_high[i]:6.0f}  {t.n[i]:5d}"
         )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rivid.core.delay_law import DelayLaw
 from rivid.figures import FigureFile, style
 from rivid.figures.discharge import flow_axis
-from rivid.figures.words import count
+from rivid.figures.words import count, duration
 from rivid.season import SeasonDays
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ def draw(days: SeasonDays, law: DelayLaw, folder: Path) -> FigureFile:
     shown = np.isfinite(days.travel) & np.isfinite(days.discharge)
     found = law.status == "ok"
     note = (
-        f"T = {law.T0 / 60:.1f} min (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}, {law.b_low:.2f} to {law.b_high:.2f}"
+        f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}, {law.b_low:.2f} to {law.b_high:.2f}"
         if found
         else f"no law: {law.message}"
     )
@@ -60,8 +60,8 @@ def draw(days: SeasonDays, law: DelayLaw, folder: Path) -> FigureFile:
         axes.plot(Q, T, "o", color=style.INK, markersize=size, markeredgewidth=0, alpha=0.75, zorder=2.5)
         handles.append(
             style.dot(
-                "a day, with 5 to 95 % of its probability", marker="o", color=style.INK, markersize=4,
-                ls="-", markeredgewidth=0, lw=0.0,
+                "a day; bar: 5 to 95 % of its probability", marker="o", color=style.INK, markersize=4,
+                markeredgewidth=0,
             )
         )  # fmt: skip
         handles += _law(axes, law, Q, days.sample_time) if found else []

@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 
 from rivid.figures import FigureFile, style
 from rivid.figures.dates import date_axis
-from rivid.figures.delay_map import DARKEST
 from rivid.figures.selection import day_numbers
 from rivid.figures.words import count, day_range
 from rivid.season import Joined, SeasonDays
+
+DARKEST = 0.36
+"""Opacity of a cell whose delay is certain: the band lies over it."""
+
+BAND = 0.16
+"""Opacity of the band."""
 
 WAYS = {"forward": "each day knows those before it", "both": "each day knows all days"}
 
@@ -51,13 +56,15 @@ def draw(days: SeasonDays, joined: Joined, folder: Path) -> FigureFile:
     _cells(axes, days)
     edge = np.array([x[0] - 0.5, *x, x[-1] + 0.5])  # so that a single day is a band too
     axes.fill_between(
-        edge, *(np.r_[v[0], v, v[-1]] for v in (low, high)), color=style.WATER, alpha=0.22, lw=0, zorder=2.5
+        edge, *(np.r_[v[0], v, v[-1]] for v in (low, high)), color=style.WATER, alpha=BAND, lw=0, zorder=2.5
     )
+    for v in (low, high):
+        axes.plot(edge, np.r_[v[0], v, v[-1]], color=style.WATER, lw=0.5, alpha=0.6, zorder=2.6)
     axes.plot(edge, np.r_[middle[0], middle, middle[-1]], color=style.WATER, lw=1.4, zorder=3.2)
     handles: list[Any] = [
-        Patch(color=style.INK, alpha=0.6 * DARKEST, lw=0, label="the day alone, p(d)"),
+        Patch(color=style.INK, alpha=0.7 * DARKEST, lw=0, label="the day alone, p(d)"),
         style.dot("joined, median", ls="-", color=style.WATER, lw=1.4),
-        Patch(color=style.WATER, alpha=0.22, lw=0, label="90 %"),
+        Patch(color=style.WATER, alpha=BAND, lw=0, label="90 %"),
     ]
     other = np.isfinite(days.delay) & np.isfinite(joined.delay) & (days.delay != joined.delay)
     size = float(np.clip(70 / np.sqrt(len(x)), 3.0, 5.5))
