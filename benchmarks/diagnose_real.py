@@ -14,17 +14,17 @@ import numpy as np
 
 from benchmarks.measure import table
 from rivid.config import Config, load_config
-from rivid.diagnose.blocks import split
-from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.days import read_record
-from rivid.diagnose.model.fit import Model, calibrate
-from rivid.diagnose.model.linear import evaluate
-from rivid.diagnose.result import closed_share
-from rivid.diagnose.setting import gauge_floor_of, library_of, response_of
-from rivid.diagnose.study import Study
-from rivid.diagnose.telling.answer import tell
-from rivid.diagnose.workflow import TRIM, look
-from rivid.diagnose.telling.writing import write_diagnosis
+from rivid.diagnosis.blocks import split
+from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.days import read_record
+from rivid.diagnosis.model.fit import Model, calibrate
+from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.result import closed_share
+from rivid.diagnosis.setting import gauge_floor_of, library_of, response_of
+from rivid.diagnosis.study import Study
+from rivid.diagnosis.telling.answer import tell
+from rivid.diagnosis.telling.writing import write_diagnosis
+from rivid.diagnosis.workflow import TRIM, look
 
 ROOT = Path(__file__).parent.parent
 LOGS = ROOT / "sample_data" / "glen_canyon"

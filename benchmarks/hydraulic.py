@@ -19,8 +19,8 @@ from rivid.figures.travel_time import TravelTimes, draw
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
 from rivid.scenario import load_scenario
-from rivid.simulate import observables, simulate
-from rivid.simulate.water import Water
+from rivid.simulation import observables, simulate
+from rivid.simulation.water import Water
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = {"hydraulic_short": "4.5 km", "hydraulic": "8.2 km", "hydraulic_long": "12 km"}

@@ -48,7 +48,7 @@ from rivid.figures.paper.cascade import CascadeReach, of_year, own_bounds, short
 from rivid.figures.paper.estimates import estimate
 from rivid.figures.paper.year import Year, read_year, year_of
 from rivid.scenario import Scenario, load_scenario
-from rivid.simulate import simulate_cascade
+from rivid.simulation import simulate_cascade
 
 PICTURES = {"fig09": "search", "fig12": "day", "fig16": "tdr", "fig18": "histograms", "fig19": "cascade"}
 YEAR = "the sample year's kind"

@@ -16,7 +16,7 @@ from rivid.core.search import direct, indirect
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
 from rivid.reach.response import integrator_delay, theoretical_fir
 from rivid.scenario import Scenario, load_scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = ROOT / "configs" / "scenarios"

@@ -18,7 +18,7 @@ from rivid.core import lanes
 from rivid.core.jmap import jmap
 from rivid.logs.write import write_day
 from rivid.scenario import load_scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 from tests.core.transcription import table_vi
 
 ROOT = Path(__file__).parent.parent

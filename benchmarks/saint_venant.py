@@ -14,7 +14,7 @@ from benchmarks.exam.answering import Logs, answer
 from benchmarks.measure import functions_in_turn, machine, median, table
 from rivid.reach.saint_venant import Channel, Flow, simulate
 from rivid.scenario import load_scenario
-from rivid.simulate import simulate as closed
+from rivid.simulation import simulate as closed
 
 ROOT = Path(__file__).parent.parent
 

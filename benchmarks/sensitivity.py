@@ -21,7 +21,7 @@ from benchmarks.paper_measures import SCENARIOS, World, changed, of_season, shuf
 from rivid.core.jmap import jmap
 from rivid.core.settings import DEFAULT_ALPHA, JmapSettings
 from rivid.scenario import load_scenario
-from rivid.simulate import simulate
+from rivid.simulation import simulate
 
 ROOT = Path(__file__).parent.parent
 Floats = NDArray[np.float64]

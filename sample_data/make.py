@@ -9,9 +9,9 @@ from pathlib import Path
 from rivid.atomic import write_text
 from rivid.logs.write import write_days
 from rivid.scenario import load_scenario
-from rivid.simulate import Season, observables, simulate
-from rivid.simulate.observables import ORDER
-from rivid.simulate.truth import write_truth
+from rivid.simulation import Season, observables, simulate
+from rivid.simulation.observables import ORDER
+from rivid.simulation.truth import write_truth
 
 HERE = Path(__file__).parent
 SCENARIO = HERE.parent / "configs" / "scenarios" / "basse_isere.toml"

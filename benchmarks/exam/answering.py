@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rivid.config import Config, parse
 from rivid.core.hydraulics import propose_delays
-from rivid.diagnose.data import Record, as_record
-from rivid.diagnose.response.base import Response
+from rivid.diagnosis.data import Record, as_record
+from rivid.diagnosis.response.base import Response
 
 Floats = NDArray[np.float64]
 REFUSAL = "does not show"
@@ -67,7 +67,7 @@ def record_of(logs: Logs) -> Record:
 
 def responses(logs: Logs, record: Record) -> tuple[Response, ...]:
     """The candidates that `rivid diagnose` would choose among."""
-    from rivid.diagnose.setting import responses_of
+    from rivid.diagnosis.setting import responses_of
 
     return responses_of(logs.settings, record)
 
@@ -80,8 +80,8 @@ def answer(logs: Logs) -> dict[str, Any]:
     dict
         With `seconds`, and in `refused` what the guard refused; `error` where the diagnosis failed.
     """
-    from rivid.diagnose import workflow
-    from rivid.diagnose.setting import gauge_floor_of, library_of
+    from rivid.diagnosis import workflow
+    from rivid.diagnosis.setting import gauge_floor_of, library_of
 
     began = time.perf_counter()
     refused: list[str] = []

@@ -84,35 +84,35 @@ def as_it_is() -> contextlib.AbstractContextManager[Any]:
 @contextlib.contextmanager
 def regression() -> Iterator[None]:
     """The whole search replaced by least squares of the level's differences."""
-    with patch("rivid.diagnose.workflow.diagnose", named_by_regression):
+    with patch("rivid.diagnosis.workflow.diagnose", named_by_regression):
         yield
 
 
 @contextlib.contextmanager
 def no_guard() -> Iterator[None]:
     """Effects of the level pass unseen."""
-    with patch("rivid.diagnose.workflow.guarded", lambda *_: True):
+    with patch("rivid.diagnosis.workflow.guarded", lambda *_: True):
         yield
 
 
 @contextlib.contextmanager
 def no_gate() -> Iterator[None]:
     """What is left never speaks."""
-    with patch("rivid.diagnose.telling.answer._unknown", lambda *_: None):
+    with patch("rivid.diagnosis.telling.answer._unknown", lambda *_: None):
         yield
 
 
 @contextlib.contextmanager
 def no_trimming() -> Iterator[None]:
     """All days of a river count in the first fit."""
-    with patch.dict("rivid.diagnose.workflow.TRIM", {"pool": 0.0, "river": 0.0}):
+    with patch.dict("rivid.diagnosis.workflow.TRIM", {"pool": 0.0, "river": 0.0}):
         yield
 
 
 @contextlib.contextmanager
 def days_for_blocks() -> Iterator[None]:
     """Days are dealt and flipped one by one."""
-    from rivid.diagnose import blocks
+    from rivid.diagnosis import blocks
 
     def dealt(days: Any, block_days: int | None = None) -> blocks.Split:
         return blocks.split(days, 1)
@@ -121,8 +121,8 @@ def days_for_blocks() -> Iterator[None]:
         return np.arange(len(split.day))
 
     with (
-        patch("rivid.diagnose.workflow.split", dealt),
-        patch("rivid.diagnose.search.propose.flip_blocks", flipped),
+        patch("rivid.diagnosis.workflow.split", dealt),
+        patch("rivid.diagnosis.search.propose.flip_blocks", flipped),
     ):
         yield
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rivid.diagnose.data import Floats, Record
-from rivid.diagnose.result import Diagnosis, NamedEffect, Where
+from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.result import Diagnosis, NamedEffect, Where
 from rivid.effects import CATALOGUE
 
 SURE = 3.3
@@ -38,7 +38,7 @@ def candidates(record: Record) -> dict[str, Floats]:
 def named_by_regression(
     record: Record, response: Any, classes: dict[str, Any], **_: Any
 ) -> tuple[Diagnosis, None]:
-    """Answer like :func:`rivid.diagnose.workflow.diagnose`, from the regression alone."""
+    """Answer like :func:`rivid.diagnosis.workflow.diagnose`, from the regression alone."""
     kept = record.used[:, 1:] & record.used[:, :-1]
     y = np.diff(record.output, axis=1)[kept]
     late = np.roll(record.inflow, DELAY, axis=1)

@@ -13,14 +13,14 @@ import numpy as np
 
 from benchmarks.exam.answering import Logs, record_of, responses
 from benchmarks.exam.cases import Case
-from rivid.diagnose.blocks import split
-from rivid.diagnose.model.fit import Model, calibrate
-from rivid.diagnose.model.linear import evaluate
-from rivid.diagnose.setting import gauge_floor_of
-from rivid.diagnose.workflow import TRIM
+from rivid.diagnosis.blocks import split
+from rivid.diagnosis.model.fit import Model, calibrate
+from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.setting import gauge_floor_of
+from rivid.diagnosis.workflow import TRIM
 from rivid.effects import Effect, worlds_of
 from rivid.scenario import Scenario, load_scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 NOISES = ("wind_setup", "seiche")

@@ -18,7 +18,7 @@ from rivid.core.posterior_blind import posterior_blind
 from rivid.core.posterior_season import season
 from rivid.core.posterior_season_settings import SeasonSettings
 from rivid.scenario import Scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
 from rivid.scenario import Scenario, load_scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 SEASON = 6
@@ -35,7 +35,7 @@ class World:
         Inflow command [m3/s], level [m] and outflow command [m3/s].
     delay : ndarray of int, shape (days,)
         True delay d [samples]: the front of a small wave at the day's mean flow needs `travel` samples, and
-        ``d = ceil(travel) - 1`` (:func:`rivid.simulate.true_delay`): a command of sample k is seen first at
+        ``d = ceil(travel) - 1`` (:func:`rivid.simulation.true_delay`): a command of sample k is seen first at
         sample k + d + 1. But for a travel time of whole samples that is its floor.
     travel : ndarray, shape (days,)
         The travel time of that front, fraction included [samples].

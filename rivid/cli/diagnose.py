@@ -48,12 +48,12 @@ def command(
     from dataclasses import replace
 
     from rivid.config import load_config
-    from rivid.diagnose.days import read_record
-    from rivid.diagnose.model.augmented import read_effects, write_model
-    from rivid.diagnose.setting import gauge_floor_of, library_of, responses_of
-    from rivid.diagnose.telling.table import summary
-    from rivid.diagnose.telling.writing import write_diagnosis
-    from rivid.diagnose.workflow import diagnose
+    from rivid.diagnosis.days import read_record
+    from rivid.diagnosis.model.augmented import read_effects, write_model
+    from rivid.diagnosis.setting import gauge_floor_of, library_of, responses_of
+    from rivid.diagnosis.telling.table import summary
+    from rivid.diagnosis.telling.writing import write_diagnosis
+    from rivid.diagnosis.workflow import diagnose
 
     settings = load_config(config)
     place = out if out is not None else data_dir.resolve().parent / "rivid_out"

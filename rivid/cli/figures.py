@@ -116,7 +116,7 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
     from rivid.figures.paper.cascade import of_year, own_bounds
     from rivid.figures.paper.year import year_of
     from rivid.scenario import load_scenario
-    from rivid.simulate import simulate_cascade
+    from rivid.simulation import simulate_cascade
 
     reaches = []
     for season in simulate_cascade(load_scenario(scenario)):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from rivid.simulate import Season
+    from rivid.simulation import Season
 
 PATH = click.Path(path_type=Path)
 
@@ -33,7 +33,7 @@ def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> 
     """
     from rivid.errors import ConfigError
     from rivid.scenario import load_scenario
-    from rivid.simulate import simulate_cascade
+    from rivid.simulation import simulate_cascade
 
     said = load_scenario(scenario)
     place = out.resolve()
@@ -76,8 +76,8 @@ def _refuse_other_logs(season: "Season", logs: Path) -> None:
 def _write(season: "Season", logs: Path, truth: Path) -> str:
     """Write logs and truth; a few lines about them."""
     from rivid.logs.write import write_days
-    from rivid.simulate import observables
-    from rivid.simulate.truth import write_truth, write_water
+    from rivid.simulation import observables
+    from rivid.simulation.truth import write_truth, write_water
 
     said = season.scenario
     columns = zip(season.inflow, season.outflow, season.level, strict=True)

@@ -13,7 +13,7 @@ from rivid.core.fir import map_fir, ml
 from rivid.errors import ConfigError, RividError
 from rivid.reach.response import theoretical_fir
 from rivid.scenario import Scenario
-from rivid.simulate import simulate
+from rivid.simulation import simulate
 
 
 def rough_firs(n, M=30, seed=0, jump=4.0):

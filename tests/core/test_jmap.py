@@ -7,7 +7,7 @@ from rivid.core.jmap import jmap
 from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, RividError
 from rivid.scenario import Scenario
-from rivid.simulate import simulate
+from rivid.simulation import simulate
 from tests.core import transcription
 from tests.core.transcription import table_v, table_vi, toeplitz_matrix
 

@@ -18,7 +18,7 @@ from benchmarks.exam.cases import (
 )
 from benchmarks.exam.planting import SCENARIOS, configured, scenario_of
 from benchmarks.exam.rows import ROWS
-from rivid.diagnose.blocks import split
+from rivid.diagnosis.blocks import split
 from rivid.effects import CATALOGUE
 from rivid.scenario import load_scenario
 

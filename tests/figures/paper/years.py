@@ -7,7 +7,7 @@ from pathlib import Path
 from rivid.config import Config, ReachConfig, parse
 from rivid.figures.paper.year import Year, year_of
 from rivid.scenario import Scenario, load_scenario
-from rivid.simulate import Season, simulate
+from rivid.simulation import Season, simulate
 
 SCENARIO = Path(__file__).parents[3] / "configs" / "scenarios" / "basse_isere.toml"
 

@@ -1,7 +1,0 @@
-"""The noise of a simulated reach, for those who use it: the model, its fit, and the weights of days."""
-
-from rivid.diagnose.noise.fit import DAY_LIMIT, day_weights, fit_noise
-from rivid.diagnose.noise.model import NoiseModel, Smoothed
-from rivid.diagnose.noise.starts import WALK_LIMIT
-
-__all__ = ["DAY_LIMIT", "WALK_LIMIT", "NoiseModel", "Smoothed", "day_weights", "fit_noise"]

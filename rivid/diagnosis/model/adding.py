@@ -1,0 +1,221 @@
+"""A named effect in the simulator: added, refitted, its events coded again, dropped when it is needless."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.deciding.naming import ABSORBED, Choice
+from rivid.diagnosis.gap import residual_of
+from rivid.diagnosis.model.fit import Model, calibrate
+from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate, limited
+from rivid.diagnosis.noise import day_weights
+from rivid.diagnosis.response.base import vector_of
+from rivid.diagnosis.search.happenings import as_effect, lock, rain, search
+from rivid.diagnosis.search.proposal import Proposal
+from rivid.diagnosis.study import Round
+from rivid.effects import Effect
+
+STEPWISE, MOST_STEPS = ("band",), 40
+"""Parameters in which the output is not smooth, and how many values of one are tried."""
+DAYS_A_KNOT, MOST_KNOTS = 7, 20
+"""Of a size that varies with the date."""
+COARSE = 3
+"""Every how many fitting days a fit begins on."""
+RECODINGS = 2
+"""Times that events are looked for again once they are in."""
+NEEDED = 4.0
+"""What an effect must still gain on the selecting days once others are in [nats]."""
+Report = Callable[[str], None]
+
+
+def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tuple[Model, dict[str, float]]:
+    """The model with a proposal in the simulator, all parameters fitted together again.
+
+    A response that was fitted without a lag, a basin or a late wave has bent to stand for it, and steps from
+    there end where it still does: with these the fit begins at the nominal reach.
+
+    Returns
+    -------
+    Model
+    dict of str to float
+        Standard errors of parameters that are not fitted with the others.
+    """
+    assert proposal.effect is not None
+    if proposal.name == "seiche":  # the noise model has no swing: it is named beside it
+        return model, proposal.spreads
+    if proposal.level_noise:  # the noise carries it; the effect is its name and size
+        windy = replace(model, noise=proposal.evaluation.noise, level_noise=True)
+        return calibrate(windy, fit, steps=2, report=report), proposal.spreads
+    steps = tuple(name for name in proposal.free if name in STEPWISE)
+    free = tuple(name for name in proposal.free if name not in STEPWISE)
+    p = len(model.reach.parameters)
+    shift = proposal.evaluation.shift
+    values = model.values() + shift[p:] if len(shift) > p else model.values()
+    absorbed = proposal.name in ABSORBED
+    start = [f.mean for f in model.reach.parameters] if absorbed else vector_of(model.reach) + shift[:p]
+    moved = replace(model, reach=model.reach.with_parameters(start)).with_values(values)
+    larger = replace(
+        moved, effects=(*moved.effects, proposal.effect), free=(*model.free, free),
+        noise=proposal.evaluation.noise,
+    )  # fmt: skip
+    if absorbed:
+        few = fit.take(np.arange(fit.days)[::COARSE])
+        larger = calibrate(replace(larger, noise=None), few, steps=10, report=report)
+    larger = calibrate(larger, fit, steps=6 if absorbed else 5, report=report)
+    spreads = dict(proposal.spreads)
+    for name in steps:
+        larger, spreads[name] = stepped(larger, name, fit)
+        larger = calibrate(larger, fit, steps=2, report=report)
+    return larger, spreads
+
+
+def stepped(model: Model, name: str, fit: Record) -> tuple[Model, float]:
+    """The last effect with the best value of a parameter that acts in steps, and its standard error.
+
+    Commands are whole numbers of something, and a band between two of them does what the larger one does:
+    the likelihood is flat but for jumps. All values half-way between commands are tried.
+    """
+    assert model.noise is not None
+    effect = model.effects[-1]
+    moves = np.abs(np.diff(fit.outflow, axis=1))
+    step = float(np.quantile(moves[moves > 1e-6], 0.02)) if (moves > 1e-6).any() else 1.0
+    now = float(getattr(effect, name))
+    values = (np.arange(min(int(2.5 * now / step) + 2, MOST_STEPS)) + 0.5) * step
+    noise = model.noise
+    weights = day_weights(noise.whiten(np.where(fit.used, residual_of(fit, model.baseline(fit)), np.nan)))
+
+    def at(value: float) -> Model:
+        return replace(model, effects=(*model.effects[:-1], effect.with_values(**{name: value})))
+
+    costs = []
+    for value in values.tolist():
+        left = np.where(fit.used, residual_of(fit, at(value).baseline(fit)), np.nan)
+        costs.append(0.5 * float((weights[:, None] * noise.whiten(left) ** 2).sum()))
+    cost = np.array(costs)
+    near = values[cost <= cost.min() + 2.0]
+    half = 0.5 * (near.max() - near.min() + step)
+    return at(float(0.5 * (near.max() + near.min()))), half / 1.96
+
+
+def varied(
+    model: Model, linear: Linear, after: Evaluation, fit: Record, report: Report
+) -> tuple[Model, Linear, Evaluation]:
+    """Let the size of the last effect vary with the date, if the selecting days are for it."""
+    effect = model.effects[-1] if model.effects else None
+    key = next((k for k in ("size", "inflow") if effect is not None and hasattr(effect, k)), None)
+    if effect is None or key is None or effect.dates is None or not model.free[-1]:
+        return model, linear, after
+    most = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
+    for knots in (most, most // 2):
+        if knots < 2:
+            break
+        report(f"{effect.name}: a size that varies with the date")
+        sizes = (float(getattr(effect, key)),) * knots
+        larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
+        larger = calibrate(larger, fit, steps=3, report=report)
+        other = larger.linear(linear.record, linear.split)
+        told = evaluate(other)
+        gain = limited((told.likelihood - after.likelihood)[linear.split.select]).sum()
+        if gain > 2.0 * knots:
+            return larger, other, told
+    return model, linear, after
+
+
+def recoded(
+    model: Model,
+    choice: Choice,
+    linear: Linear,
+    after: Evaluation,
+    kernels: dict[str, Floats],
+    fit: Record,
+    report: Report,
+) -> tuple[Model, Choice, Linear, Evaluation]:
+    """Look for the events again with the refitted response and noise, until they no longer change."""
+    effect = model.effects[-1]
+    kind = rain(kernels) if effect.name == "rain_inflow" else lock(kernels)
+    proposal = choice.proposal
+    for _ in range(RECODINGS):
+        report(f"coding the events of {effect.name} again")
+        without = replace(model, effects=model.effects[:-1], free=model.free[:-1])
+        bare = linear.record.output - without.baseline(linear.record)
+        events = search(linear, replace(after, residual=bare + (after.residual - linear.residual)), kind)
+        if not events.events:
+            break
+        effect = as_effect(type(effect), events, linear.record)
+        model = calibrate(replace(model, effects=(*model.effects[:-1], effect)), fit, steps=2, report=report)
+        before = after
+        linear = model.linear(linear.record, linear.split)
+        after = evaluate(linear)
+        proposal = replace(proposal, effect=effect, events=events, columns=events.coded[None])
+        if after.likelihood.sum() < before.likelihood.sum() + len(events.events):
+            break
+    return model, replace(choice, proposal=proposal), linear, after
+
+
+def dropped(
+    model: Model, linear: Linear, after: Evaluation, rounds: Sequence[Round], fit: Record, report: Report
+) -> tuple[Model, Linear, Evaluation, list[Round]]:
+    """Take out what later effects have made needless.
+
+    An effect that was named while another was missing may have stood in for it. Each but the last is left out
+    once, the rest refitted; it goes if the selecting days miss it by less than :data:`NEEDED`.
+    """
+    kept = list(rounds)
+    first = len(model.effects) - sum(_in_the_simulator(r) for r in kept)
+    place = first
+    for r in list(kept)[:-1]:
+        if not _in_the_simulator(r):
+            continue
+        without = replace(
+            model,
+            effects=model.effects[:place] + model.effects[place + 1 :],
+            free=model.free[:place] + model.free[place + 1 :],
+        )
+        without = calibrate(without, fit, steps=2, report=report)
+        other = without.linear(linear.record, linear.split)
+        told = evaluate(other)
+        missed = float((after.likelihood - told.likelihood)[linear.split.select].sum())
+        if missed < NEEDED:
+            report(f"{model.effects[place].name} is no longer needed")
+            model, linear, after = without, other, told
+            kept.remove(r)
+        else:
+            place += 1
+    return model, linear, after, kept
+
+
+def _in_the_simulator(turn: Round) -> bool:
+    """Whether a round added an effect to the simulator; a noise is none."""
+    return (
+        turn.choice is not None
+        and turn.choice.proposal.effect is not None
+        and not (turn.choice.proposal.level_noise)
+    )
+
+
+def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
+    """Whether events are but what a dated release leaves of itself: all in its season."""
+    if proposal.events is None:
+        return False
+    days = np.array([record.dates[e.day].toordinal() for e in proposal.events.events])
+    inside = np.zeros(len(days), bool)
+    share = 0.0
+    for effect in effects:
+        if effect.dates is not None and effect.family == "flow":
+            first, last = (d.toordinal() for d in effect.dates)
+            inside |= (days >= first) & (days <= last)
+            share += float(np.mean([first <= d.toordinal() <= last for d in record.dates]))
+    return bool(share < 0.7 and inside.mean() > 0.8)
+
+
+def patched(rounds: Sequence[Round]) -> bool:
+    """Whether releases at several hours of every day stand in for something else.
+
+    One schedule a dam is a release; a second one at other hours all the season long is a patch on a course
+    that releases cannot follow.
+    """
+    chosen = [r.choice.proposal for r in rounds if r.choice is not None]
+    daily = [p for p in chosen if "release" in p.name and p.window[0] is None and p.window[1] is not None]
+    return len(daily) >= 2

@@ -1,0 +1,283 @@
+"""A pool as Saint-Venant's equations in a smooth channel, with a few numbers to calibrate."""
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.response.base import (
+    Floats,
+    FreeParameter,
+    gauge_of,
+    placed,
+    slopes_by_differences,
+    start_level,
+    without_nudge,
+)
+from rivid.diagnosis.response.free_run import as_far_as_it_goes
+from rivid.errors import RividError
+from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.saint_venant import Channel, Flow, arrival_time, simulate
+
+SHAPE = ("length", "width", "depth", "fall", "manning")
+GATE_LAGS = (1, 2, 3)
+"""Lags of the outflow that may be corrected [samples]: what the last cell and the gate make of a step."""
+ARRIVAL_LAGS = (-1, 0, 1, 2, 3)
+"""Lags of the inflow that may be corrected, about the delay d [samples]: the shape of the first front."""
+CORRECTION_SD, CORRECTION_LIMIT = 0.75, 3.0
+"""Prior and limit of a correction, in T_s / A [m per m3/s]. More would swallow an outflow lag."""
+
+
+@dataclass(frozen=True, eq=False)
+class HydraulicResponse:
+    """A pool as equation (1) with Manning friction, and short linear corrections.
+
+    ``h(t) = level of the channel + sum_l a_l u_Qo[k - l] + sum_l b_l u_Qi[k - l]``
+
+    The corrections are small by their prior: without them what a smooth channel lacks of a real one comes
+    out as a lag of the gate.
+
+    Attributes
+    ----------
+    parameters : tuple of FreeParameter
+        Logarithms of length, width, depth (of the bed under the dam below `level`) and Manning's n; the fall
+        of the bed [m], plain since it may be 0; modes of the width and of the bed; corrections.
+    level : float
+        Usual level at the dam [m].
+    cells : int
+        Cells of the channel.
+    width_modes, bed_modes : int
+        How many modes.
+    outflow_lags, inflow_lags : tuple of int
+        Lags of the corrections [samples].
+    gate_time : float
+        Time that a dam takes from one command to the next [s].
+
+    Notes
+    -----
+    Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"), undone
+    in the result. It lifts all cells alike, while water that is missing lowers a sloping pool more at the dam
+    than upstream: so a lasting flow moves the baseline by its volume over the whole surface, less than it
+    would move an open loop, by some percent within hours. The measurement is compared through the same nudge,
+    and sizes of effects come out right.
+    """
+
+    parameters: tuple[FreeParameter, ...]
+    level: float
+    cells: int = 32
+    width_modes: int = 0
+    bed_modes: int = 0
+    outflow_lags: tuple[int, ...] = ()
+    inflow_lags: tuple[int, ...] = ()
+    gate_time: float = 30.0
+    name: str = field(default="saint-venant", init=False)
+
+    @classmethod
+    def nominal(
+        cls,
+        length: float,
+        width: float,
+        depth: float,
+        level: float,
+        *,
+        sample_time: float,
+        flow: float,
+        slope: float | None = None,
+        manning: float = 0.03,
+        length_sd: float = 0.03,
+        width_sd: float = 0.05,
+        depth_sd: float = 0.15,
+        manning_sd: float = 0.25,
+        width_modes: int = 3,
+        bed_modes: int = 2,
+        corrections: bool = True,
+        cells: int = 32,
+        gate_time: float = 30.0,
+    ) -> "HydraulicResponse":
+        """From what a configuration knows.
+
+        Parameters
+        ----------
+        length, width, depth : float
+            L, mean width, and depth under the dam at the usual level [m].
+        level : float
+            Usual level at the dam [m].
+        sample_time, flow : float
+            T_s [s] and usual discharge [m3/s]: for the size and place of the corrections.
+        slope : float, optional
+            Of the bed [-]; default: a fall of 0.15 depths over the reach.
+        manning : float
+            Manning's n [s/m^(1/3)].
+        length_sd, width_sd, depth_sd, manning_sd : float
+            How well they are known, as shares.
+        width_modes, bed_modes : int
+            Modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed.
+        corrections : bool
+            Whether the first lags of the outflow and those about the inflow's arrival are corrected.
+        cells : int
+            Cells of the channel; with 24, the scheme's own dispersion already asks for corrections.
+        gate_time : float
+            [s].
+
+        Raises
+        ------
+        RividError
+            Where a value is impossible, or the reach has no subcritical flow.
+        """
+        if slope is not None and not 0.0 <= slope * length <= 2.0 * depth:
+            raise RividError(
+                f"slope = {slope:g}: expected 0 to {2.0 * depth / length:.2g}, a fall of two depths over the "
+                "reach; a steeper reach is no pool"
+            )
+        fall = 0.15 * depth if slope is None else slope * length
+        shape = [
+            FreeParameter.positive("length", "m", length, length_sd),
+            FreeParameter.positive("width", "m", width, width_sd),
+            FreeParameter.positive("depth", "m", depth, depth_sd),
+            FreeParameter("fall", "m", fall, fall, 0.2 * depth, 0.0, 2.0 * depth),
+            FreeParameter.positive("manning", "s/m^(1/3)", manning, manning_sd),
+        ]
+        for j in range(1, width_modes + 1):
+            shape.append(FreeParameter(f"width_mode_{j}", "-", 0.0, 0.0, 0.15, -0.5, 0.5))
+        for j in range(1, bed_modes + 1):
+            shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
+        made = cls(
+            tuple(shape), level, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
+            gate_time=gate_time,
+        )  # fmt: skip
+        return made._corrected(sample_time, flow) if corrections else made
+
+    @property
+    def surface_area(self) -> float:
+        """Water surface at the usual level [m2]."""
+        return self.channel.surface_area(self.level)
+
+    @cached_property
+    def channel(self) -> Channel:
+        """The channel of the parameters."""
+        length, width, depth, fall, manning = (p.natural for p in self.parameters[: len(SHAPE)])
+        modes = [p.natural for p in self.parameters[len(SHAPE) : self._shape_count]]
+        bed_modes = modes[self.width_modes :]
+        end_wave = sum(mode * (-1) ** j for j, mode in enumerate(bed_modes, start=1))
+        return Channel.smooth(
+            length, width, fall / length, manning, self.cells, end_bed=self.level - depth - end_wave,
+            width_modes=modes[: self.width_modes], bed_modes=bed_modes,
+        )  # fmt: skip
+
+    def with_parameters(self, vector: ArrayLike) -> "HydraulicResponse":
+        """The same channel with other values; see :class:`rivid.diagnosis.response.base.Response`."""
+        return replace(self, parameters=placed(self.parameters, vector))
+
+    def settled(self, record: Record) -> "HydraulicResponse":
+        """With the corrections of the inflow where its waves arrive now; those that move begin anew."""
+        if not self.inflow_lags:
+            return self
+        lags = self._arrival_lags(record.sample_time, record.usual_flow)
+        return self if lags == self.inflow_lags else self._corrected(record.sample_time, record.usual_flow)
+
+    def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
+        """Level [m] about the observed course, shape (days, n).
+
+        Raises
+        ------
+        RividError
+            Where the channel cannot carry the flows.
+        """
+        gauge = gauge_of(record, changes)
+        flow = self._run(record, changes, gauge, nudged=True)
+        level = without_nudge(record.time, flow.level, flow.nudge)
+        return level + self._correction(record, changes, flow) + gauge
+
+    def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
+        """Level [m] of rows that run free from their first readings, shape (days, n).
+
+        NaN from where a row's water cannot follow the logs: where much is missing, an open loop runs dry.
+        """
+        return as_far_as_it_goes(self._free, record, changes)
+
+    def _free(self, record: Record, changes: Changes) -> Floats:
+        gauge = gauge_of(record, changes)
+        flow = self._run(record, changes, gauge, nudged=False)
+        return flow.level + self._correction(record, changes, flow) + gauge
+
+    def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
+        """Derivatives of the baseline, shape (p, days, n): by runs for the channel, exact for the rest."""
+        shape = self._shape_count
+        columns = np.empty((len(self.parameters), *base.shape))
+        columns[:shape] = slopes_by_differences(self, record, base, changes, range(shape))
+        if len(self.parameters) > shape:
+            gauge = gauge_of(record, changes)
+            # Only the gate's real flow is asked of this run; it is the command where the gate is plain.
+            out = (
+                record.outflow
+                if changes.gate_is_plain
+                else self._run(record, changes, gauge, nudged=True).released
+            )
+            columns[shape:] = self._columns(record, changes, out)
+        return columns
+
+    @property
+    def _shape_count(self) -> int:
+        return len(SHAPE) + self.width_modes + self.bed_modes
+
+    def _run(self, record: Record, changes: Changes, gauge: Floats, nudged: bool) -> Flow:
+        water = record.output - gauge
+        channel = self.channel.with_area_slope(changes.area_slope, changes.area_reference)
+        return simulate(
+            channel, record.time, record.inflow, record.outflow, start_level(water, self.level),
+            changes=changes, gate_time=self.gate_time, observed=water if nudged else None,
+        )  # fmt: skip
+
+    def _correction(self, record: Record, changes: Changes, flow: Flow) -> Floats:
+        values = [p.value for p in self.parameters[self._shape_count :]]
+        if not any(values):
+            return np.zeros_like(record.time)
+        return np.tensordot(values, self._columns(record, changes, flow.released), 1)
+
+    def _columns(self, record: Record, changes: Changes, outflow: Floats) -> Floats:
+        """Lagged flows less their first values, shape (corrections, days, n) [m3/s]."""
+        inflow = record.inflow if changes.inflow is None else changes.inflow
+        return np.stack(
+            [_lagged(outflow, lag) for lag in self.outflow_lags]
+            + [_lagged(inflow, lag) for lag in self.inflow_lags]
+        )
+
+    def _arrival_lags(self, sample_time: float, flow: float) -> tuple[int, ...]:
+        arrival = float(arrival_time(self.channel, [flow], [self.level])[0])
+        delay = math.ceil(arrival / sample_time) - 1
+        return tuple(delay + lag for lag in ARRIVAL_LAGS if delay + lag >= 1)
+
+    def _corrected(self, sample_time: float, flow: float) -> "HydraulicResponse":
+        lags = self._arrival_lags(sample_time, flow)
+        scale = sample_time / self.surface_area
+        old = {p.name: p for p in self.parameters if p.name.startswith("outflow_lag")}
+
+        def correction(name: str) -> FreeParameter:
+            size = _times(scale, CORRECTION_SD, -CORRECTION_LIMIT, CORRECTION_LIMIT)
+            return old.get(name, FreeParameter(name, "m per m3/s", 0.0, 0.0, *size))
+
+        return replace(
+            self,
+            parameters=(
+                *self.parameters[: self._shape_count],
+                *(correction(f"outflow_lag_{lag}") for lag in GATE_LAGS),
+                *(correction(f"inflow_lag_{lag}") for lag in lags),
+            ),
+            outflow_lags=GATE_LAGS,
+            inflow_lags=lags,
+        )
+
+
+def _times(scale: float, sd: float, low: float, high: float) -> tuple[float, float, float]:
+    return sd * scale, low * scale, high * scale
+
+
+def _lagged(flow: Floats, lag: int) -> Floats:
+    """A flow as it was some samples before, less the row's first; that holds before it."""
+    first = flow[:, :1]
+    moved = np.zeros_like(flow)
+    moved[:, lag:] = flow[:, : flow.shape[1] - lag] - first
+    return moved

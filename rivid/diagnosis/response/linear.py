@@ -1,0 +1,219 @@
+"""Pools without a usable geometry: the integrator with a delay, with fronts, or with FIRs on both flows.
+
+All are sums of the flows' volumes and of the flows themselves at lags, so what they give about the observed
+course is what they give at all. Their errors of volume grow without limit; the noise, with its unknown inflow
+and its random walk, takes that.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.response.base import Floats, FreeParameter, placed, slopes_by_differences, start_level
+from rivid.diagnosis.response.real_flows import RealFlows, mean_before, real_flows, volume, volume_before
+from rivid.errors import RividError
+from rivid.reach.changes import NO_CHANGES, Changes
+
+Fronts = Literal["none", "zero", "fir"]
+NAMES: dict[str, str] = {"none": "integrator-delay", "zero": "integrator-delay-zero", "fir": "fir"}
+SLOW = 3600.0
+"""Memory of the slow flow on which coefficients depend [s]."""
+COEFFICIENT_SD, COEFFICIENT_LIMIT = 5.0, 50.0
+"""Prior and limit of an FIR's coefficients, in T_s / A; fronts in a pool of Table I have 5 to 10."""
+DENSE = 6
+"""Samples beyond the delay up to which an FIR has every lag; then each is a seventh longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPool:
+    """A pool whose level is a volume over an area, with or without fronts.
+
+    ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
+
+    with V the volumes that have passed the dams; for ``zero`` one front each, at the delay and at once; for
+    ``fir`` lags whose coefficients grow with the slow flow.
+
+    Attributes
+    ----------
+    parameters : tuple of FreeParameter
+        Logarithms of the area A, the delay tau and the gain G of the inflow over the outflow; the fronts.
+    fronts : {"none", "zero", "fir"}
+    lags : tuple of int
+        Of the FIRs [samples].
+    flow, flow_range : float
+        Usual flow and half its usual range [m3/s]: the slow flow is counted in these.
+
+    Notes
+    -----
+    Source: equation (7); Litrico and Fromion (2004) for the fronts; (16) for the FIRs, on both flows.
+    """
+
+    parameters: tuple[FreeParameter, ...]
+    fronts: Fronts = "none"
+    lags: tuple[int, ...] = ()
+    flow: float = 0.0
+    flow_range: float = 1.0
+
+    @classmethod
+    def nominal(
+        cls,
+        record: Record,
+        fronts: Fronts,
+        *,
+        surface_area: float,
+        delay: float,
+        area_sd: float = 0.2,
+        delay_sd: float = 0.2,
+        gain_sd: float = 0.1,
+    ) -> "LinearPool":
+        """From what a configuration knows.
+
+        Parameters
+        ----------
+        record : Record
+            For T_s, the usual flows and the lead time, which no lag exceeds.
+        fronts : {"none", "zero", "fir"}
+        surface_area, delay : float
+            A [m2] and tau [s].
+        area_sd, delay_sd, gain_sd : float
+            How well they and the gain 1 are known, as shares.
+
+        Raises
+        ------
+        RividError
+            Where a value is impossible.
+        """
+        if fronts not in NAMES:
+            raise RividError(f"fronts = {fronts!r}: expected one of {', '.join(NAMES)}")
+        parameters = [
+            FreeParameter.positive("surface_area", "m2", surface_area, area_sd),
+            FreeParameter.positive("delay", "s", delay, delay_sd),
+            FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd),
+        ]
+        alpha = record.sample_time / surface_area
+        lags: tuple[int, ...] = ()
+        if fronts == "zero":
+            for name, mean in (("inflow_jump", 5.0 * alpha), ("outflow_jump", 9.0 * alpha)):
+                parameters.append(
+                    FreeParameter(name, "m per m3/s", mean, mean, 5.0 * alpha, 0.0, 50.0 * alpha)
+                )
+        elif fronts == "fir":
+            lags = _lags(math.ceil(delay / record.sample_time), record.lead)
+            sd, limit = COEFFICIENT_SD * alpha, COEFFICIENT_LIMIT * alpha
+            for what, share in (("", 1.0), ("_by_flow", 0.5)):
+                for side in ("inflow", "outflow"):
+                    parameters += [
+                        FreeParameter(
+                            f"{side}_lag_{lag}{what}", "m per m3/s", 0.0, 0.0, share * sd, -limit, limit
+                        )
+                        for lag in lags
+                    ]
+        low, high = np.percentile(record.inflow[record.used], [5.0, 95.0])
+        return cls(tuple(parameters), fronts, lags, record.usual_flow, max(0.5 * float(high - low), 1e-9))
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return NAMES[self.fronts]
+
+    @property
+    def surface_area(self) -> float:
+        """A [m2]."""
+        return self.parameters[0].natural
+
+    def with_parameters(self, vector: ArrayLike) -> "LinearPool":
+        """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
+        return replace(self, parameters=placed(self.parameters, vector))
+
+    def settled(self, record: Record) -> "LinearPool":
+        """Itself: nothing of it comes in steps."""
+        return self
+
+    def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
+        """Level [m] from each row's first readings on, shape (days, n)."""
+        flows = real_flows(record, changes)
+        return (
+            self._level(record, flows) + start_level(record.output - flows.gauge, 0.0)[:, None] + flows.gauge
+        )
+
+    def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
+        """The same: the pool is linear."""
+        return self.baseline(record, changes)
+
+    def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
+        """Derivatives of the baseline, shape (p, days, n); exact for the coefficients."""
+        firs = 2 * len(self.lags) * 2
+        first = len(self.parameters) - firs
+        columns = np.empty((len(self.parameters), *base.shape))
+        columns[:first] = slopes_by_differences(self, record, base, changes, range(first))
+        if firs:
+            lagged = self._columns(record, real_flows(record, changes))
+            columns[first:] = lagged - lagged[..., :1]  # rows begin at their first readings
+        return columns
+
+    def _level(self, record: Record, flows: RealFlows) -> Floats:
+        area, delay, gain = (p.natural for p in self.parameters[:3])
+        time = record.time
+        came = gain * volume_before(time, flows.inflow, delay)
+        came -= came[:, :1]
+        for part in flows.added:
+            beside = volume_before(time, part.flow, (1.0 - part.place) * delay)
+            came += beside - beside[:, :1]
+        stored = came - volume(time, flows.outflow)
+        rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
+        level = np.cumsum(rise, axis=1) / area
+        if self.fronts == "zero":
+            up, down = (p.natural for p in self.parameters[3:5])
+            level += up * mean_before(time, came) - down * mean_before(time, volume(time, flows.outflow))
+        elif self.fronts == "fir":
+            values = [p.value for p in self.parameters[3:]]
+            if any(values):
+                level += np.tensordot(values, self._columns(record, flows), 1)
+        return np.asarray(level - level[:, :1])
+
+    def _columns(self, record: Record, flows: RealFlows) -> Floats:
+        """Lagged flows, plain and times the slow flow, shape (4 lags, days, n).
+
+        A flow that enters on the way acts as part of the inflow and, against its sign, of the outflow.
+        """
+        inflow, outflow = flows.inflow, flows.outflow
+        for part in flows.added:
+            inflow = inflow + (1.0 - part.place) * part.flow
+            outflow = outflow - part.place * part.flow
+        delay = self.parameters[1].natural
+        late = mean_before(record.time, volume_before(record.time, inflow, delay))
+        slow = (_leaky(0.5 * (late + outflow), record.sample_time) - self.flow) / self.flow_range
+        plain = np.stack(
+            [_lagged(inflow - self.flow, lag) for lag in self.lags]
+            + [_lagged(outflow - self.flow, lag) for lag in self.lags]
+        )
+        return np.concatenate([plain, plain * slow])
+
+
+def _lags(delay: int, lead: int) -> tuple[int, ...]:
+    """Every lag to a little beyond the delay, then ever fewer, to the lead time."""
+    lags = list(range(1, min(delay + DENSE, lead) + 1))
+    while lags[-1] < lead:
+        lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), lead))
+    return tuple(lags)
+
+
+def _lagged(flow: Floats, lag: int) -> Floats:
+    """A flow as it was some samples before; the first of a row holds before it."""
+    return np.concatenate([np.repeat(flow[:, :1], lag, axis=1), flow[:, :-lag]], axis=1)
+
+
+def _before(values: Floats) -> Floats:
+    """Values of the sample before each."""
+    return np.concatenate([values[:, :1], values[:, :-1]], axis=1)
+
+
+def _leaky(flow: Floats, sample_time: float) -> Floats:
+    """Leaky mean of a flow over :data:`SLOW`, from the row's first value."""
+    keep = math.exp(-sample_time / SLOW)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], flow, axis=1, zi=keep * flow[:, :1])[0])

@@ -1,0 +1,249 @@
+"""What a diagnosis says: frozen, and as the JSON of its contract."""
+
+import datetime as dt
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from rivid.diagnosis.loop.result import ClosedLoop
+
+Verdict = Literal[
+    "no_gap", "explained", "partly_explained", "cannot_tell", "unknown", "did_not_hold", "insufficient_data"
+]
+VERDICTS: dict[str, str] = {
+    "no_gap": "Nothing is missing that these data could show.",
+    "explained": "What was missing is named and added.",
+    "partly_explained": "Part of what was missing is named and added; more is missing.",
+    "cannot_tell": "Something is missing; these data cannot tell which of several it is.",
+    "unknown": "Something is missing, and it is none of the effects known here.",
+    "did_not_hold": "What the fitted days show does not hold on the days kept apart.",
+    "insufficient_data": "These data are too few to say.",
+}
+"""Each verdict in a sentence."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Where:
+    """When something acts; None is always.
+
+    Attributes
+    ----------
+    hours : (float, float) or None
+        Hours of the day.
+    dates : (datetime.date, datetime.date) or None
+        First and last day.
+    regime : str or None
+        In words: on which flows, levels or shifts.
+    """
+
+    hours: tuple[float, float] | None = None
+    dates: tuple[dt.date, dt.date] | None = None
+    regime: str | None = None
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that was named and added.
+
+    Attributes
+    ----------
+    name, family : str
+    p_value : float
+        Family-wise, of the whole library.
+    tied_with : tuple of str
+        Names that these data cannot tell from it.
+    runner_up : str or None
+        The next best name.
+    margin : float or None
+        By how much more of the excess error on the selecting days it removes than the runner-up (share).
+    parameters : tuple of Estimate
+    where : Where
+    breaker : str or None
+        The measurement, or the move of the operators, that would tell it from what it is tied with.
+    table : dict
+        The effect as a table of a scenario.
+    events : int
+        How many events it has; 0 where it has none.
+    """
+
+    name: str
+    family: str
+    p_value: float
+    tied_with: tuple[str, ...]
+    runner_up: str | None
+    margin: float | None
+    parameters: tuple[Estimate, ...]
+    where: Where
+    breaker: str | None
+    table: dict[str, Any]
+    events: int = 0
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """Something that is missing and has no name here.
+
+    Attributes
+    ----------
+    where : Where
+    size_m3s : float
+        Root mean square of the unexplained inflow, above what weather and gauge make [m3/s].
+    drivers : tuple of str
+        What it goes with, in words, the strongest first.
+    period_s : float or None
+        Its period [s] where it has one.
+    """
+
+    where: Where
+    size_m3s: float
+    drivers: tuple[str, ...]
+    period_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """The gap after an effect was added: RMSE at each horizon, and described where it has events."""
+
+    added: str
+    rmse: tuple[float, ...]
+    rmse_described: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Regime:
+    """The gap while the reach is in one state; see :mod:`rivid.diagnosis.telling.regimes`.
+
+    Attributes
+    ----------
+    name : str
+        Canonical, say ``inflow_low``.
+    words : str
+        The state in words, with its numbers.
+    rmse_baseline, rmse_augmented : tuple of float
+        At each horizon, of forecasts that end in this state; NaN where there are none.
+    targets : tuple of int
+        How many forecasts that is at each horizon.
+    """
+
+    name: str
+    words: str
+    rmse_baseline: tuple[float, ...]
+    rmse_augmented: tuple[float, ...]
+    targets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Error of the simulation on days that nothing was fitted to or chosen by.
+
+    Attributes
+    ----------
+    heldout_dates : tuple of datetime.date
+    horizon_h : tuple of float
+        [h].
+    unit : {"m", "m3/s"}
+    rmse_baseline, rmse_augmented : tuple of float
+        Before, and with all effects; events as known beforehand.
+    rmse_floor : tuple of float or None
+        What remains if everything is known but weather and gauge noise, where a truth says so.
+    closed, closed_forecast : float or None
+        Share of the gap that is closed: with events timed on the day itself, and without.
+    steps : tuple of Step
+    by_regime : tuple of Regime
+        The gap by the state of the reach, events as known beforehand.
+    rmse_described : tuple of float or None
+        With all effects, events timed on the day itself; None where there are no events.
+    """
+
+    heldout_dates: tuple[dt.date, ...]
+    horizon_h: tuple[float, ...]
+    unit: str
+    rmse_baseline: tuple[float, ...]
+    rmse_augmented: tuple[float, ...]
+    rmse_floor: tuple[float, ...] | None
+    closed: float | None
+    closed_forecast: float | None
+    steps: tuple[Step, ...]
+    by_regime: tuple[Regime, ...] = ()
+    rmse_described: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer.
+
+    Attributes
+    ----------
+    verdict : str
+        One of :data:`VERDICTS`.
+    reason : str
+        Why, in a sentence with numbers.
+    reach_response : str
+    reach_parameters : tuple of Estimate
+    effects : tuple of NamedEffect
+    unknown : Unknown or None
+    gap : Gap or None
+    noise : dict
+        The noise model, SI units.
+    notes : tuple of str
+        What the reader must know: parameters at limits, days left out, what was held fixed.
+    closed_loop : ClosedLoop or None
+        None for a river reach, which has no operators below.
+    """
+
+    verdict: Verdict
+    reason: str
+    reach_response: str
+    reach_parameters: tuple[Estimate, ...] = ()
+    effects: tuple[NamedEffect, ...] = ()
+    unknown: Unknown | None = None
+    gap: Gap | None = None
+    noise: dict[str, float] | None = None
+    notes: tuple[str, ...] = ()
+    closed_loop: ClosedLoop | None = None
+
+    def to_json(self) -> str:
+        """The text of diagnosis.json; numbers that are not finite become null."""
+        told = asdict(self)
+        if told["closed_loop"] is not None:
+            del told["closed_loop"]["shown"]
+        return json.dumps(_plain(told), indent=1, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, dt.date):
+        return value.isoformat()
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return value
+    number = float(value)
+    if not math.isfinite(number):
+        return None
+    return int(value) if isinstance(value, int) else number
+
+
+def closed_share(base: float, augmented: float, floor: float) -> float | None:
+    """Share of the squared error above the floor that is gone; None where nothing was above it.
+
+    Examples
+    --------
+    >>> closed_share(5.0, 3.0, 3.0), closed_share(3.0, 3.0, 3.0)
+    (1.0, None)
+    """
+    excess = base * base - floor * floor
+    return (base * base - augmented * augmented) / excess if excess > 0 else None

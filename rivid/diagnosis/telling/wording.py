@@ -1,0 +1,239 @@
+"""What a diagnosis says, in sentences: shared by the page and the terminal.
+
+Every sentence carries its numbers, and none says more than the days allow.
+"""
+
+import math
+from collections.abc import Sequence
+
+from rivid.diagnosis.loop.result import ClosedLoop, Operators
+from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Unknown, Where
+from rivid.diagnosis.telling.spelling import (
+    capital,
+    closed_words,
+    error_words,
+    estimate_words,
+    hours_words,
+    name_words,
+    period_words,
+    printable,
+    probability,
+    scale_of,
+    when_words,
+)
+from rivid.figures.words import count, listed
+
+LABELS: dict[str, str] = {
+    "no_gap": "No gap",
+    "explained": "Explained",
+    "partly_explained": "Partly explained",
+    "cannot_tell": "Cannot tell which",
+    "unknown": "Missing, without a name",
+    "did_not_hold": "Did not hold",
+    "insufficient_data": "Too few data",
+}
+"""Each verdict in a word or three."""
+
+MAY_NOT_SAY: dict[str, str] = {
+    "no_gap": "It does not say that nothing is missing: what is too small, too rare or too much like the "
+    "weather to show in these days may be there all the same.",
+    "explained": "It does not prove a cause. Something that is not on the list, but acts as a named effect "
+    "does, would be given its name: look at the place before money is spent.",
+    "partly_explained": "What is named was confirmed on its own; what is left has no name yet, and may "
+    "change the sizes given here once it has one.",
+    "cannot_tell": "Do not act on one of the names alone. The order in which they stand says which fits a "
+    "little better, not which is true; the measurement that is asked for would tell.",
+    "unknown": "The unexplained inflow is what would have to flow in for the simulation to follow the gauge. "
+    "It may be water, or a gauge, a clock or a gate that acts as water would: it shows where and "
+    "when to look, not what is there.",
+    "did_not_hold": "What stood out may have ended, may come back, or may have been chance: these days "
+    "cannot say. More days, or the diagnosis again in some weeks, can.",
+    "insufficient_data": "It says nothing about the reach, neither that something is missing nor that "
+    "nothing is. More days with few gaps will change that.",
+}
+"""What each verdict must not be taken for."""
+
+MAIN_LAST = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
+"""Parameters that say when and where, not how much: the headline does not begin with them."""
+
+
+FORECAST_APART = 0.02
+"""Where the closed shares of forecast and description differ by more, both are told."""
+
+
+def main_parameter(effect: NamedEffect) -> Estimate | None:
+    """The parameter that says how much; None where an effect has none."""
+    sizes = [p for p in effect.parameters if p.name.split("[")[0] not in MAIN_LAST]
+    return next(iter([*sizes, *effect.parameters]), None)
+
+
+def sure_words(effect: NamedEffect) -> str:
+    """How sure a name is, in a sentence."""
+    said = f"Of the whole list of effects, {probability(effect.p_value)}"
+    others = [name_words(name) for name in effect.tied_with]
+    if others:
+        said += f"; these data cannot tell it from {listed(others, 'or')}"
+    if effect.runner_up and effect.runner_up not in effect.tied_with:
+        said += f"; the next best name is {name_words(effect.runner_up)}"
+        if effect.margin is not None and math.isfinite(effect.margin):
+            said += f", which removes {max(effect.margin, 0.0):.0%} less of the excess error"
+    elif not others:
+        said += "; no other name comes near"
+    return said.replace("%", " %") + "."
+
+
+def horizon(gap: Gap) -> int:
+    """The horizon a sentence speaks of: 4 h, or else the middle one."""
+    return gap.horizon_h.index(4.0) if 4.0 in gap.horizon_h else len(gap.horizon_h) // 2
+
+
+def gap_sentences(diagnosis: Diagnosis) -> list[str]:
+    """What the days kept apart say, at the horizon of :func:`horizon`."""
+    gap = diagnosis.gap
+    if gap is None or not gap.horizon_h:
+        return []
+    h = horizon(gap)
+    factor, unit = scale_of(gap)
+    before, after = gap.rmse_baseline[h], gap.rmse_augmented[h]
+    output = "level" if gap.unit == "m" else "discharge"
+    days = count(len(gap.heldout_dates), "day")
+    if not math.isfinite(before):
+        return []
+    said = (
+        f"On the {days} kept apart, {hours_words(gap.horizon_h[h])} ahead, the simulated {output} is off by "
+    )
+    if not diagnosis.effects:
+        said += f"{error_words(before, factor)} {unit} (root mean square)."
+        return [said + _floor_words(gap, h)]
+    said += f"{error_words(before, factor)} {unit} without {_these(diagnosis)} and "
+    said += f"{error_words(after, factor)} {unit} with {'it' if len(diagnosis.effects) == 1 else 'them'}."
+    said += _floor_words(gap, h)
+    return [said, *_closed_sentences(gap)]
+
+
+def _floor_words(gap: Gap, h: int) -> str:
+    if gap.rmse_floor is None or not math.isfinite(gap.rmse_floor[h]):
+        return ""
+    factor, unit = scale_of(gap)
+    return f" Weather and gauge alone would leave {error_words(gap.rmse_floor[h], factor)} {unit}."
+
+
+def _closed_sentences(gap: Gap) -> list[str]:
+    if gap.closed is None or not math.isfinite(gap.closed):
+        return []
+    said = closed_words(gap.closed)
+    forecast = gap.closed_forecast
+    if forecast is not None and abs(forecast - gap.closed) > FORECAST_APART:
+        ahead = closed_words(forecast).replace("of the gap is closed", "is closed")
+        return [f"With events timed on the day itself, {said}; by what is known beforehand, {ahead}."]
+    return [f"{said[0].upper()}{said[1:]}."]
+
+
+def _these(diagnosis: Diagnosis) -> str:
+    return listed([name_words(e.name) for e in diagnosis.effects])
+
+
+def _sized(effect: NamedEffect) -> str:
+    """A name with its size and time."""
+    main = main_parameter(effect)
+    said = name_words(effect.name)
+    if main is not None:
+        said += f", {main.name.replace('_', ' ')} {estimate_words(main)}"
+    if effect.events:
+        said += f", {count(effect.events, 'event')}"
+    return said if effect.where == Where() else f"{said}, {when_words(effect.where)}"
+
+
+def _named(effect: NamedEffect) -> str:
+    """A name with its size alone."""
+    main = main_parameter(effect)
+    return name_words(effect.name) + (f" ({estimate_words(main).partition(' (')[0]})" if main else "")
+
+
+def unknown_words(unknown: Unknown, unit: str = "m³/s") -> str:
+    """What is missing and has no name: size, when, and what it goes with."""
+    parts = [f"about {error_words(unknown.size_m3s)} {unit}", when_words(unknown.where)]
+    if unknown.period_s is not None and math.isfinite(unknown.period_s):
+        parts.append(f"with a period of {period_words(unknown.period_s)}")
+    if unknown.drivers:
+        parts.append(f"going with {listed([printable(d) for d in unknown.drivers])}")
+    return ", ".join(parts)
+
+
+def loop_words(loop: ClosedLoop, named: bool) -> str:
+    """What the days kept apart say with the operators in the loop, in a line; empty where there is none."""
+    before, after = loop.baseline, loop.augmented
+    if before is None or after is None:
+        return ""
+
+    def told(one: float, other: float, factor: float, unit: str) -> str:
+        ends = [error_words(v, factor) for v in ((one, other) if named else (one,))]
+        return f"{' to '.join(ends)} {unit}"
+
+    off = "off by" if not named else "off by, without and with the named effects,"
+    return (
+        f"{count(loop.days, 'day')}: the level is {off} {told(before.level, after.level, 1000.0, 'mm')}, "
+        f"the outflow by {told(before.outflow, after.outflow, 1.0, 'm³/s')}"
+    )
+
+
+def operators_words(o: Operators) -> str:
+    """How the operators act, in sentences."""
+    when = "at once" if o.lag_s == 0.0 else f"{period_words(o.lag_s)} later"
+    said = f"They pass on {100 * o.feedforward:.0f} % of a change of the inflow, {when}"
+    if o.level_gain > 0.0:
+        said += f", and let out {o.level_gain:.0f} m³/s more for each metre of level"
+        said += f" beyond {100 * o.dead_band:.1f} cm" if o.dead_band > 0.0 else ""
+        said += f" about {o.set_point:.2f} m"
+        if o.trim_time_s is not None:
+            said += f", and as much again for each {period_words(o.trim_time_s)} that it lasts"
+    else:
+        said += "; no answer to the level is seen"
+    said += f". They look every {period_words(o.look_s)}"
+    if o.notice is not None:
+        said += f", and when the inflow moves by more than {o.notice:.3g} m³/s"
+    return (
+        f"{said}. This explains {100 * o.r2:.1f} % of the hourly changes of the outflow on days that it was "
+        f"not fitted to, the inflow alone {100 * max(o.r2_inflow, 0.0):.1f} %, and leaves "
+        f"{error_words(o.left)} of {error_words(o.change)} m³/s."
+    )
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The answer in a sentence: what is missing, how much, when."""
+    effects, verdict = diagnosis.effects, diagnosis.verdict
+    if verdict in ("explained", "partly_explained") and effects:
+        more = " More is missing, and has no name yet." if verdict == "partly_explained" else ""
+        return _were_missing(effects) + more
+    if verdict == "cannot_tell" and effects:
+        names = could_be(effects[0])
+        if len(names) == 1:
+            return f"Something is missing. It may be {names[0]}; these data cannot make sure."
+        return f"Something is missing. It is {listed(names, 'or')}, and these data cannot tell which."
+    if verdict == "unknown" and diagnosis.unknown is not None:
+        return (
+            f"Something is missing: {unknown_words(diagnosis.unknown)}. It is none of the effects known here."
+        )
+    if verdict == "did_not_hold" and effects:
+        named = "; ".join(_sized(e) for e in effects)
+        return f"The fitted days show {named}. The days kept apart do not confirm it."
+    return VERDICTS[verdict]
+
+
+def could_be(effect: NamedEffect) -> list[str]:
+    """Names that the data cannot tell apart, the best first."""
+    others = effect.tied_with or ((effect.runner_up,) if effect.runner_up else ())
+    return [name_words(name) for name in (effect.name, *others)]
+
+
+def _were_missing(effects: Sequence[NamedEffect]) -> str:
+    if len(effects) > 1:
+        return f"{_number(len(effects))} effects were missing: {listed([_named(e) for e in effects])}."
+    (effect,) = effects
+    name = capital(name_words(effect.name))
+    rest = _sized(effect).removeprefix(name_words(effect.name)).removeprefix(", ")
+    return f"{name} was missing: {rest}." if rest else f"{name} was missing."
+
+
+def _number(n: int) -> str:
+    return {2: "Two", 3: "Three", 4: "Four"}.get(n, str(n))

@@ -1,0 +1,285 @@
+"""The workflow: calibrate, look for what is missing, name it, add it, look again, and show the gap.
+
+Steps as in docs/diagnose.md. What fits, what selects and what confirms are days apart; the sealed days are
+looked at once, at the end.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rivid.diagnosis.blocks import Split, split
+from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.deciding.guard import guarded
+from rivid.diagnosis.deciding.naming import Choice, choose
+from rivid.diagnosis.deciding.trying import (
+    MOST_TRIALS,
+    Tried,
+    can_be_tried,
+    contradicted,
+    exchanged,
+    in_simulator,
+    rivals,
+    worth_trying,
+)
+from rivid.diagnosis.model.adding import added, dropped, echoes, patched, recoded, varied
+from rivid.diagnosis.model.fit import Model
+from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
+from rivid.diagnosis.response.base import Response
+from rivid.diagnosis.response.choice import Calibrated, as_candidates, calibrated
+from rivid.diagnosis.response.kernel import kernels_of
+from rivid.diagnosis.result import Diagnosis
+from rivid.diagnosis.search.happenings import happenings
+from rivid.diagnosis.search.proposal import Proposal
+from rivid.diagnosis.search.propose import proposals
+from rivid.diagnosis.search.trials import Trial, trials_of
+from rivid.diagnosis.study import Round, Study
+from rivid.diagnosis.telling.answer import no_candidates, tell, too_few, too_still
+from rivid.diagnosis.telling.evidence import Evidence
+from rivid.effects import Effect
+
+MOST_EFFECTS = 4
+NOISES = ("wind_setup", "seiche")
+"""Effects without a course of their own that a model could hold."""
+TRIM = {"pool": 0.0, "river": 0.4}
+"""Share of days left out of the first calibration: nothing else holds a river's gain near one while a
+release is missing; the equations of a pool cannot bend as far."""
+FEWEST_DAYS = 15
+"""One cycle of blocks."""
+Report = Callable[[str], None]
+Responses = Response | Sequence[Response]
+
+
+def diagnose(
+    record: Record,
+    response: Responses,
+    classes: dict[str, type[Effect]],
+    *,
+    gauge_floor: float = 0.0,
+    start: Sequence[Effect] = (),
+    floor: Sequence[float] | None = None,
+    most: int = MOST_EFFECTS,
+    report: Report = lambda _: None,
+) -> tuple[Diagnosis, Evidence | None]:
+    """Find what a simulation of the reach lacks.
+
+    Parameters
+    ----------
+    record : Record
+    response : Response, or a sequence of them
+        Nominal, as the configuration knows the reach; of several, in order of preference, the one is taken
+        that predicts the selecting days.
+    classes : dict
+        Effects that may be named, by name; see :func:`rivid.effects.effect_classes`.
+    gauge_floor : float
+        Lower limit of the gauge noise: the reading's step / sqrt(12) [m or m3/s].
+    start : sequence of Effect
+        Effects that are in the model from the start.
+    floor : sequence of float, optional
+        RMSE at 1, 4 and 24 h of the model that knows the truth, where one is known.
+    most : int
+        Effects at most.
+    report : callable
+        Told what is being done, a line each.
+
+    Returns
+    -------
+    Diagnosis, Evidence or None
+        None where there are too few days to look at anything.
+    """
+    if record.days < FEWEST_DAYS or not split(record.dates).complete:
+        return too_few(record, FEWEST_DAYS), None
+    if not np.ptp(record.inflow, axis=1).any() and not np.ptp(record.outflow, axis=1).any():
+        return too_still(record), None
+    if not classes:
+        return no_candidates(), None
+    study = look(record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report)
+    return tell(study, classes, floor)
+
+
+def look(
+    record: Record,
+    response: Responses,
+    classes: dict[str, type[Effect]],
+    *,
+    gauge_floor: float = 0.0,
+    start: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    report: Report = lambda _: None,
+) -> Study:
+    """All steps but the telling; see :func:`diagnose`."""
+    dealt = split(record.dates)
+    noises = tuple(e for e in start if e.name in NOISES)
+    start = tuple(e for e in start if e.name not in NOISES)
+    windy = any(e.name == "wind_setup" for e in noises)
+    nominal = [
+        Model(
+            one, None, record.usual_output, record.usual_flow, gauge_floor, start, ((),) * len(start), windy
+        )
+        for one in as_candidates(response)
+    ]
+    search, notes = _begun(record, dealt, classes, nominal, tuple(e.name for e in noises), report)
+    chosen = search.start
+    while search.turn(most):
+        pass
+    rounds, last = search.rounds, (search.model, search.linear, search.evaluation)
+    if patched(rounds):
+        notes.append("releases at several hours of every day: no schedule, but a course without a name here")
+        rounds = [replace(rounds[0], choice=None, after=None)]
+        last = (chosen.model, chosen.linear, chosen.evaluation)
+    return Study(
+        record, dealt, chosen.model, last[0], chosen.linear, last[1], chosen.evaluation, last[2],
+        tuple(rounds), search.kernels, tuple(notes), noises, search.contradicted,
+    )  # fmt: skip
+
+
+def _begun(
+    record: Record,
+    dealt: Split,
+    classes: dict[str, type[Effect]],
+    nominal: Sequence[Model],
+    noises: tuple[str, ...],
+    report: Report,
+) -> tuple["_Search", list[str]]:
+    """The search about the first response that is as good as any, once the best effect is in it.
+
+    A response that is behind is not left for one that fits better before it is asked what it would be with
+    one effect: many coefficients fit a late wave or a slow gate as well, and then nothing is missing.
+    """
+    done, refused = calibrated(record, dealt, nominal, TRIM[record.kind], report)
+    notes = [f"a response was passed over: {why}" for why in refused]
+    for one in done:
+        search = _Search(record, dealt, classes, one, noises, report)
+        if one.as_good or one.lives_up(search.promises()):
+            break
+        notes.append(
+            f"{one.model.reach.name} describes the selecting days worse than {done[-1].model.reach.name}, by "
+            f"{one.behind / dealt.select.sum():.0f} nats a day, and no effect makes it as good: check the "
+            "reach's geometry"
+        )
+    return search, notes
+
+
+class _Search:
+    """The model as it grows, and the rounds behind it."""
+
+    def __init__(
+        self,
+        record: Record,
+        dealt: Split,
+        classes: dict[str, type[Effect]],
+        start: Calibrated,
+        noises: tuple[str, ...],
+        report: Report,
+    ) -> None:
+        self.record, self.dealt, self.classes, self.report = record, dealt, classes, report
+        self.fit = record.take(dealt.fit)
+        self.start = start
+        self.ahead: list[Proposal] | None = None
+        """What was found before the first turn."""
+        self.model: Model = start.model
+        self.linear: Linear = start.linear
+        self.evaluation: Evaluation = start.evaluation
+        self.noises = noises
+        self.contradicted: Proposal | None = None
+        self.kernels = kernels_of(start.model.reach, record)
+        self.trials: list[Trial] = trials_of(classes, record)
+        self.rounds: list[Round] = []
+        self.count = 0
+        """Turns that named something, whether or not it was dropped again: they spend the error budget."""
+
+    def turn(self, most: int) -> bool:
+        """One round; whether something was named."""
+        self.report(f"round {len(self.rounds) + 1}: {len(self.trials)} trials, events, noises")
+        found = self._found() if self.ahead is None else self.ahead
+        self.ahead = None
+        chosen = self._chosen(found) if self.count < most else None
+        if chosen is None or chosen[0].proposal.effect is None:
+            self.rounds.append(Round(self.evaluation, tuple(found), None, None))
+            return False
+        self._add(found, *chosen)
+        self.count += 1
+        return True
+
+    def promises(self) -> float:
+        """What the best proposal gains on the selecting days [nats]."""
+        self.ahead = self._found()
+        return max((p.gain_select for p in self.ahead), default=0.0)
+
+    def _found(self) -> list[Proposal]:
+        """All proposals about the model as it is, best first."""
+        model = self.model
+
+        def baseline(more: Sequence[Effect]) -> Floats:
+            return model.baseline(self.record, tuple(more))
+
+        found = proposals(
+            self.linear, self.evaluation, self.trials, baseline, self.kernels, seed=len(self.rounds)
+        )
+        pulses = any(
+            r.choice and r.choice.proposal.events and "down" in r.choice.proposal.name for r in self.rounds
+        )
+        found += happenings(self.linear, self.evaluation, self.classes, self.kernels, self._taken(), pulses)
+        found = [p for p in found if not echoes(p, model.effects, self.record)]
+        return sorted(found, key=lambda p: -p.gain_select)
+
+    def _taken(self) -> tuple[str, ...]:
+        named = (r.choice.proposal.name for r in self.rounds if r.choice is not None)
+        return (*self.noises, *(effect.name for effect in self.model.effects), *named)
+
+    def _chosen(self, found: list[Proposal]) -> tuple[Choice, Tried | None] | None:
+        """What to name: the best once it and its rivals were in the simulator, and the guard agrees."""
+        pool, seen = list(found), dict[int, Tried]()
+        while True:
+            choice = choose(pool, self.linear, self.evaluation, self.count, self._taken())
+            if choice is None:
+                trials = worth_trying(pool, self._taken(), self.count)
+            elif can_be_tried(choice.proposal):
+                trials = [choice.proposal, *rivals(choice.proposal, pool)]
+            else:
+                trials = []
+            trials = [p for p in trials if id(p) not in seen][: MOST_TRIALS - len(seen)]
+            if choice is not None and can_be_tried(choice.proposal) and id(choice.proposal) not in seen:
+                if not trials:  # enough were tried; what was not is not named
+                    pool = [p for p in pool if p.name != choice.proposal.name]
+                    continue
+            if not trials and choice is None:
+                if not self.rounds:
+                    self.contradicted = contradicted(pool, self.linear)
+                return None
+            for p in trials:
+                one = in_simulator(self.model, self.linear, self.evaluation, p, self.fit, self.report)
+                pool, seen[id(one.proposal)] = exchanged(pool, p, one.proposal), one
+            if trials or choice is None:
+                continue
+            if self._guarded(choice.proposal):
+                return choice, seen.get(id(choice.proposal))
+            self.report(f"{choice.proposal.name} does not show where the inflow alone moves the level")
+            pool = [p for p in pool if p.name != choice.proposal.name]
+
+    def _guarded(self, proposal: Proposal) -> bool:
+        model = self.model
+        return guarded(
+            proposal, self.linear, self.evaluation, lambda record, more: model.baseline(record, tuple(more))
+        )
+
+    def _add(self, found: list[Proposal], choice: Choice, tried: Tried | None) -> None:
+        """The chosen effect in the simulator, all refitted, and what became needless taken out."""
+        report, fit, before = self.report, self.fit, self.evaluation
+        report(f"adding {choice.proposal.name}")
+        if tried is not None:
+            model, linear, after = tried.model, tried.linear, tried.after
+        else:
+            model, _ = added(self.model, choice.proposal, fit, report)
+            linear = model.linear(self.record, self.dealt)
+            after = evaluate(linear)
+        model, linear, after = varied(model, linear, after, fit, report)
+        if choice.proposal.events is not None:
+            model, choice, linear, after = recoded(model, choice, linear, after, self.kernels, fit, report)
+        self.rounds.append(Round(before, tuple(found), choice, after))
+        model, linear, after, self.rounds = dropped(model, linear, after, self.rounds, fit, report)
+        self.model, self.linear, self.evaluation = model, linear, after
+
+
+__all__ = ["Round", "Study", "diagnose", "look"]

@@ -1,0 +1,273 @@
+"""A season of a simulated reach: continuous days of commands and levels, and the truth behind them."""
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.effects import Effect, changes_of
+from rivid.effects.base import World
+from rivid.reach.changes import AddedFlow
+from rivid.reach.loop import Floats
+from rivid.reach.operators import OperatorSettings, draw_crew, on_duty, quantise, roster
+from rivid.scenario import LevelScenario, Scenario
+from rivid.simulation.programme import DAY, ar1, daily_flow, programme
+from rivid.simulation.water import Water
+
+Ints = NDArray[np.intp]
+EDGE = 0.1
+"""Within this many samples of an edge the true delay has two right answers."""
+
+
+@dataclass(frozen=True)
+class Season:
+    """Days of logs and their truth, in date order; missing days are left out.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What was simulated.
+    seed : int
+        With what seed.
+    dates : tuple of datetime.date
+        One per row.
+    seconds : ndarray, shape (N,)
+        Sample times after local midnight [s]: k T_s, the last step of the day being shorter.
+    inflow, outflow : ndarray, shape (days, N)
+        Commands u_Qi and u_Qo [m3/s].
+    level : ndarray, shape (days, N)
+        What the gauge gave, h_L [m]; NaN where it gave nothing.
+    true_level : ndarray, shape (days, N)
+        The water itself [m].
+    weather : ndarray, shape (days, N)
+        The inflow that no log holds [m3/s].
+    travel_time : ndarray, shape (days,)
+        True travel time at the day's mean inflow [s].
+    delay : ndarray of int, shape (days,)
+        True delay d [samples]; see :func:`true_delay`.
+    delay_other : ndarray of int, shape (days,)
+        The other right answer where `near_edge`, the same elsewhere.
+    near_edge : ndarray of bool, shape (days,)
+        The travel time is close to a whole number of samples.
+    real_inflow, real_outflow : ndarray, shape (days, N)
+        What the dams really let through [m3/s].
+    unlogged : ndarray, shape (days, N)
+        Sum of all flows beside the dams that are known beforehand, the weather included [m3/s].
+    effects : tuple of Effect
+        What was planted.
+    world : World
+        Where the effects took place, lead time included.
+    place : int
+        Number of the reach in its cascade, from 0.
+    all_outflow : ndarray, shape (n,)
+        Outflow commands of all days, lead time and missing days included [m3/s].
+    """
+
+    scenario: Scenario
+    seed: int
+    dates: tuple[dt.date, ...]
+    seconds: Floats
+    inflow: Floats
+    outflow: Floats
+    level: Floats
+    true_level: Floats
+    weather: Floats
+    travel_time: Floats
+    delay: Ints
+    delay_other: Ints
+    near_edge: NDArray[np.bool_]
+    real_inflow: Floats
+    real_outflow: Floats
+    unlogged: Floats
+    effects: tuple[Effect, ...]
+    world: World
+    place: int
+    all_outflow: Floats
+
+    @property
+    def sample_time(self) -> float:
+        """T_s [s]."""
+        return self.scenario.reach.sample_time
+
+
+def simulate(
+    scenario: Scenario,
+    seed: int | None = None,
+    *,
+    effects: Sequence[Effect] = (),
+    upstream: "Season | None" = None,
+) -> Season:
+    """Simulate a season in closed loop.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Of one reach; see :func:`simulate_cascade` for several.
+    seed : int, optional
+        Instead of the scenario's own. The same seed gives the same season; each part of it (river,
+        programme, people, gauge, weather, missing days, each effect) has a stream of its own.
+    effects : sequence of Effect
+        Beside those of the scenario.
+    upstream : Season, optional
+        The reach above: its outflow commands are this reach's inflow.
+
+    Returns
+    -------
+    Season
+
+    Raises
+    ------
+    ConfigError
+        Where the operators' loop would swing, or the flow is impossible.
+    """
+    seed = scenario.seed if seed is None else seed
+    place = 0 if upstream is None else upstream.place + 1
+    river_rng, load_rng, people_rng, gauge_rng, weather_rng, missing_rng = (
+        np.random.default_rng([seed, stream, *([place] if place else [])]) for stream in range(6)
+    )
+    T_s = scenario.reach.sample_time
+    days = scenario.days + 1  # one day of lead time, so that the first day begins like any other
+    first = scenario.first_day - dt.timedelta(days=1)
+    seconds = np.arange(0.0, DAY, T_s)
+    time = (np.arange(-1, scenario.days)[:, None] * DAY + seconds).ravel()
+    steps = np.diff(time, append=scenario.days * DAY)
+
+    if upstream is None:
+        means = daily_flow(scenario.flow, first, days, river_rng)
+        weekdays = (first.weekday() + np.arange(days)) % 7
+        inflow = programme(scenario.programme, time + DAY, means, weekdays, load_rng)
+    else:
+        inflow = upstream.all_outflow
+    usual = _day_around(inflow, steps, len(seconds))
+
+    w = scenario.weather
+    weather = w.inflow * ar1(len(time), T_s, w.memory, weather_rng)
+    world = World(
+        time=time, inflow=inflow, outflow=None, first_day=scenario.first_day, sample_time=T_s,
+        level=scenario.level.set_point, flow=scenario.flow.mean, seed=(seed, 6, place),
+    )  # fmt: skip
+    planted = (*scenario.planted(), *effects)
+    asked = changes_of(planted, world)
+    water = Water(scenario, asked.area_slope)
+    changes = replace(asked, added=(*asked.added, AddedFlow(w.place, weather)), area_reference=water.level)
+
+    gauge = scenario.level
+    noise = gauge.noise * gauge_rng.standard_normal(len(time)) + asked.gauge
+    settings = OperatorSettings(**scenario.operators.model_dump())
+    aim = gauge.set_point - gauge.drawdown / 100.0 * np.maximum(usual - gauge.drawdown_from, 0.0)
+    aim += _set_points(gauge, steps, seed, place)
+    crew = draw_crew(settings, water.drop(settings.look[1]), people_rng)
+    duty = roster(time, settings, people_rng)
+    people = on_duty(
+        time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=people_rng
+    )
+    flow = water.run(time, inflow, people, usual, changes, float(aim[0]))
+    level = quantise(flow.level + noise, gauge.quantum)
+    level[_silent(gauge, time, steps, gauge_rng)] = np.nan
+
+    kept = np.sort(missing_rng.permutation(scenario.days)[scenario.missing_days :])
+    real = inflow if changes.inflow is None else changes.inflow
+    unlogged = np.sum([np.broadcast_to(part.flow, time.shape) for part in changes.added], axis=0)
+    logged, regulated, read, true_level, slow, real_in, real_out, entered = (
+        values.reshape(days, -1)[kept + 1]
+        for values in (inflow, flow.outflow, level, flow.level, weather, real, flow.released, unlogged)
+    )
+    arrival = water.arrival(
+        np.average(logged, axis=1, weights=steps[: len(seconds)]), true_level.mean(axis=1)
+    )
+    delay, delay_other, near_edge = true_delay(arrival, T_s)
+    return Season(
+        scenario=scenario, seed=seed,
+        dates=tuple(scenario.first_day + dt.timedelta(days=int(k)) for k in kept), seconds=seconds,
+        inflow=logged, outflow=regulated, level=read, true_level=true_level, weather=slow,
+        real_inflow=real_in, real_outflow=real_out, unlogged=entered,
+        travel_time=arrival, delay=delay, delay_other=delay_other, near_edge=near_edge,
+        effects=planted, world=world, place=place, all_outflow=flow.outflow,
+    )  # fmt: skip
+
+
+def simulate_cascade(scenario: Scenario, seed: int | None = None) -> tuple[Season, ...]:
+    """Simulate reaches in a row, the outflow of each feeding the next (Fig. 19).
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a `cascade`; without one, a cascade of one reach.
+    seed : int, optional
+        Instead of the scenario's own.
+
+    Returns
+    -------
+    tuple of Season
+        From the top.
+    """
+    seasons: list[Season] = []
+    for reach in scenario.reaches():
+        seasons.append(simulate(reach, seed, upstream=seasons[-1] if seasons else None))
+    return tuple(seasons)
+
+
+def true_delay(travel_time: Floats, sample_time: float) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """The delay in samples that a travel time is.
+
+    Parameters
+    ----------
+    travel_time : ndarray, shape (days,)
+        Arrival of the first sign of a change of inflow [s].
+    sample_time : float
+        T_s [s].
+
+    Returns
+    -------
+    delay : ndarray of int, shape (days,)
+        ``d = ceil(arrival / T_s) - 1``: the change is seen first at lag d + 1.
+    delay_other : ndarray of int, shape (days,)
+        The delay on the other side of the edge where it is near, else the same.
+    near_edge : ndarray of bool, shape (days,)
+        The arrival is within 0.1 T_s of a sample.
+
+    Examples
+    --------
+    >>> d, other, near = true_delay(np.array([6.5, 6.95, 7.05]), 1.0)
+    >>> d.tolist(), other.tolist(), near.tolist()
+    ([6, 6, 7], [6, 7, 6], [False, True, True])
+    """
+    x = travel_time / sample_time
+    delay = np.ceil(x).astype(np.intp) - 1
+    edge = np.round(x)
+    near = np.abs(x - edge) < EDGE
+    other = np.where(near, 2 * edge - 1 - delay, delay).astype(np.intp)
+    return delay, other, near
+
+
+def _day_around(flow: Floats, steps: Floats, per_day: int) -> Floats:
+    """Mean flow of the 24 hours around each sample: the slow flow that travel time and set-point follow."""
+    half = per_day // 2
+    passed = np.concatenate([[0.0], np.cumsum(flow * steps)])
+    clock = np.concatenate([[0.0], np.cumsum(steps)])
+    k = np.arange(len(flow))
+    low, high = np.maximum(k - half, 0), np.minimum(k - half + per_day, len(flow))
+    return np.asarray((passed[high] - passed[low]) / (clock[high] - clock[low]))
+
+
+def _set_points(gauge: LevelScenario, steps: Floats, seed: int, place: int) -> Floats:
+    """Changes of the level aimed at [m]: now and then another one is asked for."""
+    if gauge.set_points_per_week == 0.0:
+        return np.zeros(len(steps))
+    rng = np.random.default_rng([seed, 7, place])
+    moves = rng.random(len(steps)) < gauge.set_points_per_week * steps / (7 * DAY)
+    asked = gauge.set_point_step * rng.standard_normal(len(steps))
+    latest = np.maximum.accumulate(np.where(moves, np.arange(len(steps)), -1))
+    return np.where(latest >= 0, asked[latest], 0.0)
+
+
+def _silent(gauge: LevelScenario, time: Floats, steps: Floats, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Samples that the gauge does not give."""
+    silent = np.zeros(len(time), bool)
+    starts = np.flatnonzero(rng.random(len(time)) < gauge.gaps_per_day * steps / DAY)
+    lengths = rng.exponential(gauge.gap_length, len(starts))
+    for start, length in zip(starts, lengths, strict=True):
+        silent[start : max(np.searchsorted(time, time[start] + length), start + 1)] = True
+    return silent

@@ -1,0 +1,65 @@
+"""Short seasons of Saint-Venant's water as records, and the response that is their truth."""
+
+import datetime as dt
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from rivid.diagnosis.data import as_record
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.effects import CATALOGUE
+from rivid.scenario import load_scenario
+from rivid.simulation import simulate
+
+PLAIN = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "hydraulic.toml")
+DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level
+GAUGE = 0.0035
+
+
+@cache
+def season(seed, days=6, effects=(), gauge=GAUGE):
+    """A season without weather, read by a gauge with white noise; effects are (name, key, value)."""
+    level = PLAIN.level.model_copy(update={"noise": gauge, "quantum": 0.0})
+    quiet = PLAIN.weather.model_copy(update={"inflow": 0.0})
+    scenario = PLAIN.model_copy(
+        update={
+            "days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1), "level": level,
+            "weather": quiet,
+        }
+    )  # fmt: skip
+    planted = tuple(CATALOGUE[name](**{key: value}) for name, key, value in effects)
+    s = simulate(scenario, seed, effects=planted)
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, delay=7)
+
+
+def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells=32, **others):
+    """The response that made the seasons, or one off it."""
+    return HydraulicResponse.nominal(
+        length, width, depth, PLAIN.level.set_point, sample_time=record.sample_time, flow=record.usual_flow,
+        slope=slope, cells=cells, **others,
+    )  # fmt: skip
+
+
+def few(record, **others):
+    """The same without modes and corrections."""
+    return nominal(record, width_modes=0, bed_modes=0, corrections=False, **others)
+
+
+def one_row(flow, T_s=900.0):
+    """A river's inflow as one long row."""
+    record = river_record(np.random.default_rng(0), days=1, T_s=T_s)
+    row = np.asarray(flow, float)[None]
+    return replace(
+        record, time=T_s * np.arange(row.shape[1])[None], inflow=row, outflow=0.0 * row, output=row,
+        used=np.ones(row.shape, bool),
+    )  # fmt: skip
+
+
+def river_record(rng, days=5, n=96, T_s=900.0, base=250.0, swing=80.0):
+    """Days of a release that changes every hour; the output is still to be made."""
+    hours = base + swing * np.cumsum(rng.standard_normal((days * n // 4,))) / 5.0
+    inflow = np.clip(np.repeat(hours, 4), 60.0, None).reshape(days, n)
+    dates = [dt.date(2024, 5, 1) + dt.timedelta(days=k) for k in range(days)]
+    return as_record(dates, T_s * np.arange(n), inflow, None, inflow, sample_time=T_s, delay=12, kind="river")

@@ -1,0 +1,308 @@
+"""Events against slow searches, planted truth, and days of noise."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.search.events import Event, Kind, best_kind, find_events
+from rivid.diagnosis.search.pursuit import Atoms, extended, pursue, response
+from rivid.diagnosis.search.timetable import sizes, timetable
+from rivid.errors import RividError
+
+T, N, A = 133.0, 400, 2e6
+NOISE = NoiseModel(
+    gauge_sd=0.004, walk_sd=0.0003, inflow_sd=1.5, inflow_memory=21600.0, level_sd=0.0, level_memory=3600.0,
+    sample_time=T, surface_area=A,
+)  # fmt: skip
+RIVER = NoiseModel(
+    gauge_sd=1.0, walk_sd=0.0, inflow_sd=0.0, inflow_memory=3600.0, level_sd=3.0, level_memory=7200.0,
+    sample_time=T, surface_area=None,
+)  # fmt: skip
+HERE = np.arange(N) * T / A
+FAR = np.convolve(np.clip(np.arange(N) - 12.0, 0, None) * T / A, np.full(6, 1 / 6))[:N]
+ARRIVAL = 1.0 - np.exp(-np.clip(np.arange(N) - 10.0, 0, None) / 8.0)
+LOCK = Kind("lock", "pulse", -1, HERE)
+RELEASE = Kind("release", "pulse", 1, FAR)
+RAIN = Kind("rain", "recession", 1, FAR)
+
+
+def planted(seed, days, kind, samples, starts, size, noise=NOISE, n=N):
+    """Noise with events at starts(rng) of each row, and what they are: (day, start, size)."""
+    rng = np.random.default_rng(seed)
+    z, truth = noise.simulate(days, n, rng), []
+    shape = response(kind.kernel, kind.shape, samples, 3 * n)
+    for d in range(days):
+        for k in starts(rng):
+            truth.append((d, int(k), kind.sign * size))
+            lag = np.arange(n) - k
+            z[d] += kind.sign * size * np.where(lag >= 0, shape[np.maximum(lag, 0)], 0.0)
+    return z, truth
+
+
+def starts_of(found):
+    return [(e.day, round(e.start_s / T)) for e in found.events]
+
+
+@pytest.mark.parametrize("shape", ["pulse", "recession"])
+@pytest.mark.parametrize("noise", [NOISE, RIVER])
+def test_an_atom_is_the_whitened_response_of_its_flow(shape, noise):
+    n, kernel = 60, FAR[:40] if noise is NOISE else ARRIVAL[:40]
+    there = np.ones(n, bool)
+    there[:5] = there[22:31] = False
+    like = np.where(there, 0.0, np.nan)[None]
+    atoms = Atoms(kernel, shape, (7.0, 18.0), n, noise.whiten)
+    h = extended(kernel, 2 * n)
+    for samples, (whitened, norm) in zip((7, 18), atoms.whitened(there), strict=True):
+        for start in (-samples + 1, -2, 0, 11, 25, 40):
+            flow = np.zeros(2 * n)  # from `start` on, a sample of flow for each
+            flow[:] = (
+                np.exp(-np.arange(2 * n) / samples) if shape == "recession" else np.arange(2 * n) < samples
+            )
+            slow = [
+                sum(flow[i] * (h[t - start - i] - (h[t - start - i - 1] if t - start - i else 0.0))
+                    for i in range(t - start + 1)) if t >= start else 0.0
+                for t in range(n)
+            ]  # fmt: skip
+            expected = noise.whiten(np.array(slow)[None, None], like)[0, 0]
+            found = whitened[start + atoms.before]
+            assert found == pytest.approx(expected, abs=1e-9 * np.abs(whitened).max())
+            assert norm[start + atoms.before] in (0.0, pytest.approx(np.linalg.norm(expected)))
+
+
+def test_a_response_is_the_sum_of_its_flow_through_the_kernel():
+    flow = np.exp(-np.arange(N) / 30.0)
+    assert response(FAR, "recession", 30.0, N) == pytest.approx(
+        np.convolve(np.diff(FAR, prepend=0.0), flow)[:N]
+    )
+    flow = (np.arange(N) < 30).astype(float)
+    assert response(FAR, "pulse", 30.0, N) == pytest.approx(np.convolve(np.diff(FAR, prepend=0.0), flow)[:N])
+
+
+def test_pursuit_finds_what_a_search_over_all_pairs_finds():
+    n, samples, agree = 70, 8, 0
+    atoms = Atoms(HERE[:n], "pulse", (float(samples),), n, NOISE.whiten)
+    ((W, norm),) = atoms.whitened(np.ones(n, bool))
+    for seed in range(12):
+        z, _ = planted(
+            seed, 1, LOCK, samples, lambda rng: (rng.integers(8, 28), rng.integers(38, 56)), 60.0, n=n
+        )
+        r = NOISE.whiten(z[None], z)[0, 0]
+        new, _, gain = pursue(
+            W, norm, r, first=0, sign=-1, apart=samples, price=12.0, most=2, weight=1.0, carried=[]
+        )  # fmt: skip
+        best = (0.0, ())
+        for pair in combinations(np.flatnonzero(norm), 2):
+            if pair[1] - pair[0] >= samples:
+                X = W[list(pair)]
+                size, *_ = np.linalg.lstsq(X.T, r, rcond=None)
+                worth = 0.5 * (r @ r - np.sum((r - size @ X) ** 2))
+                if (size < 0).all() and worth > best[0]:
+                    best = (worth, pair, size)
+        assert gain <= best[0] - 24.0 + 1e-6
+        if sorted(f.start for f in new) == list(best[1]):
+            agree += 1
+            assert gain == pytest.approx(best[0] - 24.0)
+            assert sorted(f.size for f in new) == pytest.approx(sorted(best[2]))
+            X = W[[f.start for f in new]]
+            assert [f.size_se for f in new] == pytest.approx(np.sqrt(np.diag(np.linalg.inv(X @ X.T))))
+    assert agree >= 11
+
+
+@pytest.mark.parametrize("kind", [LOCK, RELEASE, RAIN], ids=lambda kind: kind.name)
+def test_days_of_noise_have_no_events(kind):
+    days = 100
+    found = find_events(NOISE.simulate(days, N, np.random.default_rng(1)), NOISE.whiten, kind, T)
+    assert len({e.day for e in found.events}) < 0.05 * days
+    assert found.gain >= 0.0 and (found.coded == 0.0).all() == (not found.events)
+
+
+@pytest.mark.parametrize(
+    "kind, samples, size, duration, starts",
+    [
+        (
+            LOCK,
+            14,
+            60.0,
+            1800.0,
+            lambda rng: rng.permutation(np.arange(30, 350, 45))[:2] + rng.integers(-8, 9),
+        ),
+        (RELEASE, 54, 45.0, 7200.0, lambda rng: rng.integers(20, 280, 1)),
+        (RAIN, 9 * 3600 / T, 60.0, 32400.0, lambda rng: rng.integers(15, 200, 1)),
+    ],
+    ids=["lock", "release", "rain"],
+)
+def test_planted_events_come_back_in_time_and_size(kind, samples, size, duration, starts):
+    near, deviation, many = [], [], 0
+    for seed in range(5):
+        z, truth = planted(seed, 12, kind, samples, starts, size)
+        found = find_events(z, NOISE.whiten, kind, T)
+        assert found.duration_s == duration
+        assert found.gain == max(found.gains)
+        assert found.remaining == pytest.approx(z - found.coded)
+        many += len(found.events) - len(truth)
+        for d, k, a in truth:
+            e = min((e for e in found.events if e.day == d), key=lambda e: abs(e.start_s / T - k))
+            near.append(abs(round(e.start_s / T) - k) <= 1)
+            deviation.append((e.size - a) / e.size_se)
+    assert many == 0
+    assert np.mean(near) >= 0.9
+    inside = np.mean(np.abs(deviation) <= 2.0)
+    assert inside >= 0.954 - 3 * np.sqrt(0.046 * 0.954 / len(deviation))
+    assert abs(np.mean(deviation)) < 4 / np.sqrt(len(deviation))
+
+
+def test_events_close_to_each_other_are_told_apart_and_share_no_sample():
+    z, truth = planted(3, 6, LOCK, 14, lambda rng: (100, 121, 142), 60.0)
+    found = find_events(z, NOISE.whiten, LOCK, T)
+    assert found.duration_s == 1800.0 and len(found.events) == 18
+    for d in range(6):
+        starts = [k for day, k in starts_of(found) if day == d]
+        assert (np.diff(starts) >= 14).all()
+        assert starts == pytest.approx([100, 121, 142], abs=1)
+
+
+def test_missing_samples_cost_precision_and_nothing_else():
+    z, truth = planted(4, 10, LOCK, 27, lambda rng: rng.integers(60, 300, 1), 60.0)
+    z[:, :20] = np.nan
+    for d in range(10):
+        z[d, 40 + 30 * d : 52 + 30 * d] = np.nan
+    z[9] = np.nan
+    found = find_events(z, NOISE.whiten, LOCK, T)
+    told = {day: e for day, e in zip((e.day for e in found.events), found.events, strict=True)}
+    assert len(found.events) == 9 and sorted(told) == list(range(9))
+    for d, k, a in truth[:9]:
+        assert abs(told[d].start_s / T - k) <= 12  # within the gap, if it begins there
+        assert abs(told[d].size - a) < 4 * told[d].size_se
+    assert (found.coded[9] == 0.0).all()
+    assert np.isnan(found.remaining[9]).all()
+
+
+def test_the_first_sample_of_the_day_is_at_midnight():
+    z, _ = planted(5, 3, LOCK, 27, lambda rng: (200,), 80.0)
+    found = find_events(z, NOISE.whiten, LOCK, T, lead=43)
+    assert [e.start_s for e in found.events] == pytest.approx([(200 - 43) * T] * 3, abs=1.01 * T)
+
+
+def rows_of(z, lead):
+    """A long series as rows, each with the end of the day before as lead that does not count."""
+    row = N - lead
+    days = (len(z) - lead) // row
+    rows = np.stack([z[d * row : d * row + N] for d in range(days)])
+    rows = rows - rows[:, lead : lead + 1]
+    rows[:, :lead] = np.nan
+    return rows
+
+
+def test_rain_over_midnight_is_one_event_and_leaves_nothing_behind():
+    lead, samples = 40, 9 * 3600 / T
+    once, deviation = 0, []
+    for seed in range(8):
+        z = NOISE.simulate(1, 1500, np.random.default_rng(seed))[0]
+        z[300:] += 60.0 * response(FAR, "recession", samples, 1200)
+        rows = rows_of(z, lead)
+        found = find_events(rows, NOISE.whiten, RAIN, T, lead=lead, follows=np.arange(len(rows)) > 0)
+        once += len(found.events) == 1 and abs(starts_of(found)[0][1] - (300 - lead)) <= 2
+        deviation.append((found.events[0].size - 60.0) / found.events[0].size_se)
+        white = NOISE.whiten(found.remaining[None], rows)[0]
+        assert np.mean(white[np.isfinite(rows)] ** 2) == pytest.approx(1.0, abs=0.15)
+        alone = find_events(rows, NOISE.whiten, RAIN, T, lead=lead)
+        assert len(alone.events) >= 2  # each day has its own, were they not told of each other
+    assert once >= 7
+    assert np.sqrt(np.mean(np.square(deviation))) < 1.8
+
+
+def test_rain_that_began_before_the_first_row_is_under_way():
+    z = NOISE.simulate(4, N, np.random.default_rng(6))
+    shape = response(FAR, "recession", 6 * 3600 / T, 2 * N)
+    z += 80.0 * (shape[60 : 60 + N] - shape[60])
+    found = find_events(z, NOISE.whiten, RAIN, T)
+    assert len(found.events) == 4
+    assert all(e.under_way and e.start_s < 0 for e in found.events)
+
+
+def test_rain_is_not_a_release_and_down_is_not_up():
+    up_here, down_far = Kind("in", "pulse", 1, HERE), Kind("loss", "pulse", -1, FAR)
+    for seed in range(3):
+        z, _ = planted(seed, 12, RAIN, 6 * 3600 / T, lambda rng: rng.integers(30, 200, 1), 50.0)
+        told = best_kind(z, NOISE.whiten, [RELEASE, RAIN, down_far], T)
+        assert told.found[0].kind is RAIN
+        assert told.margin == told.found[0].gain - told.found[1].gain > 20.0
+        z, _ = planted(seed, 12, LOCK, 14, lambda rng: rng.integers(30, 360, 1), 40.0)
+        told = best_kind(z, NOISE.whiten, [up_here, LOCK, RAIN], T)
+        assert told.found[0].kind is LOCK and told.margin > 20.0
+
+
+def test_a_river_has_events_in_its_discharge():
+    kind = Kind("release", "pulse", 1, ARRIVAL)
+    z, truth = planted(8, 10, kind, 54, lambda rng: rng.integers(20, 300, 1), 20.0, noise=RIVER)
+    found = find_events(z, RIVER.whiten, kind, T)
+    assert found.duration_s == 7200.0
+    near = [abs(a[1] - b[1]) <= 1 for a, b in zip(starts_of(found), truth, strict=True)]
+    assert np.mean(near) >= 0.9
+    assert [e.size for e in found.events] == pytest.approx([20.0] * 10, abs=4.0)
+
+
+def test_a_day_without_weight_has_no_events():
+    z, _ = planted(9, 4, LOCK, 14, lambda rng: (100,), 80.0)
+    found = find_events(z, NOISE.whiten, LOCK, T, weights=[1.0, 0.0, 1.0, 1.0])
+    assert [e.day for e in found.events] == [0, 2, 3]
+
+
+def events_at(hours, days, size=20.0, se=1.0):
+    return [Event(d, h * 3600.0, 1800.0, size, se, 30.0, False) for d, h in zip(days, hours, strict=True)]
+
+
+def test_starts_at_fixed_hours_are_a_timetable():
+    rng = np.random.default_rng(0)
+    days = np.repeat(np.arange(20), 2)
+    hours = (np.tile([7.9, 23.95], 20) + rng.normal(0.0, 0.1, 40)) % 24.0
+    told = timetable(events_at(hours, days))
+    assert told.p_value == 0.001
+    assert sorted(told.hours) == pytest.approx([7.9, 23.95], abs=0.1)
+    assert told.share == 1.0
+    assert told.counts.sum() == 40 and told.counts[7] + told.counts[8] == 20
+
+
+def test_starts_at_random_are_a_timetable_no_more_often_than_p_says():
+    seasons, level = 400, 0.05
+    p = []
+    for seed in range(seasons):
+        hours = np.random.default_rng(seed).uniform(0.0, 24.0, 25)
+        p.append(timetable(events_at(hours, np.arange(25)), draws=199, seed=seed).p_value)
+    # Few pairs, so ties: p errs on the safe side.
+    assert np.mean(np.array(p) <= level) <= level + 3 * np.sqrt(level * (1 - level) / seasons)
+    assert np.mean(np.array(p) <= 0.5) > 0.35
+
+
+def test_events_of_one_day_or_under_way_make_no_timetable():
+    one_day = events_at([7.0, 7.1, 7.2], [0, 0, 0])
+    assert timetable(one_day).p_value == 1.0
+    late = [Event(d, -3600.0, 1800.0, 20.0, 1.0, 30.0, True) for d in range(9)]
+    assert timetable(late).p_value == 1.0 and timetable([]).hours == ()
+
+
+def test_sizes_are_as_different_as_they_are_beyond_their_errors():
+    rng = np.random.default_rng(1)
+    alike = [events_at([8.0], [d], 20.0 + 4.0 * rng.standard_normal(), 4.0)[0] for d in range(400)]
+    told = sizes(alike)
+    assert told.raw_variation == pytest.approx(0.2, abs=0.03) and told.variation < 0.08
+    mixed = [events_at([8.0], [d], 20.0 + 10.0 * rng.standard_normal(), 1.0)[0] for d in range(400)]
+    assert sizes(mixed).variation == pytest.approx(0.5, abs=0.06)
+    assert np.isnan(sizes(alike[:1]).variation)
+
+
+def test_what_cannot_be_an_event_is_refused():
+    with pytest.raises(RividError, match="sign of x is 2: expected -1 or 1"):
+        Kind("x", "pulse", 2, HERE)
+    with pytest.raises(RividError, match="expected two or more finite numbers"):
+        Kind("x", "pulse", 1, np.zeros(9))
+    with pytest.raises(RividError, match="expected durations over 0 s"):
+        Kind("x", "pulse", 1, HERE, (0.0,))
+    with pytest.raises(RividError, match="n > lead"):
+        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, lead=9)
+    with pytest.raises(RividError, match="follows and weights"):
+        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, weights=[1.0])
+    with pytest.raises(RividError, match="no kinds of events"):
+        best_kind(np.zeros((2, 9)), NOISE.whiten, [], T)

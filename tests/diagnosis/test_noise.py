@@ -1,0 +1,328 @@
+"""The noise filter against dense covariance matrices, and its fit against known noise."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.stats import multivariate_normal
+
+from rivid.diagnosis.noise import WALK_LIMIT, NoiseModel, day_weights, fit_noise
+from rivid.errors import RividError
+
+N = 40
+POOL = NoiseModel(4e-3, 1e-3, 12.0, 2400.0, 0.0, 1e4, 133.0, 6.7e5)
+MODELS = {
+    "pool": POOL,
+    "windy pool": dataclasses.replace(POOL, level_sd=0.02, level_memory=1500.0),
+    "pool without walk": dataclasses.replace(POOL, walk_sd=0.0, inflow_memory=1e6),
+    "river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None),
+}
+GAPS = {
+    "none": [],
+    "inside": [5, 6, 7, 20, 33],
+    "at the start": [0, 1, 2, 11],
+    "at the end": [36, 37, 38, 39],
+    "most": [k for k in range(N) if k not in (3, 4, 9, 30)],
+}
+every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+every_gap = pytest.mark.parametrize("gap", GAPS.values(), ids=GAPS)
+
+
+def day_of(model, gap, seed=0):
+    z = model.simulate(1, N, np.random.default_rng(seed))[0] + (0.7 if model.surface_area else 0.0)
+    z[gap] = np.nan
+    return z
+
+
+def dense(model):
+    """Covariance of (x - x_0, w, s, e) over a day, shape (4 N, 4 N)."""
+    T = model.sample_time
+    memory = lambda sd, t: sd**2 * toeplitz(np.exp(-T * np.arange(N) / t))  # noqa: E731
+    w = memory(model.inflow_sd, model.inflow_memory)
+    before = np.tril(np.ones((N, N)), -1)
+    to_x = before * (T / model.surface_area if model.surface_area else 0.0)
+    zero = np.zeros((N, N))
+    return np.block(
+        [
+            [to_x @ w @ to_x.T + model.walk_sd**2 * before @ before.T, to_x @ w, zero, zero],
+            [w @ to_x.T, w, zero, zero],
+            [zero, zero, memory(model.level_sd, model.level_memory), zero],
+            [zero, zero, zero, model.gauge_sd**2 * np.eye(N)],
+        ]
+    )
+
+
+READ = np.hstack([np.eye(N), np.zeros((N, N)), np.eye(N), np.eye(N)])  # z - x_0 of the hidden parts
+
+
+def reading(model, z, until=N):
+    """Data free of x_0, as a matrix on the hidden parts: differences from the first sample there is."""
+    there = [k for k in np.flatnonzero(~np.isnan(z)) if k < until]
+    if model.surface_area is None:
+        return READ[there], z[there], there, 0.0, np.zeros(4 * N)
+    first = there[0]
+    return READ[there[1:]] - READ[first], z[there[1:]] - z[first], there[1:], z[first], READ[first]
+
+
+@every_model
+@every_gap
+def test_log_likelihood_is_that_of_the_multivariate_normal(model, gap):
+    z = day_of(model, gap)
+    B, data, _, _, _ = reading(model, z)
+    expected = multivariate_normal(np.zeros(len(data)), B @ dense(model) @ B.T).logpdf(data)
+    assert model.log_likelihood(z[None])[0] == pytest.approx(expected, abs=1e-7)
+
+
+@every_model
+@every_gap
+def test_whitening_is_the_cholesky_factor_of_the_covariance(model, gap):
+    z = day_of(model, gap, seed=1)
+    B, data, place, _, _ = reading(model, z)
+    expected = np.zeros(N)
+    expected[place] = np.linalg.solve(np.linalg.cholesky(B @ dense(model) @ B.T), data)
+    assert np.allclose(model.whiten(z[None])[0], expected, atol=1e-8)
+
+
+@every_model
+@every_gap
+def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
+    z = day_of(model, gap, seed=2)
+    B, data, _, start, from_first = reading(model, z)
+    S = dense(model)
+    gain = S @ B.T @ np.linalg.inv(B @ S @ B.T)
+    mean, cov = gain @ data, S - gain @ B @ S
+    got = model.smooth(z[None])
+    x, w, s, _ = mean.reshape(4, N)
+    sd = np.sqrt(np.diag(cov)).reshape(4, N)
+    if model.surface_area is None:
+        assert np.allclose(got.inflow[0], s, atol=1e-8) and np.allclose(got.inflow_sd[0], sd[2])
+        assert got.level is got.inflow
+        return
+    x_0 = start - from_first @ mean
+    assert np.allclose(got.inflow[0], w, atol=1e-7) and np.allclose(got.inflow_sd[0], sd[1], rtol=1e-6)
+    assert np.allclose(got.wind[0], s, atol=1e-9)
+    assert np.allclose(got.level[0], x_0 + x, atol=1e-9)
+
+
+@every_model
+@every_gap
+@pytest.mark.parametrize("horizon", [1, 9])
+def test_a_forecast_is_conditioning_on_what_is_known_at_its_origin(model, gap, horizon):
+    z = day_of(model, gap, seed=3)
+    got = model.forecast_errors(z[None], horizon, every=5, first=6)[0]
+    origins = range(6, N - horizon, 5)
+    assert len(got) == len(origins)
+    S = dense(model)
+    for error, origin in zip(got, origins, strict=True):
+        if np.isnan(z[origin + horizon]):
+            assert np.isnan(error)
+            continue
+        B, data, _, start, from_first = reading(model, z, origin + 1)
+        mean = S @ B.T @ np.linalg.solve(B @ S @ B.T, data) if len(data) else np.zeros(4 * N)
+        ahead = READ[origin + horizon].copy()
+        ahead[3 * N :] = 0.0  # the gauge noise to come
+        assert error == pytest.approx(z[origin + horizon] - (start + (ahead - from_first) @ mean), abs=1e-8)
+
+
+@every_model
+def test_whitening_is_linear_and_takes_its_gaps_from_the_residual(model):
+    rng = np.random.default_rng(4)
+    z = model.simulate(6, N, rng)
+    z[rng.random(z.shape) < 0.2] = np.nan
+    a, b = rng.normal(size=(2, 3, 6, N))
+    both = model.whiten(np.stack([a, b, 2.0 * a - b]), like=z)
+    assert both.shape == (3, 3, 6, N)
+    assert np.allclose(both[2], 2.0 * both[0] - both[1], atol=1e-9)
+    assert (both[0][:, np.isnan(z)] == 0.0).all()
+
+
+@every_model
+def test_the_innovations_of_its_own_noise_are_white_with_variance_one(model):
+    r = model.whiten(model.simulate(400, 100, np.random.default_rng(5)))[:, 1:]
+    error = 1.0 / np.sqrt(r.size)
+    assert abs(r.var() - 1.0) < 4.0 * np.sqrt(2.0) * error
+    assert all(abs((r[:, lag:] * r[:, :-lag]).mean()) < 4.5 * error for lag in (1, 2, 5, 20))
+
+
+@pytest.mark.parametrize("alike", [True, False])
+@every_model
+def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
+    """With a few patterns of gaps, and with one of its own for each day."""
+    rng = np.random.default_rng(7)
+    z = model.simulate(11, N, rng)
+    z[:4, :5] = np.nan
+    if not alike:
+        z[rng.random(z.shape) < 0.3] = np.nan
+    z[10] = np.nan
+    columns = rng.normal(size=(3, 11, N))
+    together, likely = model.whiten(columns, like=z), model.log_likelihood(z)
+    for day in range(11):
+        assert likely[day] == model.log_likelihood(z[day : day + 1])[0]
+        for column, white in zip(columns, together, strict=True):
+            assert (model.whiten(column[day : day + 1], like=z[day : day + 1])[0] == white[day]).all()
+
+
+def test_many_models_at_once_are_as_likely_as_each_alone():
+    from rivid.diagnosis.noise.kalman import gather, lanes
+    from rivid.diagnosis.noise.kalman_days import log_likelihoods
+    from rivid.diagnosis.noise.starts import limits_of
+
+    z = POOL.simulate(9, N, np.random.default_rng(8))
+    z[3:5, 10:20] = np.nan
+    days = gather(z)
+    limits = limits_of(days, 133.0, 6.7e5, True, 1e-3, None, None)
+    points = np.random.default_rng(9).uniform(np.log(limits.low), np.log(limits.high), (5, 6))
+    order, ends, there = lanes(days.pattern, days.patterns)
+    values = np.ascontiguousarray(days.values[order].T)
+    together = log_likelihoods(values, ends, there, limits.systems(points), True)
+    for point, likely in zip(points, together, strict=True):
+        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z)[order], rtol=1e-12)
+
+
+def test_a_constant_level_error_says_nothing_in_a_pool_and_a_constant_inflow_something_in_a_river():
+    assert np.allclose(POOL.whiten(np.full((2, N), 3.0)), 0.0, atol=1e-9)
+    assert (MODELS["river"].whiten(np.full((2, N), 3.0)) > 0.0).all()
+
+
+def test_a_day_without_samples_says_nothing():
+    z = np.stack([day_of(POOL, []), np.full(N, np.nan)])
+    assert (POOL.whiten(z)[1] == 0.0).all() and POOL.log_likelihood(z)[1] == 0.0
+    got = POOL.smooth(z)
+    assert np.allclose(got.inflow[1], 0.0) and np.allclose(got.inflow_sd[1], POOL.inflow_sd)
+    assert np.isnan(got.level[1]).all()
+    assert np.isnan(POOL.forecast_errors(z, 3, first=5)[1]).all()
+
+
+@every_model
+def test_simulated_noise_has_the_dense_covariance(model):
+    z = model.simulate(20_000, N, np.random.default_rng(6))
+    expected = READ @ dense(model) @ READ.T
+    cov = z.T @ z / len(z)
+    size = np.sqrt(np.diag(expected))
+    assert np.abs((cov - expected) / np.outer(size, size)).max() < 5.0 * np.sqrt(2.0 / len(z))
+
+
+TRUE = NoiseModel(3e-3, 6e-4, 3.0, 9000.0, 0.0, 13300.0, 133.0, 6.7e5)
+
+
+def test_the_fit_finds_the_noise_that_was_there():
+    names = ("gauge_sd", "walk_sd", "inflow_sd", "inflow_memory")
+    logs, gains = [], []
+    for seed in range(12):
+        z = TRUE.simulate(40, 300, np.random.default_rng(seed))
+        fit = fit_noise(z, 133.0, 6.7e5, weights=np.ones(40))
+        logs.append([np.log(getattr(fit, n) / getattr(TRUE, n)) for n in names])
+        gains.append(2.0 * (fit.log_likelihood(z) - TRUE.log_likelihood(z)).sum())
+    logs = np.array(logs)
+    assert (np.abs(logs.mean(0)) < 4.0 * logs.std(0, ddof=1) / np.sqrt(12)).all()
+    assert (logs.std(0) < [0.05, 0.3, 0.2, 0.4]).all()
+    # twice the gain over the truth is chi-square of four degrees: below, the climb has not arrived
+    assert min(gains) > 0.0
+    assert abs(np.mean(gains) - 4.0) < 4.0 * np.sqrt(8.0 / 12)
+
+
+def test_no_start_leads_the_fit_below_where_the_truth_does():
+    for seed in range(4):
+        z = MODELS["windy pool"].simulate(30, 200, np.random.default_rng(seed))
+        free = fit_noise(z, 133.0, 6.7e5, weights=np.ones(30), level=True)
+        led = fit_noise(z, 133.0, 6.7e5, weights=np.ones(30), level=True, starts=(MODELS["windy pool"],))
+        assert free.log_likelihood(z).sum() > led.log_likelihood(z).sum() - 0.05
+
+
+def test_the_fit_of_a_river_finds_the_noise_that_was_there():
+    true = MODELS["river"]
+    names, logs = ("gauge_sd", "level_sd", "level_memory"), []
+    for seed in range(8):
+        fit = fit_noise(true.simulate(40, 200, np.random.default_rng(seed)), 133.0, None)
+        assert fit.surface_area is None and fit.inflow_sd == 0.0 and fit.walk_sd == 0.0
+        logs.append([np.log(getattr(fit, n) / getattr(true, n)) for n in names])
+    logs = np.array(logs)
+    assert (np.abs(logs.mean(0)) < 4.0 * logs.std(0, ddof=1) / np.sqrt(8)).all()
+    assert (logs.std(0) < 0.15).all()
+
+
+def test_wind_is_told_from_the_walk_because_the_walk_is_capped():
+    true = dataclasses.replace(TRUE, walk_sd=1e-4, level_sd=0.03, level_memory=3600.0)
+    z = true.simulate(40, 300, np.random.default_rng(0))
+    fit = fit_noise(z, 133.0, 6.7e5, level=True)
+    assert fit.walk_sd <= WALK_LIMIT * (1 + 1e-9)
+    assert fit.level_sd == pytest.approx(0.03, rel=0.4)
+    plain = fit_noise(z, 133.0, 6.7e5)
+    assert plain.level_sd == 0.0 and plain.walk_sd > 2.0 * WALK_LIMIT
+    assert fit.log_likelihood(z).sum() > plain.log_likelihood(z).sum() + 10.0
+
+
+def test_limits_of_gauge_noise_and_memory_hold():
+    nearly_white = dataclasses.replace(TRUE, gauge_sd=1e-4, walk_sd=0.0, inflow_sd=15.0, inflow_memory=60.0)
+    z = nearly_white.simulate(20, 200, np.random.default_rng(0))
+    fit = fit_noise(z, 133.0, 6.7e5, gauge_floor=2.9e-3)
+    assert fit.gauge_sd >= 2.9e-3 * (1 - 1e-9)
+    assert fit.inflow_memory >= 1330.0 * (1 - 1e-9)
+    assert fit_noise(z, 133.0, 6.7e5, memory_floor=5000.0).inflow_memory >= 5000.0 * (1 - 1e-9)
+
+
+def test_a_few_wild_days_do_not_set_the_noise():
+    rng = np.random.default_rng(8)
+    z = TRUE.simulate(40, 300, rng)
+    calm = fit_noise(z, 133.0, 6.7e5)
+    z[[3, 17]] *= 15.0
+    kept, swayed = fit_noise(z, 133.0, 6.7e5), fit_noise(z, 133.0, 6.7e5, weights=np.ones(40))
+    assert swayed.gauge_sd > 2.0 * calm.gauge_sd
+    assert kept.gauge_sd < 1.2 * calm.gauge_sd and kept.inflow_sd < 1.6 * calm.inflow_sd
+    weights = day_weights(kept.whiten(z))
+    assert (weights[[3, 17]] < 0.05).all() and np.median(weights) == 1.0
+
+
+def test_missing_samples_do_not_count_in_the_weights_of_days():
+    rng = np.random.default_rng(9)
+    r = rng.normal(size=(30, 500))
+    r[4, 50:] = 0.0
+    r[5] = 0.0
+    weights = day_weights(r)
+    assert weights[5] == 0.0 and (np.delete(weights, 5) == 1.0).all()
+    assert day_weights(r * np.where(np.arange(30) == 7, 2.0, 1.0)[:, None])[7] == pytest.approx(
+        1.3 / 4, rel=0.2
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gaps_do_not_bias_the_fit(seed):
+    rng = np.random.default_rng(seed)
+    z = TRUE.simulate(40, 300, rng)
+    z[rng.random(z.shape) < 0.1] = np.nan
+    fit = fit_noise(z, 133.0, 6.7e5)
+    assert fit.gauge_sd == pytest.approx(TRUE.gauge_sd, rel=0.08)
+    gain = 2.0 * (fit.log_likelihood(z) - TRUE.log_likelihood(z)).sum()
+    assert -2.0 < gain < 20.0  # chi-square of four, less what the weights of days cost
+
+
+@pytest.mark.parametrize(
+    "change,word",
+    [
+        ({"gauge_sd": 0.0}, "gauge_sd is 0.0"),
+        ({"inflow_memory": -1.0}, "inflow_memory"),
+        ({"walk_sd": float("nan")}, "walk_sd is nan"),
+        ({"surface_area": None}, "river reach"),
+    ],
+)
+def test_a_noise_that_makes_no_sense_is_refused(change, word):
+    with pytest.raises(RividError, match=word):
+        dataclasses.replace(POOL, **change)
+
+
+def test_columns_that_do_not_fit_are_refused():
+    z = np.zeros((3, N))
+    with pytest.raises(RividError, match="expected"):
+        POOL.whiten(np.zeros((2, 4, N)), like=z)
+    hole = np.zeros((2, 3, N))
+    hole[1, 2, 5] = np.nan
+    with pytest.raises(RividError, match="not finite"):
+        POOL.whiten(hole, like=z)
+    with pytest.raises(RividError, match="horizon"):
+        POOL.forecast_errors(z, N)
+    with pytest.raises(RividError, match="nothing to fit"):
+        fit_noise(z, 133.0, 6.7e5)
+    for weights in (np.zeros(3), np.ones(2), -np.ones(3)):
+        with pytest.raises(RividError, match="one a day"):
+            fit_noise(z + np.arange(N), 133.0, 6.7e5, weights=weights)

@@ -1,0 +1,116 @@
+"""The gap by regime: each state against a plain loop, and that the states together are the gap."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.blocks import split
+from rivid.diagnosis.gap import HOURS, day_errors
+from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.telling.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
+from tests.diagnosis.answers import evidence_of, record_of
+
+NOISE = NoiseModel(0.002, 0.001, 1.0, 7200.0, 0.0, 100.0, 900.0, 6.7e5)
+EVIDENCE = evidence_of(record_of(days=20, n=96))
+WHOLE = (("inflow_low", "inflow_middle", "inflow_high"), ("after_step", "calm"), ("night", "day"))
+
+
+def study_of(evidence=EVIDENCE, coded=None):
+    record = evidence.record
+    named = ()
+    if coded is not None:
+        events = SimpleNamespace(coded=coded)
+        named = (SimpleNamespace(choice=SimpleNamespace(proposal=SimpleNamespace(events=events))),)
+    return SimpleNamespace(
+        record=record, split=split(record.dates), named=named,
+        first_evaluation=SimpleNamespace(residual=evidence.residual_before, noise=NOISE),
+        last_evaluation=SimpleNamespace(residual=evidence.residual_after, noise=NOISE),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("names", WHOLE, ids=lambda names: names[0])
+def test_the_states_of_a_kind_together_are_the_gap(names):
+    study = study_of()
+    found = {r.name: r for r in regimes(study)}
+    for which, residual in (("baseline", EVIDENCE.residual_before), ("augmented", EVIDENCE.residual_after)):
+        whole = day_errors(study.record, residual, NOISE)
+        expected = whole.rmse(study.split.sealed)
+        assert np.isfinite(expected).all()
+        for h in range(len(HOURS)):
+            counts = np.array([found[name].targets[h] for name in names], float)
+            errors = np.array([getattr(found[name], f"rmse_{which}")[h] for name in names])
+            assert counts.sum() == whole.counts[h, study.split.sealed].sum()
+            squares = np.where(counts > 0, counts * errors**2, 0.0).sum()
+            assert np.sqrt(squares / counts.sum()) == pytest.approx(expected[h])
+
+
+def test_terciles_split_the_samples_and_say_their_flows():
+    record = EVIDENCE.record
+    low, middle, high = states(record)[:3]
+    share = [(s.samples & record.used).sum() / record.used.sum() for s in (low, middle, high)]
+    assert share == pytest.approx([1 / 3] * 3, abs=0.02)
+    assert record.inflow[low.samples].max() < record.inflow[high.samples].min()
+    limit = np.quantile(record.inflow[record.used], 2 / 3)
+    assert high.words == f"inflow of {limit:.0f} m³/s or more"
+
+
+def test_samples_after_a_step_are_those_of_a_plain_loop():
+    record = EVIDENCE.record
+    found, size = after_step(record)
+    low, high = np.quantile(record.outflow[record.used], [0.05, 0.95])
+    assert size == pytest.approx(STEP * (high - low))
+    rise, after = round(RISE / 900.0), round(AFTER / 900.0)
+    for day in (0, 7):
+        u = record.outflow[day]
+        ends = [k for k in range(rise, len(u)) if abs(u[k] - u[k - rise]) >= size]
+        expected = [any(0 <= k - end <= after for end in ends) for k in range(len(u))]
+        assert found[day].tolist() == expected
+    assert 0.1 < found[record.used].mean() < 0.9
+
+
+def test_night_is_from_22_to_6():
+    record = EVIDENCE.record
+    (night,) = (s for s in states(record) if s.name == "night")
+    hours = record.hour[night.samples]
+    assert ((hours >= 22.0) | (hours < 6.0)).all()
+    assert night.samples.mean() == pytest.approx(1 / 3, abs=0.15)  # the lead time is night
+
+
+def test_an_error_counts_where_the_forecast_ends():
+    record = EVIDENCE.record
+    residual = np.where(np.isfinite(record.output), 0.0, np.nan)
+    night = next(s.samples for s in states(record) if s.name == "night")
+    residual[night] += 0.05  # only forecasts that end by night, or begin there, are off
+    study = study_of()
+    study.first_evaluation.residual = residual
+    found = {r.name: r for r in regimes(study)}
+    # of 24 simulations that end by day an hour ahead one has begun by night
+    assert found["night"].rmse_baseline[0] > 2.0 * found["day"].rmse_baseline[0]
+    assert sum(found["night"].targets) > 0
+    part = only(record, night)
+    assert (part.used == (record.used & night)).all() and part.output is record.output
+
+
+def test_events_count_as_known_beforehand():
+    record = EVIDENCE.record
+    coded = 0.1 * np.sin(2 * np.pi * record.hour / 6.0)
+    plain = {r.name: r for r in regimes(study_of())}
+    told = {r.name: r for r in regimes(study_of(coded=coded))}
+    assert told["day"].rmse_baseline == plain["day"].rmse_baseline
+    assert told["day"].rmse_augmented[0] > 1.5 * plain["day"].rmse_augmented[0]
+
+
+def test_a_river_has_no_steps_of_an_outflow():
+    names = {s.name for s in states(record_of(kind="river"))}
+    assert names == {"inflow_low", "inflow_middle", "inflow_high", "night", "day"}
+
+
+def test_a_state_that_is_always_there_is_left_out():
+    record = EVIDENCE.record
+    still = dataclasses.replace(
+        record, inflow=np.full(record.time.shape, 200.0), outflow=np.full(record.time.shape, 200.0)
+    )
+    assert [s.name for s in states(still)] == ["night", "day"]
+    assert not after_step(still)[0].any()

@@ -1,0 +1,410 @@
+"""Responses of pools and rivers against their own truth, closed forms and slow transcriptions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.response.base import slopes_by_differences, vector_of, without_nudge
+from rivid.diagnosis.response.linear import LinearPool
+from rivid.diagnosis.response.real_flows import real_flows, volume_before
+from rivid.diagnosis.response.river import RiverResponse
+from rivid.effects import CATALOGUE, changes_of
+from rivid.errors import RividError
+from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
+from rivid.reach.models import DiffusiveWave, IntegratorDelay
+from rivid.reach.saint_venant import Channel, simulate
+from tests.diagnosis.responses import GAUGE, few, nominal, one_row, river_record, season
+
+rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
+
+
+def column(response, record, name, **values):
+    """What an effect changes in the baseline."""
+    changes = changes_of([CATALOGUE[name](**values)], record.world())
+    return response.baseline(record, changes) - response.baseline(record)
+
+
+# The hydraulic pool
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_the_truth_leaves_the_gauge_noise(seed):
+    record = season(seed)
+    residual = np.where(record.used, record.output - few(record).baseline(record), np.nan)
+    within = residual - np.nanmean(residual, axis=1, keepdims=True)
+    assert np.nanstd(within) == pytest.approx(GAUGE, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["inflow_gain_error", "outflow_gain_error"])
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_a_gain_error_is_found_at_its_size(seed, name):
+    record = season(seed, effects=((name, "error", 0.1),))
+    response = few(record)
+    like = np.where(record.used, record.output, np.nan)
+    noise = NoiseModel(GAUGE, 1e-4, 0.05, 16_000.0, 0.0, 1e3, 133.0, response.surface_area)
+    y = noise.whiten(record.output - response.baseline(record), like=like)
+    x = noise.whiten(column(response, record, name, error=1e-3) / 1e-3, like=like)
+    assert np.vdot(x, y) / np.vdot(x, x) == pytest.approx(0.1, abs=0.005)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["inflow_gain_error", "outflow_gain_error"])
+def test_a_column_is_what_a_short_open_loop_gives(seed, name):
+    record = season(seed)
+    response = few(record)
+    changes = changes_of([CATALOGUE[name](error=1e-3)], record.world())
+    free = response.simulate(record, changes) - response.simulate(record)
+    about = response.baseline(record, changes) - response.baseline(record)
+    assert rms((free - about)[:, :34]) < 0.05 * rms(about[:, :34])  # an hour and a quarter
+
+
+def test_in_a_level_pool_a_column_is_what_the_open_loop_gives_for_a_day():
+    record = season(5, days=2)
+    response = few(record, slope=0.0, depth=9.0)
+    changes = changes_of([CATALOGUE["lateral_inflow"](inflow=1.0)], record.world())
+    free = response.simulate(record, changes) - response.simulate(record)
+    about = response.baseline(record, changes) - response.baseline(record)
+    assert rms(free - about) < 0.05 * rms(about)
+
+
+def test_taking_the_nudge_away_is_a_sum_over_true_steps():
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(50.0, 133.0, (2, 9)), axis=1)
+    level, nudge = rng.standard_normal((2, 2, 9))
+    wanted = level.copy()
+    for day in range(2):
+        for k in range(9):
+            wanted[day, k] -= sum(nudge[day, j] * (time[day, j + 1] - time[day, j]) for j in range(k))
+    np.testing.assert_allclose(without_nudge(time, level, nudge), wanted, atol=1e-12)
+
+
+def test_the_baseline_is_the_nudged_run_without_its_nudge():
+    record = season(4, days=2)
+    response = few(record)
+    channel = Channel.uniform(8200.0, 81.6, 2e-4, 0.03, 32, end_bed=124.3)
+    for day in range(2):
+        start = record.output[day][np.isfinite(record.output[day])][:5].mean()
+        flow = simulate(
+            channel, record.time[day], record.inflow[day], record.outflow[day], start,
+            observed=record.output[day],
+        )  # fmt: skip
+        level = without_nudge(record.time[[day]], flow.level[None], flow.nudge[None])[0]
+        np.testing.assert_allclose(response.baseline(record)[day], level, atol=1e-9)
+
+
+def test_a_gap_in_the_level_changes_little_and_leaves_no_gap():
+    record = season(4)
+    gap = record.output.copy()
+    gap[2, 200:260] = np.nan
+    response = few(record)
+    whole, holed = response.baseline(record), response.baseline(replace(record, output=gap))
+    assert np.isfinite(holed).all()
+    assert np.abs(np.diff(holed - whole, axis=1)).max() < 1e-4
+    np.testing.assert_array_equal(np.delete(holed, 2, 0), np.delete(whole, 2, 0))
+
+
+def test_a_row_without_any_level_starts_at_the_usual_one():
+    record = season(4, days=2)
+    empty = record.output.copy()
+    empty[1] = np.nan
+    response = few(record)
+    level = response.baseline(replace(record, output=empty))
+    assert level[1, 0] == pytest.approx(response.level, abs=1e-6)
+
+
+def test_what_the_gauge_gives_too_much_is_measured_but_not_felt():
+    record = season(4, days=2)
+    offset = 0.05 + 1e-7 * (record.time - record.time[:, :1])
+    response = few(record)
+    shifted = response.baseline(replace(record, output=record.output + offset), Changes(gauge=offset))
+    np.testing.assert_allclose(shifted, response.baseline(record) + offset, atol=1e-9)
+
+
+def test_corrections_are_lagged_flows():
+    record = season(4, days=2)
+    response = nominal(record)
+    names = [p.name for p in response.parameters]
+    start = vector_of(response)
+    scale = record.sample_time / response.surface_area
+    for name, flow in (("outflow_lag_2", record.outflow), ("inflow_lag_8", record.inflow)):
+        lag = int(name.rsplit("_", 1)[1])
+        vector = start.copy()
+        vector[names.index(name)] = scale
+        added = response.with_parameters(vector).baseline(record) - response.baseline(record)
+        np.testing.assert_allclose(added[:, lag:], scale * (flow[:, :-lag] - flow[:, :1]), atol=1e-12)
+
+
+def test_corrections_of_the_inflow_go_with_its_arrival():
+    record = season(4, days=2)
+    response = nominal(record)
+    assert response.inflow_lags == (6, 7, 8, 9, 10)
+    assert response.settled(record) is response
+    deeper = response.with_parameters(vector_of(response) + np.eye(len(response.parameters))[2] * 0.4)
+    moved = deeper.settled(record)
+    assert moved.inflow_lags[0] < 6 and len(moved.parameters) == len(response.parameters)
+    assert moved.parameters[:10] == deeper.parameters[:10]
+
+
+def test_the_depth_under_the_dam_is_the_same_whatever_the_modes():
+    record = season(4, days=2)
+    response = nominal(record)
+    vector = vector_of(response)
+    vector[5:10] = [0.1, -0.2, 0.1, 0.4, -0.3]
+    channel = response.with_parameters(vector).channel
+    assert 1.5 * channel.bed[-1] - 0.5 * channel.bed[-2] == pytest.approx(124.3, abs=0.01)
+    assert channel.bottom_width.mean() == pytest.approx(81.6)
+
+
+def test_parameters_stay_inside_their_limits():
+    response = few(season(4, days=2))
+    for far, which in ((99.0, "high"), (-99.0, "low")):
+        moved = response.with_parameters(vector_of(response) + far)
+        assert vector_of(moved).tolist() == [getattr(p, which) for p in response.parameters]
+    with pytest.raises(RividError, match="expected 5 finite numbers, for length, width"):
+        response.with_parameters([1.0, 2.0])
+    with pytest.raises(RividError, match="slope = 0.1: expected 0 to"):
+        few(season(4, days=2), slope=0.1)
+
+
+def test_a_row_that_runs_dry_is_simulated_as_far_as_it_goes():
+    record = season(4, days=3)
+    outflow = record.outflow.copy()
+    outflow[1] += 250.0  # a metre and a half an hour
+    thirsty = replace(record, outflow=outflow)
+    response = few(record)
+    level = response.simulate(thirsty)
+    np.testing.assert_array_equal(level[[0, 2]], response.simulate(record)[[0, 2]])
+    last = int(np.isfinite(level[1]).sum())
+    assert 30 < last < 300 and np.isfinite(level[1, :last]).all() and level[1, last - 1] < 128.0
+
+
+# Derivatives
+
+
+def pool_of(fronts):
+    record = season(4, days=2)
+    return record, LinearPool.nominal(record, fronts, surface_area=6.5e5, delay=900.0)
+
+
+def a_river():
+    record = river_record(np.random.default_rng(3))
+    return record, RiverResponse.nominal(10_000.0, 3000.0, record.usual_flow)
+
+
+CASES = {
+    "hydraulic": lambda: (season(4, days=2), nominal(season(4, days=2))),
+    "integrator": lambda: pool_of("none"),
+    "zero": lambda: pool_of("zero"),
+    "fir": lambda: pool_of("fir"),
+    "river": a_river,
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_slopes_agree_with_central_differences(case):
+    record, response = CASES[case]()
+    base = response.baseline(record)
+    slopes = response.slopes(record, base)
+    assert slopes.shape == (len(response.parameters), *base.shape)
+    start = vector_of(response)
+    picked = range(len(start)) if len(start) < 20 else [0, 1, 2, 3, 15, 40, 70, len(start) - 1]
+    for i in picked:
+        p = response.parameters[i]
+        if p.value == p.low:
+            continue
+        h = np.zeros(len(start))
+        h[i] = 0.02 * p.sd
+        up, down = (response.with_parameters(start + s * h).baseline(record) for s in (1.0, -1.0))
+        central = (up - down) / (2.0 * h[i])
+        assert rms(slopes[i] - central) < 0.03 * rms(central) + 1e-9, p.name
+
+
+def test_slopes_turn_round_at_a_limit():
+    record, response = pool_of("zero")
+    jump = vector_of(response)
+    jump[3] = response.parameters[3].high
+    edge = response.with_parameters(jump)
+    base = edge.baseline(record)
+    slope = slopes_by_differences(edge, record, base, Changes(), range(3, 4))
+    inner = response.slopes(record, response.baseline(record))[3]
+    np.testing.assert_allclose(slope[0], inner, atol=1e-6)
+
+
+# Linear pools
+
+
+def test_the_integrator_is_the_model_of_the_reach():
+    record = season(4, days=2)
+    response = LinearPool.nominal(record, "none", surface_area=6e5, delay=700.0)
+    level = response.baseline(record)
+    for day in range(record.days):  # on a grid of 1 s, which every sample is on
+        time = np.arange(record.time[day, 0], record.time[day, -1] + 1.0)
+        at = np.searchsorted(record.time[day], time, side="right") - 1
+        u, o = record.inflow[day, at], record.outflow[day, at]
+        fine = IntegratorDelay(6e5, 700.0).simulate(1.0, u - u[0], o - u[0])
+        wanted = fine[np.searchsorted(time, record.time[day])]
+        np.testing.assert_allclose(level[day] - level[day, 0], wanted, atol=1e-9)
+
+
+def test_a_flow_beside_a_linear_pool_arrives_by_its_place():
+    record = season(4, days=2)
+    response = LinearPool.nominal(record, "none", surface_area=6e5, delay=20 * 133.0)
+    pulse = np.zeros(record.time.shape)
+    pulse[0, 100] = 10.0
+    base = response.baseline(record)
+    for place, wait in ((0.0, 20), (0.5, 10), (1.0, 0)):
+        rise = response.baseline(record, Changes(added=(AddedFlow(place, pulse),))) - base
+        wanted = np.where(np.arange(pulse.shape[1]) > 100 + wait, 10.0 * 133.0 / 6e5, 0.0)
+        np.testing.assert_allclose(rise[0], wanted, atol=1e-9)
+        np.testing.assert_allclose(rise[1], 0.0, atol=1e-9)
+
+
+def test_gates_leaks_and_ponds_see_the_observed_level():
+    record = season(4, days=2)
+    n = record.time.shape[1]
+    level = np.where(np.isfinite(record.output), record.output, 130.0)
+    record = replace(record, output=level)
+    steps = np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time)
+    changes = Changes(
+        gate=Gate(lag=np.full(1, 300.0), head=np.full(1, 0.1), reference=130.0),
+        leaks=(Leak(0.3, np.full(1, 12.0), 129.5),), ponds=(Pond(0.6, 2e5, np.full(1, 30.0)),),
+    )  # fmt: skip
+    flows = real_flows(record, changes)
+    for day in range(2):
+        gate, pond = record.outflow[day, 0], level[day, 0]
+        for k in range(0, n):
+            dt = steps[day, k]
+            fine = dt / 400.0
+            passed = into = 0.0
+            for _ in range(400):  # small steps of the two lags
+                gate += fine / 300.0 * (record.outflow[day, k] - gate)
+                passed += gate / 400.0
+                exchange = 30.0 * (level[day, k] - pond)
+                pond += fine * exchange / 2e5
+                into += exchange / 400.0
+            if k % 37 == 0:
+                head = 1.0 + 0.1 * (level[day, k] - 130.0)
+                assert flows.outflow[day, k] == pytest.approx(passed * head, rel=2e-3)
+                assert -flows.added[1].flow[day, k] == pytest.approx(into, rel=5e-3, abs=1e-3)
+    np.testing.assert_allclose(flows.added[0].flow, 12.0 * (129.5 - level))
+
+
+def test_a_surface_that_grows_with_the_level_slows_it():
+    record = season(4, days=2)
+    response = LinearPool.nominal(record, "none", surface_area=6e5, delay=700.0)
+    grown = response.baseline(record, Changes(area_slope=0.5, area_reference=record.usual_output - 1.0))
+    plain = response.baseline(record)
+    rise, slow = np.diff(plain, axis=1), np.diff(grown, axis=1)
+    observed = np.where(np.isfinite(record.output), record.output, record.output[1, record.lead])
+    storage = 1.0 + 0.5 * (observed - record.usual_output + 1.0)
+    np.testing.assert_allclose(slow[1], rise[1] / storage[1, :-1], rtol=1e-9, atol=1e-12)
+
+
+def test_a_volume_some_time_earlier_counts_the_first_flow_before_it():
+    time = np.array([[0.0, 100.0, 150.0, 250.0]])
+    flow = np.array([[2.0, 4.0, 1.0, 9.0]])
+    assert volume_before(time, flow, 50.0).tolist() == [[-100.0, 100.0, 200.0, 450.0]]
+
+
+# Rivers
+
+
+def pulse_after(response, flow=200.0, size=40.0, n=400):
+    """Time since a pulse of inflow a sample long began [s], and what it adds to the discharge."""
+    inflow = np.full(n, flow)
+    inflow[60] += size
+    record = one_row(inflow)
+    return record.time[0] - record.time[0, 60], response.baseline(record)[0] - flow
+
+
+def nothing_held(response):
+    vector = vector_of(response)
+    vector[[p.name for p in response.parameters].index("held_share")] = 0.0
+    return response.with_parameters(vector)
+
+
+def test_a_pulse_arrives_as_in_a_diffusive_wave():
+    after, came = pulse_after(nothing_held(RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.0)))
+    wave = DiffusiveWave(1000.0, 0.1, 0.5 * 2500.0**2 * 0.1**3 / 1000.0)
+    assert (wave.mean_delay, wave.spread) == pytest.approx((10_000.0, 2500.0))
+    at = after[:, None] + np.linspace(-450.0, 450.0, 91)  # the mean of each sample, of a pulse 900 s long
+    wanted = 40.0 * (wave.arrived(at) - wave.arrived(at - 900.0)).mean(axis=1)
+    assert np.abs(came - wanted).max() < 0.01 * wanted.max()
+
+
+def test_held_water_comes_later_and_none_is_lost():
+    response = RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.0)
+    held, hold = response.parameters[3].natural, response.parameters[4].natural
+    after, came = pulse_after(response)
+    assert came.sum() == pytest.approx(40.0, rel=1e-9)
+    mean = (came * after).sum() / 40.0
+    variance = (came * (after - mean) ** 2).sum() / 40.0
+    assert mean == pytest.approx(10_450.0 + held * hold, rel=1e-3)
+    blur = 2 * 900.0**2 / 12.0  # of the pulse, and of the sample
+    assert variance == pytest.approx(2500.0**2 + held * (2.0 - held) * hold**2 + blur, rel=0.01)
+
+
+@pytest.mark.parametrize("exponent", [0.3, 0.6])
+def test_high_water_arrives_sooner_by_the_exponent(exponent):
+    response = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 150.0, exponent=exponent))
+    means = []
+    for flow in (150.0, 300.0):
+        after, came = pulse_after(response, flow, size=0.1)
+        means.append((came * after).sum() / came.sum() - 450.0)
+    # A pulse on a river is a wave: faster than its water by 1 + exponent, as dQ / dA is than Q / A.
+    assert means[0] / means[1] == pytest.approx(2.0**exponent, rel=0.01)
+
+
+def test_a_river_keeps_its_water_whatever_its_flow():
+    rng = np.random.default_rng(7)
+    inflow = np.r_[np.full(60, 200.0), np.repeat(rng.uniform(60.0, 500.0, 60), 4), np.full(200, 200.0)]
+    response = RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.8)
+    came = response.baseline(one_row(inflow))[0]
+    assert (came - 200.0).sum() == pytest.approx((inflow - 200.0).sum(), rel=1e-9)
+
+
+def test_a_flow_beside_a_river_travels_what_is_left():
+    """With a delay that no flow changes; what enters at the upper dam goes as what that dam lets go."""
+    response = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0, exponent=0.0))
+    record = one_row(np.full(300, 200.0))
+    pulse = np.zeros((1, 300))
+    pulse[0, 60] = 5.0
+    faster = nothing_held(RiverResponse.nominal(12_000.0, 2500.0, 200.0, exponent=0.7))
+    beside = faster.baseline(record, Changes(added=(AddedFlow(0.0, pulse),)))
+    logged = faster.baseline(replace(record, inflow=record.inflow + pulse))
+    np.testing.assert_allclose(beside, logged, atol=1e-9)
+    base = response.baseline(record)
+    for place in (0.0, 0.5, 1.0):
+        came = (response.baseline(record, Changes(added=(AddedFlow(place, pulse),))) - base)[0]
+        assert came.sum() == pytest.approx(5.0)
+        mean = (came * (record.time[0] - record.time[0, 60])).sum() / 5.0
+        assert mean - 450.0 == pytest.approx(12_000.0 * (1.0 - place), abs=5.0)
+
+
+def test_a_river_is_the_same_on_a_grid_with_a_short_last_step():
+    """Of 700 s: a day ends with a step of 300 s, and the row goes on at midnight."""
+    rng = np.random.default_rng(2)
+    clock = np.concatenate([700.0 * np.arange(124), 86_400.0 + 700.0 * np.arange(124)])
+    flow = np.repeat(rng.uniform(150.0, 300.0, 50), 5)[:248]
+    fine = np.arange(0.0, 172_800.0, 100.0)
+
+    def response_on(time, values, T_s):
+        row = replace(one_row(values, T_s), time=time[None], sample_time=T_s)
+        return RiverResponse.nominal(9000.0, 2500.0, 200.0).baseline(row)[0]
+
+    uneven = response_on(clock, flow, 700.0)
+    even = response_on(fine, flow[np.searchsorted(clock, fine, side="right") - 1], 100.0)
+    assert np.abs(uneven - np.interp(clock, fine, even))[1:-1].max() < 0.01 * np.ptp(flow)
+
+
+def test_a_river_refuses_what_needs_a_level():
+    record, response = a_river()
+    for changes, what in (
+        (Changes(gate=Gate(lag=np.full(1, 300.0))), "a gate"),
+        (Changes(leaks=(Leak(0.5, np.ones(1), 1.0),)), "a leak"),
+        (Changes(area_slope=0.1), "an area slope"),
+    ):
+        with pytest.raises(RividError, match=f"{what} in a river reach, which has no level"):
+            response.baseline(record, changes)

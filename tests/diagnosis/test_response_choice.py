@@ -1,0 +1,74 @@
+"""The choice of a response by the days that select."""
+
+import pytest
+
+from rivid.diagnosis.blocks import split
+from rivid.diagnosis.response.choice import as_candidates, calibrated
+from rivid.diagnosis.response.linear import LinearPool
+from rivid.diagnosis.workflow import look
+from rivid.effects import CATALOGUE
+from rivid.errors import RividError
+from tests.diagnosis.pools import GAUGE_FLOOR, fresh, nominal, season
+
+
+class Broken:
+    """A response that cannot be run."""
+
+    name = "broken"
+    parameters = ()
+    surface_area = 1.0
+
+    def settled(self, record):
+        raise RividError("no water")
+
+
+def choice(record, responses):
+    return calibrated(record, split(record.dates), [fresh(record, r) for r in responses], 0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_responses_that_predict_alike_the_first_is_enough(seed):
+    record = season(seed, days=30)
+    (first,), refused = choice(record, [nominal(record, fronts) for fronts in ("none", "zero", "fir")])
+    assert first.model.reach.name == "integrator-delay" and first.as_good and not refused
+    assert first.evaluation.likelihood.shape == (30,)
+
+
+def test_a_response_that_cannot_follow_is_behind():
+    """A pool of a tenth of the surface, thought to be known within a hundredth."""
+    record = season(4, days=30)
+    known = {"area_sd": 0.01, "delay_sd": 0.01}
+    small = LinearPool.nominal(record, "zero", surface_area=6e4, delay=4000.0, **known)
+    (poor, good), _ = choice(record, [small, nominal(record)])
+    assert not poor.as_good and poor.lacks > 100.0 and good.behind == 0.0
+    days = split(record.dates).select
+    gap = (good.evaluation.likelihood - poor.evaluation.likelihood)[days].sum()
+    assert poor.behind == pytest.approx(gap)
+
+
+def test_a_candidate_that_cannot_be_run_costs_nothing_but_a_word():
+    record = season(5, days=20)
+    (only,), refused = choice(record, [Broken(), nominal(record)])
+    assert only.model.reach.name == "integrator-delay" and refused == ("no water",)
+
+
+def test_where_none_can_be_run_its_error_is_raised():
+    record = season(5, days=20)
+    for candidates in ([Broken()], [Broken(), Broken()]):
+        with pytest.raises(RividError, match="no water"):
+            choice(record, candidates)
+
+
+def test_one_response_is_a_sequence_of_one():
+    record = season(5, days=20)
+    one = nominal(record)
+    assert as_candidates(one) == (one,) and as_candidates([one, one]) == (one, one)
+
+
+def test_a_response_that_lacks_an_effect_is_not_left_for_more_coefficients():
+    """A lag of ten minutes: a FIR follows it, the integrator does not, and the lag is what is missing."""
+    record = season(6, effects=(CATALOGUE["outflow_lag"](lag=900.0),))
+    classes = {"outflow_lag": CATALOGUE["outflow_lag"]}
+    study = look(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
+    assert study.first.reach.name == "integrator-delay"
+    assert [r.choice.proposal.name for r in study.named] == ["outflow_lag"]

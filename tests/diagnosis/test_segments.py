@@ -1,0 +1,171 @@
+"""Segments of daily scores against enumeration, planted dates, and seasons with nothing in them."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.search.segments import block_inflation, partition, segment
+from rivid.errors import RividError
+
+DAYS, BLOCK = 60, 3
+
+
+def season(seed, correlation, days=DAYS):
+    """Scores of unit variance whose days are correlated within blocks."""
+    rng = np.random.default_rng(seed)
+    block = np.arange(days) // BLOCK
+    shared = rng.standard_normal(days)[block]
+    own = rng.standard_normal(days)
+    return np.sqrt(correlation) * shared + np.sqrt(1 - correlation) * own, block
+
+
+def every_cut(n, shortest, rest):
+    """All bounds, with on or off for each segment; neighbours are not both off."""
+    for cuts in product([False, True], repeat=n - 1):
+        bounds = [0, *(i + 1 for i, cut in enumerate(cuts) if cut), n]
+        for on in product([True] if rest == "free" else [False, True], repeat=len(bounds) - 1):
+            lengths = np.diff(bounds)
+            if all(length >= shortest for length, o in zip(lengths, on, strict=True) if o) and not any(
+                not a and not b for a, b in zip(on, on[1:], strict=False)
+            ):
+                yield bounds, on
+
+
+def worth(g, q, bounds, on, sign, penalty, edge=0.0):
+    total = 0.0
+    for a, b, there in zip(bounds[:-1], bounds[1:], on, strict=True):
+        s, information = g[a:b].sum(), q[a:b].sum()
+        if there:
+            total -= penalty + edge * (int(a > 0) + int(b < len(g)))
+            if information > 0 and (sign == 0 or s * sign > 0):
+                total += s * s / (2 * information)
+    return total
+
+
+@pytest.mark.parametrize("rest", ["zero", "free"])
+@pytest.mark.parametrize("sign", [0, -1])
+@pytest.mark.parametrize("shortest", [1, 2])
+def test_the_partition_is_the_best_of_all_there_are(rest, sign, shortest):
+    rng = np.random.default_rng(3)
+    for n, penalty in ((6, 0.5), (8, 1.5), (9, 3.0)):
+        for _ in range(3):
+            q = rng.uniform(0.2, 2.0, n) * (rng.random(n) > 0.2)
+            g = np.sqrt(q) * rng.standard_normal(n) + q * rng.choice([0.0, -2.0, 2.0], n)
+            edge = 0.6 if rest == "zero" else 0.0
+            bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge)
+            best = max(worth(g, q, b, o, sign, penalty, edge) for b, o in every_cut(n, shortest, rest))
+            none = 0.0 if rest == "zero" else worth(g, q, [0, n], [True], sign, penalty)
+            assert gain == pytest.approx(best - none, abs=1e-9)
+            assert worth(g, q, bounds, on, sign, penalty, edge) == pytest.approx(best, abs=1e-9)
+            assert (np.diff(bounds)[on] >= shortest).all()
+
+
+@pytest.mark.parametrize("rest", ["zero", "free"])
+@pytest.mark.parametrize("correlation", [0.0, 0.5])
+def test_a_season_with_nothing_is_cut_as_often_as_the_level_says(rest, correlation):
+    seasons = 300
+    for level in (0.01, 0.1):
+        cut = 0
+        for seed in range(seasons):
+            x, block = season(seed, correlation)
+            found = segment(x, np.ones(DAYS), block, rest=rest, level=level, draws=99, seed=seed + 10_000)
+            cut += found.found
+        # An estimated correlation makes the level approximate: up to half as much again.
+        error = np.sqrt(level * (1 - level) / seasons)
+        assert 0.5 * level - 3 * error <= cut / seasons <= 1.5 * level + 3 * error
+
+
+def test_planted_windows_are_found_where_they_are():
+    overlap, held = [], []
+    for seed in range(40):
+        x, block = season(seed, 0.3)
+        first = int(np.random.default_rng(seed).integers(3, 35))
+        there = np.zeros(DAYS, bool)
+        there[first : first + 20] = True
+        found = segment(x + 3.0 * there, np.ones(DAYS), block, seed=seed)
+        overlap.append((found.mask & there).sum() / (found.mask | there).sum() if found.found else 0.0)
+        if len(found.windows) == 1 and len(found.bounds) == 4:
+            ends = np.array([first, first + 20])
+            held += list((found.earliest <= ends) & (ends <= found.latest))
+    assert np.mean(overlap) >= 0.9
+    assert np.mean(np.array(overlap) >= 0.8) >= 0.9
+    assert np.mean(held) >= 0.9
+
+
+def test_what_is_always_there_keeps_its_first_and_last_days():
+    whole = 0
+    for seed in range(100):
+        x, block = season(seed, 0.5)
+        whole += segment(x + 2.5, np.ones(DAYS), block, draws=199, seed=seed).windows == ((0, DAYS - 1),)
+    assert whole >= 95
+
+
+def test_a_window_has_its_size_within_its_error():
+    deviation = []
+    for seed in range(60):
+        x, block = season(seed, 0.4)
+        q = np.random.default_rng(seed).uniform(0.5, 2.0, DAYS)
+        there = (np.arange(DAYS) >= 12) & (np.arange(DAYS) < 42)
+        found = segment(np.sqrt(q) * x + 4.0 * q * there, q, block, seed=seed)
+        longest = int(np.argmax(np.diff(found.bounds) * found.on))
+        deviation.append((found.size[longest] - 4.0) / found.size_se[longest])
+    assert np.abs(np.mean(deviation)) < 0.5
+    assert 0.7 < np.std(deviation) < 1.5  # the inflation is known to some 40 % in a season
+
+
+def test_an_onset_and_a_bump_change_a_size_that_is_never_zero():
+    x, block = season(1, 0.2)
+    onset = segment(x + 8.0 + 4.0 * (np.arange(DAYS) >= 31), np.ones(DAYS), block, rest="free")
+    assert onset.bounds.tolist() == pytest.approx([0, 31, DAYS], abs=1)
+    assert onset.on.all()
+    there = (np.arange(DAYS) >= 20) & (np.arange(DAYS) < 40)
+    bump = segment(x - 8.0 + 4.0 * there, np.ones(DAYS), block, rest="free")
+    assert bump.bounds.tolist() == pytest.approx([0, 20, 40, DAYS], abs=1)
+
+
+def test_a_window_of_the_wrong_sign_is_none():
+    x, block = season(2, 0.0)
+    there = (np.arange(DAYS) >= 20) & (np.arange(DAYS) < 45)
+    assert segment(x - 4.0 * there, np.ones(DAYS), block).windows == ((20, 44),)
+    assert not segment(x - 4.0 * there, np.ones(DAYS), block, sign=1).found
+
+
+def test_the_inflation_is_that_of_the_blocks_with_and_without_an_effect():
+    draws, correlation = 2000, 0.5
+    rng = np.random.default_rng(0)
+    block = np.arange(DAYS) // BLOCK
+    shared = rng.standard_normal((draws, DAYS))[:, block]
+    x = np.sqrt(correlation) * shared + np.sqrt(1 - correlation) * rng.standard_normal((draws, DAYS))
+    there = (np.arange(DAYS) >= 15) & (np.arange(DAYS) < 39)
+    for effect in (0.0, 5.0):
+        inflation, rho = block_inflation(x + effect * there, np.ones(DAYS), block)
+        assert np.median(inflation) == pytest.approx(1 + (BLOCK - 1) * correlation, rel=0.15 + 0.05 * effect)
+        assert np.median(rho) == pytest.approx(correlation, abs=0.1 + 0.02 * effect)
+
+
+def test_days_without_data_belong_to_no_side():
+    x, block = season(4, 0.0)
+    q = np.ones(DAYS)
+    q[24:33] = 0.0
+    there = np.arange(DAYS) >= 30
+    found = segment((x + 4.0 * there) * q, q, block)
+    assert len(found.windows) == 1 and found.windows[0][1] == DAYS - 1
+    assert found.earliest[0] <= 24 and found.latest[0] >= 33
+
+
+def test_the_scale_of_the_scores_does_not_matter():
+    x, block = season(5, 0.3)
+    x += 3.0 * (np.arange(DAYS) > 30)
+    one, ten = segment(x, np.ones(DAYS), block), segment(10.0 * x, np.ones(DAYS), block)
+    assert one.bounds.tolist() == ten.bounds.tolist()
+    assert ten.inflation == pytest.approx(100.0 * one.inflation)
+
+
+def test_too_few_blocks_and_arrays_that_do_not_fit_are_refused():
+    with pytest.raises(RividError, match="5 blocks have data: expected 8 or more"):
+        segment(np.ones(15), np.ones(15), np.arange(15) // 3)
+    with pytest.raises(RividError, match="expected one number a day"):
+        segment(np.ones(30), np.ones(29), np.arange(30) // 3)
+    with pytest.raises(RividError, match="give days without data 0 and 0"):
+        segment(np.full(30, np.nan), np.ones(30), np.arange(30) // 3)

@@ -1,0 +1,91 @@
+"""A seiche found in innovations: against slow sums, planted swings, machines and nothing."""
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.search.seiche import LEAST_DAMPING, find_swing, periodograms, spectrum_of, through_filter
+from rivid.effects import CATALOGUE
+
+SEICHE = CATALOGUE["seiche"]
+T, N = 133.0, 650
+NOISE = NoiseModel(0.003, 0.0005, 1.5, 20_000.0, 0.0, 3600.0, T, 6.7e5)
+
+
+def residual(rng, days, swing=None):
+    """A level that stores an unknown inflow, a gauge's noise, and a swing of the gauge."""
+    rho = np.exp(-T / NOISE.inflow_memory)
+    w = np.empty((days, N))
+    w[:, 0] = NOISE.inflow_sd * rng.standard_normal(days)
+    for k in range(1, N):
+        w[:, k] = rho * w[:, k - 1] + NOISE.inflow_sd * np.sqrt(1 - rho**2) * rng.standard_normal(days)
+    z = np.cumsum(w, axis=1) * T / NOISE.surface_area
+    z += np.cumsum(NOISE.walk_sd * rng.standard_normal((days, N)), axis=1)
+    z += NOISE.gauge_sd * rng.standard_normal((days, N))
+    return z if swing is None else z + swing
+
+
+def wandering(rng, days, period, damping, amplitude):
+    """The damped oscillation, drawn step by step from its own start."""
+    law = SEICHE(period=period, damping=damping, amplitude=amplitude).autoregression(T)
+    a1, a2 = law.coefficients
+    x = np.zeros((days, N + 400))
+    for k in range(2, x.shape[1]):
+        x[:, k] = a1 * x[:, k - 1] + a2 * x[:, k - 2] + law.innovation * rng.standard_normal(days)
+    return x[:, 400:]
+
+
+def found(z, fit=None):
+    r = NOISE.whiten(z)
+    power = periodograms(r, np.ones(r.shape, bool))
+    days = np.ones(len(z), bool) if fit is None else fit
+    return find_swing(power, through_filter(NOISE, N), days, SEICHE, T, N)
+
+
+def test_the_power_of_a_seiche_is_the_transform_of_its_covariance():
+    one = SEICHE(period=2700.0, damping=4e-4, amplitude=0.01)
+    law = one.autoregression(T)
+    a1, a2 = law.coefficients
+    c = [*law.covariance()]
+    while len(c) < 2000:
+        c.append(a1 * c[-1] + a2 * c[-2])
+    k = np.arange(1, (N - 1) // 2 + 1)
+    lags = np.arange(1, 2000)
+    slow = c[0] + 2.0 * np.cos(2 * np.pi * np.outer(k, lags) / N) @ np.array(c[1:])
+    np.testing.assert_allclose(spectrum_of(one, N, T), slow, rtol=1e-6, atol=1e-12)
+
+
+def test_the_filter_passes_a_swing_by_its_gain():
+    gain = through_filter(NOISE, N)
+    for k in (20, 60, 200):
+        t = np.arange(6 * N)
+        waves = np.stack([np.cos(2 * np.pi * k * t / N), np.sin(2 * np.pi * k * t / N)])
+        out = NOISE.whiten(waves)[:, 3 * N :]
+        assert (out**2).mean() == pytest.approx(0.5 * gain[k - 1], rel=2e-2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_swing_is_found_with_its_period_damping_and_size(seed):
+    rng = np.random.default_rng(seed)
+    said = {"period": 2700.0, "damping": 1.5e-4, "amplitude": 0.012}
+    swing = found(residual(rng, 40, wandering(rng, 40, **said)))
+    for name, spread in zip(said, swing.spreads, strict=True):
+        assert abs(np.log(getattr(swing, name) / said[name])) < 4.0 * spread + 0.02, name
+    assert swing.contrast > 5.0 and swing.gains.mean() > 20.0 and (swing.spreads < 0.2).all()
+
+
+def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing():
+    gains = []
+    for seed in range(12):
+        rng = np.random.default_rng(100 + seed)
+        fit = np.arange(30) % 2 == 0
+        gains.append(found(residual(rng, 30), fit).gains[~fit].mean())
+    assert np.mean(gains) < 3.0 * np.std(gains) / np.sqrt(len(gains))
+    assert max(gains) < 0.5
+
+
+def test_the_steady_swing_of_a_machine_has_no_width():
+    rng = np.random.default_rng(7)
+    t = np.arange(30)[:, None] * 86_400.0 + T * np.arange(N)
+    swing = found(residual(rng, 30, 0.01 * np.sin(2 * np.pi * t / 2400.0)))
+    assert swing.damping < LEAST_DAMPING and swing.period == pytest.approx(2400.0, rel=0.02)

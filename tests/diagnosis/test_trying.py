@@ -1,0 +1,127 @@
+"""Proposals in the simulator: what they gain there, which others are tried, and which contradict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.deciding.trying import (
+    WORTH,
+    contradicted,
+    exchanged,
+    in_simulator,
+    rivals,
+    worth_trying,
+)
+from rivid.diagnosis.model.adding import added, stepped
+from rivid.diagnosis.model.fit import calibrate
+from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.response.kernel import kernels_of
+from rivid.diagnosis.search.propose import proposals
+from rivid.diagnosis.search.trials import pool_trials
+from rivid.effects import CATALOGUE
+from tests.diagnosis.pools import fitted, made, season
+
+
+def found(record, *names):
+    """Proposals of some effects about the calibrated model."""
+    model, linear, evaluation = fitted(record)
+    trials = pool_trials({n: CATALOGUE[n] for n in names}, record.sample_time)
+
+    def baseline(more):
+        return model.baseline(record, tuple(more))
+
+    pool = proposals(linear, evaluation, trials, baseline, kernels_of(model.reach, record), flips=199)
+    return model, linear, evaluation, pool
+
+
+def quiet(_):
+    """No report."""
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood(seed):
+    record = season(seed, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
+    model, linear, evaluation, pool = found(record, "diurnal_inflow")
+    tried = in_simulator(model, linear, evaluation, pool[0], record.take(linear.split.fit), quiet)
+    (effect,) = tried.model.effects
+    assert effect.amplitude == pytest.approx(7.0, abs=1.2) and effect.hour == pytest.approx(9.0, abs=0.7)
+    gain = tried.after.likelihood - evaluation.likelihood
+    assert tried.proposal.gain_select == pytest.approx(gain[linear.split.select].sum(), rel=0.2)
+    assert tried.proposal.gain_select > 5.0
+    again = evaluate(tried.model.linear(record, linear.split))
+    np.testing.assert_allclose(again.likelihood, tried.after.likelihood)
+
+
+def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
+    record = season(31, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
+    model, linear, evaluation, pool = found(record, "diurnal_inflow")
+
+    def broken(*_args, **_more):
+        from rivid.errors import RividError
+
+        raise RividError("dry")
+
+    monkeypatch.setattr("rivid.diagnosis.deciding.trying.added", broken)
+    tried = in_simulator(model, linear, evaluation, pool[0], record, quiet)
+    assert tried.proposal.gain_select == 0.0 and tried.model is model
+
+
+@pytest.mark.parametrize("band", [3.0, 6.0])
+def test_a_dead_band_is_found_between_two_commands(band):
+    """Commands are whole m3/s: any band above one and up to the next does the same."""
+    record = season(34, effects=(CATALOGUE["gate_deadband"](band=band),))
+    model, linear, evaluation = fitted(record)
+    start = replace(model, effects=(CATALOGUE["gate_deadband"](band=4.2),), free=((),))
+    found_, spread = stepped(start, "band", record.take(linear.split.fit))
+    low, high = (found_.effects[0].band + 1.96 * s * spread for s in (-1, 1))
+    assert low <= band <= high + 1e-9 and high - low <= 1.0 + 1e-9
+    assert evaluation.likelihood.shape == (40,)
+
+
+def test_what_acts_in_steps_is_not_left_to_slopes():
+    record = season(34, effects=(CATALOGUE["gate_deadband"](band=6.0),))
+    model, linear, _, pool = found(record, "gate_deadband")
+    larger, spreads = added(model, pool[0], record.take(linear.split.fit), quiet)
+    assert larger.free == ((),) and larger.effects[0].band == pytest.approx(5.5, abs=0.51)
+    assert spreads["band"] > 0.2
+
+
+def test_rivals_are_near_or_of_the_same_kind():
+    lag, clock = made("outflow_lag", 200, 100), made("clock_offset", 60, 20)
+    wave, day = made("unlogged_upstream_release", 300, 90), made("diurnal_inflow", 90, 60)
+    pool = [lag, clock, wave, day]
+    assert [p.name for p in rivals(lag, pool)] == ["unlogged_upstream_release", "clock_offset"]
+    assert [p.name for p in rivals(wave, pool)] == ["outflow_lag"]
+    assert rivals(day, [day, replace(clock, level_noise=True)]) == []
+
+
+def test_only_what_is_no_chance_and_gains_a_lot_is_tried_without_standing():
+    flow, small = made("lateral_inflow", 300, 60), made("diurnal_inflow", 20, 10)
+    chance, lag = made("leakage", 200, 60, p=0.02), made("outflow_lag", 500, 200)
+    assert worth_trying([flow, small, chance, lag], (), 0) == [flow]
+    assert worth_trying([flow], ("lateral_inflow",), 0) == []
+
+
+def test_a_proposal_takes_the_place_of_all_its_name_was_tried_at():
+    old, other, lag = made("clock_offset", 9, 9), made("clock_offset", 5, 5), made("outflow_lag", 1, 1)
+    new, dated = replace(old, gain_fit=3.0), replace(other, window=((None, None), None))
+    assert exchanged([old, other, dated, lag], old, new) == [new, dated, lag]
+
+
+def test_what_gains_only_where_it_was_fitted_is_contradicted():
+    record = season(1, days=20)
+    _, linear, _ = fitted(record)
+    good, bad = made("lateral_inflow", 90, 30), made("diurnal_inflow", 2.0 * WORTH, -4, t=-3.0)
+    assert contradicted([good], linear) is None
+    assert contradicted([good, bad], linear) is bad
+    assert contradicted([replace(bad, p_value=0.2)], linear) is None
+    assert contradicted([replace(bad, t=-1.0)], linear) is None  # a loss that may be chance
+
+
+def test_calibrating_with_a_fixed_effect_leaves_it():
+    record = season(34, effects=(CATALOGUE["gate_deadband"](band=6.0),))
+    model, linear, _ = fitted(record)
+    fixed = replace(model, effects=(CATALOGUE["gate_deadband"](band=6.0),), free=((),))
+    again = calibrate(fixed, record.take(linear.split.fit), steps=2)
+    assert again.effects == fixed.effects

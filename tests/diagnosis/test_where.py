@@ -1,0 +1,223 @@
+"""Bins against plain loops, chance against its own error, and places against what was planted."""
+
+import datetime as dt
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.data import as_record
+from rivid.diagnosis.where.bins import influence
+from rivid.diagnosis.where.drivers import Driver, drivers, season, since_step
+from rivid.diagnosis.where.place import as_scores, hour_map, strongest, tables
+from rivid.errors import RividError
+
+DAYS, N, BLOCK = 60, 144, 3
+DATES = [dt.date(2024, 5, 1) + dt.timedelta(days=i) for i in range(DAYS)]
+BLOCKS = np.arange(DAYS) // BLOCK
+CLOCK = np.tile(np.arange(N) / 6.0, (DAYS, 1))
+HOUR = Driver("hour", "h", np.arange(25.0), tuple(map(str, range(24))), CLOCK.astype(np.int64), True)
+WEEKDAY = Driver(
+    "weekday", "day", np.arange(8.0), ("Mo", "Tu", "We", "Th", "Fr", "Sa", "Su"),
+    np.repeat((np.arange(DAYS)[:, None] + 2) % 7, N, 1), True,
+)  # fmt: skip
+DATE = season(DATES, BLOCKS, N)
+USED = np.ones((DAYS, N), bool)
+USED[:, :9] = False
+USED[17, 60:] = False
+
+
+def scores(seed):
+    """Noise that the days of a block share: a level, and a course over the day."""
+    rng = np.random.default_rng(seed)
+    level = 0.5 * rng.standard_normal((DAYS, 1))[BLOCKS]
+    course = 0.7 * rng.standard_normal((DAYS, 24))[BLOCKS][:, np.arange(N) // 6]
+    return rng.standard_normal((DAYS, N)) + level + course
+
+
+def planted(seed, size, hours, days):
+    there = np.isin(np.arange(N) // 6, hours)[None] & days[:, None]
+    return scores(seed) + size * there
+
+
+def test_bins_hold_what_plain_loops_find():
+    rng = np.random.default_rng(0)
+    q = rng.uniform(0.5, 2.0, (DAYS, N))
+    s = scores(0) * q
+    (table,) = tables(as_scores(s, USED, BLOCKS, q), [HOUR], draws=99).bins
+    overall = s[USED].sum() / q[USED].sum()
+    for b in (1, 7, 23):
+        inside = USED & (HOUR.bin == b)
+        assert table.mean[b] == pytest.approx(s[inside].sum() / q[inside].sum())
+        assert table.departure[b] == pytest.approx(s[inside].sum() / q[inside].sum() - overall)
+        assert table.samples[b] == inside.sum()
+        assert table.blocks[b] == 20
+    assert np.isnan(table.mean[0]) and np.isnan(table.z[0]) and table.samples[0] == 0
+
+
+def test_the_influence_of_a_block_is_what_its_removal_changes():
+    rng = np.random.default_rng(1)
+    J = 400
+    Q = rng.uniform(0.5, 1.5, (J, 3))
+    S = Q + 0.3 * rng.standard_normal((J, 3))
+    psi = influence(S, Q)
+    departure = S.sum(0) / Q.sum(0) - S.sum() / Q.sum()
+    assert psi.sum(0) == pytest.approx(departure)
+    for j in (0, 5):
+        S2, Q2 = np.delete(S, j, 0), np.delete(Q, j, 0)
+        change = departure - (S2.sum(0) / Q2.sum(0) - S2.sum() / Q2.sum())
+        own = (S[j] - S.sum(0) / Q.sum(0) * Q[j]) / Q.sum(0)
+        own -= (S[j].sum() - S.sum() / Q.sum() * Q[j].sum()) / Q.sum()
+        assert change == pytest.approx(own, rel=0.02, abs=2e-5)
+        assert psi[j] == pytest.approx(own, abs=2e-4)  # the difference is the departures themselves, small
+
+
+def test_the_standard_error_is_the_scatter_of_departures_over_seasons():
+    found = [tables(as_scores(scores(s), USED, BLOCKS), [HOUR], draws=9).bins[0] for s in range(150)]
+    scatter = np.std([t.departure[2:] for t in found], axis=0)
+    mean_se = np.sqrt(np.mean([t.se[2:] ** 2 for t in found], axis=0))
+    # 20 blocks drawn again give 19/20 of the variance; 150 seasons know it to 6 % a bin.
+    assert np.mean(mean_se / scatter) == pytest.approx(np.sqrt(19 / 20), abs=0.05)
+    assert np.abs(mean_se / scatter - 1).max() < 0.3
+
+
+def test_the_false_rate_is_what_p_says_under_noise_that_blocks_share():
+    seasons, level = 1000, 0.05
+    loud = np.zeros(4)
+    for seed in range(seasons):
+        told = tables(
+            as_scores(scores(seed), USED, BLOCKS), [HOUR, WEEKDAY, DATE], draws=99, resamples=2, seed=seed
+        )
+        loud += [*(t.p_value <= level for t in told.bins), told.p_value <= level]
+    error = np.sqrt(level * (1 - level) / seasons)
+    assert np.abs(loud / seasons - level).max() <= 3 * error, loud / seasons
+
+
+def test_flips_of_single_days_would_be_fooled_by_that_noise():
+    told = [
+        tables(as_scores(scores(seed), USED, np.arange(DAYS)), [HOUR], draws=99, resamples=2, seed=seed)
+        for seed in range(150)
+    ]
+    assert np.mean([t.p_value <= 0.05 for t in told]) > 0.15
+
+
+def test_hours_and_dates_of_a_planted_inflow_come_back_in_words():
+    days = (np.arange(DAYS) >= 12) & (np.arange(DAYS) < 45)
+    right = 0
+    for seed in range(10):
+        place = strongest(
+            as_scores(planted(seed, 3.0, range(9, 17), days), USED, BLOCKS), [HOUR, WEEKDAY], DATES
+        )
+        assert place is not None and place.driver == "hour"
+        assert abs(place.size - 3.0) < 4 * place.size_se
+        right += (place.low, place.high) == (9.0, 17.0) and place.windows == ((DATES[12], DATES[44]),)
+        if right == 1 and place.windows == ((DATES[12], DATES[44]),):
+            assert place.text.startswith("hours 9 to 17, ")
+            assert place.text.endswith(" m3/s, on days from 13 May to 14 June")
+    assert right >= 8
+
+
+def test_a_loss_in_the_night_of_all_days_goes_past_midnight():
+    place = strongest(
+        as_scores(planted(3, -2.0, (22, 23, 2, 3), np.ones(DAYS, bool)), USED, BLOCKS), [HOUR], DATES
+    )
+    assert place is not None
+    assert (place.low, place.high) == (22.0, 4.0)
+    assert place.size == pytest.approx(-2.0, abs=4 * place.size_se)
+    assert place.text.startswith("hours 22 to 4, -") and place.text.endswith("on all days")
+
+
+def test_a_part_of_the_season_is_told_by_its_dates_alone():
+    for seed in range(5):
+        there = (np.arange(DAYS) >= 33)[:, None]
+        place = strongest(as_scores(scores(seed) + 3.0 * there, USED, BLOCKS), [HOUR, DATE], DATES)
+        assert place is not None and place.driver == "date"
+        assert place.windows == ((DATES[33], DATES[59]),)
+        assert place.size == pytest.approx(3.0, abs=4 * place.size_se)
+        assert place.text.endswith(" m3/s, on days from 3 June to 29 June") and "hours" not in place.text
+
+
+def test_weekends_are_told_as_weekdays():
+    weekend = WEEKDAY.bin >= 5
+    place = strongest(as_scores(scores(5) + 2.0 * weekend, USED, BLOCKS), [HOUR, WEEKDAY], DATES)
+    assert place is not None and place.text.startswith("weekday Sa to Su, ")
+
+
+def test_noise_has_no_place():
+    silent = [strongest(as_scores(scores(seed), USED, BLOCKS), [HOUR, WEEKDAY, DATE], DATES, level=0.01)
+              for seed in range(150)]  # fmt: skip
+    assert np.mean([place is not None for place in silent]) <= 0.01 + 3 * np.sqrt(0.01 * 0.99 / 150)
+
+
+def test_the_map_is_a_table_of_cells():
+    q = np.random.default_rng(2).uniform(0.5, 2.0, (DAYS, N))
+    s = scores(6) * q
+    found = hour_map(as_scores(s, USED, BLOCKS, q), CLOCK, days=7, hours=2.0)
+    assert found.mean.shape == (12, 9) and found.days[-1] == DAYS
+    inside = USED[14:21] & (CLOCK[14:21] >= 6) & (CLOCK[14:21] < 8)
+    assert found.mean[3, 2] == pytest.approx(s[14:21][inside].sum() / q[14:21][inside].sum())
+    assert found.information.sum() == pytest.approx(q[USED].sum())
+
+
+def record(kind="pool"):
+    rng = np.random.default_rng(7)
+    seconds = np.arange(N) * 600.0
+    flow = 300.0 + 50.0 * rng.integers(0, 5, (DAYS, 6))[:, np.arange(N) // 24]
+    output = 10.0 + np.cumsum(rng.standard_normal((DAYS, N)), axis=1) * 0.01
+    output[4, 20:30] = np.nan
+    outflow = None if kind == "river" else flow[:, ::-1]
+    return as_record(DATES, seconds, flow, outflow, output, sample_time=600.0, delay=3, kind=kind)
+
+
+def test_every_used_sample_of_a_record_is_in_the_bin_that_its_label_says():
+    rec = record()
+    by = {d.name: d for d in drivers(rec, BLOCKS)}
+    assert set(by) == {
+        "hour", "shift", "weekday", "date", "inflow", "rate of inflow", "outflow", "rate of outflow", "level",
+        "rate of level", "hours since a step of the inflow", "hours since a step of the outflow",
+    }  # fmt: skip
+    k = rec.lead + 75  # half past twelve
+    assert (by["hour"].bin[:, k] == 12).all()
+    assert by["shift"].labels[by["shift"].bin[0, k]] == "5 to 13 h"
+    names = [by["weekday"].labels[b] for b in by["weekday"].bin[:, k]]
+    assert names == [f"{date:%A}" for date in DATES]
+    for name, values in (("inflow", rec.inflow), ("level", rec.output)):
+        d = by[name]
+        low, high = d.edges[d.bin[rec.used]], d.edges[d.bin[rec.used] + 1]
+        assert (low <= values[rec.used]).all() and (values[rec.used] <= high).all()
+    counts = np.bincount(by["level"].bin[rec.used])
+    assert counts.max() - counts.min() <= 0.02 * counts.sum()
+    assert (by["level"].bin[np.isnan(rec.output)] == -1).all()
+
+
+def test_a_river_without_an_outflow_is_not_binned_by_it():
+    names = {d.name for d in drivers(record("river"), BLOCKS)}
+    assert "discharge" in names and not any("outflow" in name for name in names)
+
+
+def test_hours_since_a_step_are_counted_from_it():
+    flow = np.full((1, N), 100.0)
+    flow[0, 30:] = 200.0
+    flow[0, 31:] += 0.5  # too small to be a step
+    d = since_step("since", flow, 600.0)
+    assert (d.bin[0, :30] == -1).all()
+    assert [d.labels[d.bin[0, 30 + k]] for k in (0, 2, 3, 6, 47, 48)] == [
+        "0 to 0.5 h", "0 to 0.5 h", "0.5 to 1 h", "1 to 2 h", "4 to 8 h", "8 to 24 h"
+    ]  # fmt: skip
+    assert since_step("since", np.full((1, N), 100.0), 600.0) is None
+
+
+def test_parts_of_the_season_are_whole_blocks():
+    assert DATE.labels[0] == "1 May to 30 May"
+    for part in range(len(DATE.labels)):
+        days = np.flatnonzero(DATE.bin[:, 0] == part)
+        assert len(days) == 30 and days[0] % BLOCK == 0
+    assert season(DATES[:24], BLOCKS[:24], N) is None
+
+
+def test_what_cannot_be_binned_is_refused():
+    with pytest.raises(RividError, match=r"expected \(days, n\) and \(days,\)"):
+        as_scores(scores(0), USED, BLOCKS[:5])
+    with pytest.raises(RividError, match="mark it as not used"):
+        as_scores(np.full((DAYS, N), np.nan), USED, BLOCKS)
+    with pytest.raises(RividError, match="4 blocks have samples that count: expected 8 or more"):
+        as_scores(scores(0)[:12], USED[:12], BLOCKS[:12])

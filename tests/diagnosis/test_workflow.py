@@ -1,0 +1,165 @@
+"""The whole workflow on seasons whose truth is known, and its command."""
+
+import datetime as dt
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rivid.cli.diagnose import command
+from rivid.config import Config, load_config
+from rivid.diagnosis.data import as_record
+from rivid.diagnosis.deciding.breakers import PAIRS, USUAL, breaker
+from rivid.diagnosis.model.augmented import read_effects
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.search.trials import pool_trials
+from rivid.diagnosis.workflow import diagnose
+from rivid.effects import CATALOGUE, effect_classes
+from rivid.errors import ConfigError, NoDataError
+from rivid.logs.write import write_days
+from rivid.scenario import load_scenario
+from rivid.simulation import simulate
+from tests.diagnosis import pools
+
+SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
+UNEVEN = load_scenario(SCENARIOS / "uneven.toml")
+
+
+def season(days, seed, effects=()):
+    return simulate(UNEVEN.model_copy(update={"days": days}), seed, effects=effects)
+
+
+def answer(season, **changes):
+    record = as_record(
+        season.dates, season.seconds, season.inflow, season.outflow, season.level, sample_time=133.0, delay=8
+    )
+    nominal = HydraulicResponse.nominal(
+        8200.0, 81.6, 5.7, record.usual_output, sample_time=133.0, flow=record.usual_flow
+    )
+    return diagnose(record, nominal, effect_classes(), gauge_floor=0.0029, **changes)
+
+
+@pytest.fixture(scope="module")
+def melting():
+    """A season with a wave of 24 h that no log holds, as logs on disk."""
+    return season(40, 77, [CATALOGUE["diurnal_inflow"](amplitude=6.0, hour=15.0)])
+
+
+def written(season, folder):
+    columns = zip(season.inflow, season.outflow, season.level, strict=True)
+    days = ({"u_Qi": u, "u_Qo": o, "h_L": h} for u, o, h in columns)
+    write_days(
+        folder, zip(season.dates, days, strict=True), sample_time=133.0, offset=dt.timedelta(hours=1),
+        format="parquet", layout="month",
+    )  # fmt: skip
+    config = folder.parent / "reach.toml"
+    config.write_text('[reach]\nname = "pool"\nlength = 8200\nwidth = 81.6\nbed_level = 124.3\n')
+    return config
+
+
+def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, tmp_path):
+    config = written(melting, tmp_path / "logs")
+    words = [str(tmp_path / "logs"), "-c", str(config), "-o", str(tmp_path / "out"), "--no-figures", "-q"]
+    done = CliRunner().invoke(command, [*words, "--json"], standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == 0
+    told = json.loads(done.stdout)
+    assert told == json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert told["verdict"] == "explained"
+    (effect,) = told["effects"]
+    assert effect["name"] == "diurnal_inflow" and effect["family"] == "flow" and effect["p_value"] < 0.01
+    found = {p["name"]: p for p in effect["parameters"]}
+    assert found["amplitude"]["value"] == pytest.approx(6.0, abs=0.8) and found["amplitude"]["unit"] == "m3/s"
+    assert found["amplitude"]["low"] < 6.0 < found["amplitude"]["high"]
+    assert found["hour"]["value"] == pytest.approx(15.0, abs=0.4)
+    gap = told["gap"]
+    assert gap["rmse_augmented"][1] < 0.6 * gap["rmse_baseline"][1] and gap["unit"] == "m"
+    assert len(gap["heldout_dates"]) == 6  # two blocks of three days in thirteen
+    page = (tmp_path / "out" / "diagnosis.html").read_text()
+    assert "iurnal" in page
+
+    model = tmp_path / "out" / "model.toml"
+    (again,) = read_effects(model, load_config(config))
+    assert again.name == "diurnal_inflow"
+    augmented = simulate(load_scenario(model).model_copy(update={"days": 2}))
+    assert augmented.effects[0].name == "diurnal_inflow"
+    second = CliRunner().invoke(
+        command, [*words[:-3], str(tmp_path / "second"), "--no-figures", "-q", "--model", str(model)],
+        standalone_mode=False, catch_exceptions=False,
+    )  # fmt: skip
+    assert second.return_value == 0
+    told = json.loads((tmp_path / "second" / "diagnosis.json").read_text())
+    assert told["verdict"] == "no_gap" and not told["effects"]
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    told, evidence = answer(season(40, 78))
+    assert told.verdict == "no_gap" and not told.effects, told.reason
+    assert evidence.inflow_after_sd.shape == evidence.record.time.shape
+    w = evidence.inflow_after[evidence.record.used]
+    truth = season(40, 78).weather
+    assert np.abs(w).mean() < 2.5 and truth.std() < 2.5
+
+
+def test_too_few_days_give_no_name():
+    told, evidence = answer(season(9, 79))
+    assert told.verdict == "insufficient_data" and evidence is None and "9 days" in told.reason
+
+
+def test_where_nothing_moves_or_may_be_named_there_is_no_answer():
+    record = pools.season(5, days=20)
+    still = replace(record, inflow=0.0 * record.inflow + 300.0, outflow=0.0 * record.outflow + 300.0)
+    told, evidence = diagnose(still, pools.nominal(still), effect_classes())
+    assert told.verdict == "insufficient_data" and evidence is None and "never move" in told.reason
+    told, evidence = diagnose(record, pools.nominal(record), {})
+    assert told.verdict == "insufficient_data" and evidence is None and "exclude" in told.reason
+
+
+def test_twenty_days_are_enough_for_an_answer():
+    record = pools.season(5, days=20)
+    told, evidence = diagnose(record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR)
+    assert told.verdict == "no_gap" and evidence is not None, told.reason
+
+
+def test_an_empty_directory_is_said(tmp_path):
+    (tmp_path / "logs").mkdir()
+    with pytest.raises(NoDataError):
+        CliRunner().invoke(command, [str(tmp_path / "logs")], standalone_mode=False, catch_exceptions=False)
+
+
+def test_an_unknown_name_to_exclude_is_refused(melting, tmp_path):
+    config = written(melting, tmp_path / "logs")
+    config.write_text(config.read_text() + "[diagnose]\nexclude = ['leek']\n")
+    with pytest.raises(ConfigError, match="no effect is called 'leek'"):
+        CliRunner().invoke(
+            command,
+            [str(tmp_path / "logs"), "-c", str(config)],
+            standalone_mode=False,
+            catch_exceptions=False,
+        )
+
+
+def test_every_effect_of_the_catalogue_is_tried_or_found_otherwise():
+    tried = {t.name for t in pool_trials(effect_classes(), 133.0)}
+    assert set(CATALOGUE) - tried == {"rain_inflow", "sensor_step", "wind_setup", "seiche"}
+
+
+def test_every_trial_makes_an_effect_of_its_name_again():
+    for trial in pool_trials(effect_classes(), 133.0):
+        k = max(len(trial.effects), 1)
+        made = trial.make(np.full(k, 0.8 * (trial.sign or 1)))
+        assert made.name == trial.name
+        assert all(hasattr(made, name) for name in trial.free), trial
+
+
+def test_what_is_tied_gets_a_way_to_tell():
+    assert breaker("leakage", "flow", ()) is None
+    assert "Hold the level" in breaker("leakage", "flow", ("gate_head_effect",))
+    assert breaker("diurnal_inflow", "flow", ("rain_inflow",)) == USUAL["flow"]
+    assert all(name in CATALOGUE for pair in PAIRS for name in pair)
+
+
+def test_settings_of_a_diagnosis_have_defaults():
+    assert Config().diagnose.most_effects == 4 and Config().diagnose.exclude == []
