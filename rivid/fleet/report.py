@@ -159,7 +159,7 @@ def _context(
         "latest": told["latest"],
         "sentences": _sentences(told),
         "failing": [(o, _why(o)) for o in sorted(failing, key=lambda o: (not o.error, o.reach))],
-        "left": [(o, _week(o)) for o in left],
+        "left": [(o, _band(o), _week(o)) for o in left],
         "silent": [o for o in outcomes if o.reach in chosen["silent"]],
         "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in outcomes if o.reach in chosen["changed"]],
         "all": [(o, _band(o), _week(o)) for o in outcomes],
