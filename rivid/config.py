@@ -31,6 +31,10 @@ __all__ = ["FLOWS", "UNITS", "Config", "InputConfig", "ReachConfig", "load_confi
 
 T = TypeVar("T", bound=BaseModel)
 NAME = r"^[A-Za-z0-9._-]+$"
+MOST_BYTES = 1_000_000
+"""Of a configuration file; a bomb is refused unread."""
+MOST_DEPTH = 20
+"""Tables and lists within each other."""
 Discharge = Annotated[float, Field(gt=0, le=1e7)]
 
 
@@ -228,11 +232,32 @@ def read_toml(path: Path) -> dict[str, Any]:
         In one line, where it cannot be read or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)  # a device never ends
+        if len(content) > MOST_BYTES:
+            raise ConfigError(f"{path} is too large for a configuration (limit {MOST_BYTES:,} bytes)")
+        raw = tomllib.loads(content.decode("utf-8-sig"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number of thousands of digits
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    _refuse_depth(raw, path)
+    return raw
+
+
+def _refuse_depth(raw: dict[str, Any], path: Path) -> None:
+    """Deep tables exhaust the stack of whoever goes through them; none of ours is deeper than a few."""
+    level: list[Any] = [raw]
+    for _ in range(MOST_DEPTH):
+        level = [
+            inner
+            for value in level
+            for inner in (value.values() if isinstance(value, dict) else value)
+            if isinstance(inner, (dict, list))
+        ]
+        if not level:
+            return
+    raise ConfigError(f"{path}: tables stand more than {MOST_DEPTH} deep in each other: expected [table] key")
 
 
 def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:
@@ -256,24 +281,27 @@ def load_config(path: Path | None) -> Config:
 
 
 def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
-    where = ".".join(_place(fault["loc"], raw))
+    where = _short(".".join(_place(fault["loc"], raw)))
     if fault["type"] == "extra_forbidden":
         fields = _fields_at(model, fault["loc"][:-1])
         return f"unknown key {where}; valid keys here: {', '.join(fields)}"
     message = str(fault["msg"]).removeprefix("Value error, ")
     if not where:  # a fault of the whole file
         return message
-    came = repr(fault.get("input"))
-    came = came if len(came) <= 60 else came[:57] + "..."
-    return f"{where} = {came}: {message[:1].lower()}{message[1:]}"
+    return f"{where} = {_short(repr(fault.get('input')))}: {message[:1].lower()}{message[1:]}"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _place(loc: tuple[int | str, ...], raw: Any) -> list[str]:
     """The part of pydantic's path that stands in the file; the rest names types."""
     place = []
     for part in loc:
-        if isinstance(raw, dict) and part in raw or isinstance(raw, list) and isinstance(part, int):
-            raw = raw[part]  # type: ignore[index]
+        in_list = isinstance(raw, list) and isinstance(part, int) and part < len(raw)
+        if in_list or isinstance(raw, dict) and part in raw:
+            raw = raw[part]
             place.append(str(part))
     return place or [str(part) for part in loc[:1]]
 

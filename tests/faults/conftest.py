@@ -5,7 +5,7 @@ import pytest
 
 @pytest.fixture
 def tried(record_property):
-    """Note an injection: ``tried("SIGKILL at a random moment", 50)``; :mod:`tests.faults.recording` keeps it."""
+    """Note an injection: ``tried("SIGKILL of the run", 50)``; :mod:`tests.faults.recording` keeps it."""
 
     def note(what: str, times: int = 1) -> None:
         record_property("tried", [what, times])

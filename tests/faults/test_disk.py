@@ -1,4 +1,4 @@
-"""A full disk, a limit of file sizes, a place that cannot be written: one line, nothing partial, no success."""
+"""Full disks, limits of file sizes, places not to be written: one line, nothing partial, no success."""
 
 import os
 import resource
