@@ -16,7 +16,7 @@ ORDER = [
     {"estimator_config"},
     {"config", "atomic", "lean", "leash", "reach", "settled"},
     {"effects", "logs", "results", "tables", "estimators", "preload"},
-    {"scenario", "season"},
+    {"scenario", "seasons"},
     {"simulation", "figures", "rows"},
     {"diagnosis", "store", "merge", "report", "check", "record"},
     {"batch"},

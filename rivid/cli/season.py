@@ -7,12 +7,13 @@ import click
 
 if TYPE_CHECKING:
     from rivid.core.delay_law import DelayLaw
-    from rivid.season import Joined, SeasonDays
+    from rivid.seasons.days import SeasonDays
+    from rivid.seasons.joined import Joined
 
 
 @click.command("season", short_help="Join the days of a run; the law of delay and discharge.")
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study.")
+@click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study of a pool.")
 @click.option("--reach", metavar="NAME", help="The reach, where OUT is a fleet's.")
 @click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
 def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
@@ -32,7 +33,9 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
     from rivid import record
     from rivid.errors import NoDataError
     from rivid.lean import spare_pandas
-    from rivid.season import join, law_of, read_days, write_season
+    from rivid.seasons.days import read_days
+    from rivid.seasons.joined import join, law_of
+    from rivid.seasons.writing import write_season
     from rivid.store import Store
 
     spare_pandas()
@@ -98,9 +101,11 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
     click.echo(f"{days.reach}: posterior-season, {way}")
     for name, text in rows if unseen else [rows[0], *rows[2:]]:
         click.echo(f"  {name:9s} {text}")
+    if days.river:
+        click.echo("  note      a river's days alone are as good: joined, t50 is coarser")
     click.echo()
     if law.status != "ok":
-        click.echo(f"no law of delay and discharge: {law.message}")
+        click.echo(f"no law: {law.message}")
         return
     what = "t50" if days.river else "T"
     click.echo(

@@ -11,7 +11,7 @@ from rivid.core.delay_law import DelayLaw
 from rivid.figures import FigureFile, style
 from rivid.figures.discharge import flow_axis
 from rivid.figures.words import count, duration
-from rivid.season import SeasonDays
+from rivid.seasons.days import SeasonDays
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from rivid.figures import FigureFile, style
 from rivid.figures.dates import date_axis
 from rivid.figures.selection import day_numbers
 from rivid.figures.words import count, day_range
-from rivid.season import Joined, SeasonDays
+from rivid.seasons.days import SeasonDays
+from rivid.seasons.joined import Joined
 
 DARKEST = 0.36
 """Opacity of a cell whose delay is certain: the band lies over it."""

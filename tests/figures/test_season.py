@@ -10,7 +10,8 @@ from PIL import Image
 from rivid.figures import law as law_figure
 from rivid.figures import season as season_figure
 from rivid.figures import style
-from rivid.season import SeasonDays, join, law_of
+from rivid.seasons.days import SeasonDays
+from rivid.seasons.joined import join, law_of
 
 ACCENT = (0xD5, 0x5E, 0x00)
 WATER = (0x00, 0x72, 0xB2)

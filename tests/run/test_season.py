@@ -15,7 +15,9 @@ from rivid.config import Config, parse
 from rivid.core.delay_law import delay_law
 from rivid.core.delay_law_fit import bulk
 from rivid.core.posterior_season import season
-from rivid.season import LAW_SCHEMA, SCHEMA, join, law_of, read_days
+from rivid.seasons.days import read_days
+from rivid.seasons.joined import join, law_of
+from rivid.seasons.writing import LAW_SCHEMA, SCHEMA
 from rivid.tables import DELAYS, to_table, write_parquet
 from tests.daily import FIRST, write_days
 from tests.run.test_run import rivid
@@ -255,7 +257,7 @@ def test_without_a_law_the_table_is_empty_and_the_json_says_why(done):
     assert rows_of(out / "delay_law.csv") == []
     told = json.loads((out / "delay_law.json").read_text())
     assert told["status"] == "too_few_days" and told["T0"] is None and told["covariance"] is None
-    assert f"no law of delay and discharge: {told['message']}" in said
+    assert f"no law: {told['message']}" in said
 
 
 def test_the_word_on_the_terminal_is_calm_and_narrow(tmp_path):
@@ -389,3 +391,13 @@ def test_a_river_is_answered_by_its_t50_where_the_band_is_narrow(tmp_path):
     assert (np.abs(joined.travel[answered] / 900.0 - joined.delay[answered]) <= 0.5).all()
     law = law_of(days)
     assert law.status == "too_few_days"
+
+
+def test_a_river_is_not_joined_both_ways(tmp_path):
+    out = made(tmp_path / "out", np.full(6, 9.4), np.full(6, 300.0), kind="river", T_s=900.0)
+    code, said = rivid("season", out, "--both-ways")
+    assert code == 2 and "surer than right" in said and not (out / "season.csv").exists()
+    code, said = rivid("season", out)
+    assert code == 0 and "a river's days alone are as good" in said
+    assert max(map(len, said.splitlines()[:-1])) <= 80
+    assert json.loads((out / "delay_law.json").read_text())["quantity"] == "t50"
