@@ -1,9 +1,10 @@
 """The results of a run as arrays: what tables hold, and figures and the report draw."""
 
 import datetime as dt
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,26 +121,49 @@ def load_results(out: Path | str) -> Results:
     ------
     NoDataError
         Where `out` holds no finished run.
+    RividError
+        Where its files are damaged, or of a newer rivid.
     """
-    import json
-
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
     out = Path(out)
     try:
-        run = json.loads((out / "run.json").read_text(encoding="utf-8"))
+        run = _record(out)
         delays, fir, criterion = (
             pq.read_table(out / f"{name}.parquet", page_checksum_verification=True)
             for name in ("delays", "fir", "criterion")
         )
+        return _results(run, delays, fir, criterion)
     except FileNotFoundError as error:
         raise NoDataError(
             f"{out} holds no finished run ({Path(error.filename).name} is missing): "
             "run `rivid run DATA_DIR --out OUT` first"
         ) from None
-    except (OSError, ValueError) as error:
+    except KeyError as error:
+        raise RividError(f"{out}: results cannot be read (they lack {error}): run again") from None
+    except (OSError, ValueError, TypeError) as error:
         raise RividError(f"{out}: results cannot be read ({error}): run again") from None
+
+
+def _record(out: Path) -> dict[str, Any]:
+    """run.json of OUT, unless a newer rivid wrote it: what its tables mean is not known here."""
+    import json
+
+    from rivid.tables import SCHEMA_VERSION
+
+    run = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    if not isinstance(run, dict):
+        raise ValueError("run.json is no record")
+    if run["schema_version"] > SCHEMA_VERSION:
+        raise RividError(
+            f"{out} was written by a newer rivid (schema {run['schema_version']}, this one knows "
+            f"{SCHEMA_VERSION}): upgrade rivid"
+        )
+    return run
+
+
+def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
+    import pyarrow as pa
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)
     order = [str(name) for name in run["estimators"]]
@@ -206,12 +230,16 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
     ------
     NoDataError
         Where `out` holds no run.
+    RividError
+        Where a newer rivid wrote it.
     """
     import pandas as pd
 
     path = Path(out) / "delays.parquet"
     if not path.exists():
         raise NoDataError(f"{path} does not exist: run `rivid run DATA_DIR --out OUT` first")
+    with suppress(OSError, ValueError, KeyError, TypeError):  # the table may stand alone
+        _record(Path(out))
     frame = pd.read_parquet(path)
     frame["date"] = pd.to_datetime(frame["date"])
     flags = ["at_bound", "prior_only"]  # with missing values, which plain bool cannot hold

@@ -1,0 +1,113 @@
+"""An upgrade keeps old results readable; results of a newer version are told and left alone."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from rivid.errors import RividError
+from rivid.results import load_delays, load_results
+from rivid.tables import SCHEMA_VERSION
+from tests.daily import write_days
+from tests.run.test_run import TABLES, bytes_of, command, rivid
+
+KEPT = Path(__file__).parent / "old_results"
+"""A folder for each schema version: OUT of a run of three days of `tests.daily`, as it was written."""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs") / "data"
+    write_days(folder, 3)
+    return folder
+
+
+def test_results_of_every_version_are_kept_here():
+    assert sorted(path.name for path in KEPT.iterdir()) == [str(v + 1) for v in range(SCHEMA_VERSION)]
+
+
+@pytest.mark.parametrize("version", [path.name for path in sorted(KEPT.iterdir())])
+def test_old_results_are_read_drawn_and_taken_up(data, tmp_path, tried, version):
+    out = shutil.copytree(KEPT / version, tmp_path / "out")
+    assert json.loads((out / "run.json").read_text())["schema_version"] == int(version)
+    jmap, posterior = load_results(out).estimators
+    assert [str(d) for d in jmap.dates] == ["2008-03-10", "2008-03-11", "2008-03-12"]
+    assert jmap.status == ["ok"] * 3 and jmap.delay.tolist() == [7, 7, 7]
+    assert jmap.fir.shape == (3, 30) and posterior.probability is not None
+    assert len(load_delays(out)) == 6
+    done = command("figures", out)
+    assert done.returncode == 0, done.stderr
+    assert (out / "report.html").exists() and (out / "figures" / "tdr_jmap.png").exists()
+    words = ("--estimator", "jmap", "--estimator", "posterior", "--no-figures")
+    code, said = rivid("run", data, "--out", out, *words)
+    assert code == 0 and "damaged" not in said
+    assert load_results(out).estimators[0].delay.tolist() == [7, 7, 7]
+    tried(f"results of schema version {version}: read, drawn, and run into")
+
+
+@pytest.fixture
+def newer(data, tmp_path):
+    out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
+    record = json.loads((out / "run.json").read_text()) | {"schema_version": SCHEMA_VERSION + 1}
+    (out / "run.json").write_text(json.dumps(record))
+    return out
+
+
+def test_newer_results_are_told_and_left_alone(newer, data, tried):
+    before = {path: path.read_bytes() for path in newer.rglob("*") if path.is_file()}
+    commands = (["run", data, "--out", newer], ["figures", newer], ["season", newer])
+    for words in commands:
+        done = command(*words)
+        (said,) = done.stderr.splitlines()
+        assert done.returncode == 1 and "newer rivid" in said and "upgrade rivid" in said
+    for read in (load_results, load_delays):
+        with pytest.raises(RividError, match="newer rivid"):
+            read(newer)
+    after = {path: path.read_bytes() for path in newer.rglob("*") if path.is_file()}
+    assert {p: b for p, b in after.items() if ".rivid" not in p.parts} == {
+        p: b for p, b in before.items() if ".rivid" not in p.parts
+    }
+    tried("results of a newer schema: run, figures, season, load_results, load_delays", len(commands) + 2)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "null", "{}", '{"estimators": 3}'])
+def test_a_damaged_record_is_one_line_for_readers_and_no_obstacle_for_a_run(data, tmp_path, tried, content):
+    out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
+    (out / "run.json").write_text(content)
+    with pytest.raises(RividError, match="run"):
+        load_results(out)
+    words = ("--estimator", "jmap", "--estimator", "posterior", "--no-figures")
+    assert rivid("run", data, "--out", out, *words)[0] == 0
+    assert load_results(out).estimators[0].delay.tolist() == [7, 7, 7]
+    tried(f"run.json holds {content or 'nothing'}")
+
+
+@pytest.mark.parametrize("name", TABLES[1:4])
+def test_a_table_without_a_column_is_one_line(tmp_path, tried, name):
+    out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
+    table = pq.read_table(out / name)
+    pq.write_table(table.drop_columns(table.column_names[-2:]), out / name)
+    with pytest.raises(RividError, match="run again"):
+        load_results(out)
+    tried(f"{name} without its last columns")
+
+
+def test_segments_with_other_columns_are_dropped_and_their_days_done_again(data, tmp_path, tried):
+    out = tmp_path / "out"
+    rivid("run", data, "--out", out, "--no-figures")
+    before = bytes_of(out)
+    (path,) = (out / ".rivid" / "segments").glob("*.parquet")
+    table = pq.read_table(path)
+    for k, other in enumerate(
+        (table.drop_columns("fir_sd"), table.append_column("more", pa.nulls(len(table))))
+    ):
+        pq.write_table(other, path)
+        code, said = rivid("run", data, "--out", out, "--no-figures")
+        assert code == 0 and "3 estimated now" in said
+        assert bytes_of(out) == before
+        (path,) = (out / ".rivid" / "segments").glob("*.parquet")
+        assert len(load_results(out).estimators) == 1, k
+    tried("a segment with a column less, or one more", 2)
