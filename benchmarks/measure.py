@@ -15,21 +15,34 @@ PYTHON = sys.executable
 
 @dataclass(frozen=True)
 class Usage:
-    """What a whole process took."""
+    """What a command took: wall time until it ended, and of it and all processes it started the processor
+    time and the memory of the largest; `own_mb` is the memory of the command itself."""
 
     seconds: float
     cpu: float
     peak_mb: float
+    own_mb: float
 
 
 LAUNCHER = """
-import json, os, subprocess, sys, time
+import ctypes, json, os, resource, subprocess, sys, tempfile, time
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(36, 1)  # processes left behind become children of this one, and are counted
 began = time.perf_counter()
-child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-said = child.stderr.read().decode()
-_, status, usage = os.wait4(child.pid, 0)
+said = tempfile.TemporaryFile()
+child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=said)
+_, status, own = os.wait4(child.pid, 0)
 seconds = time.perf_counter() - began
-print(json.dumps([os.waitstatus_to_exitcode(status), seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss, said]))
+while True:
+    try:
+        os.wait()
+    except ChildProcessError:
+        break
+usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+cpu = usage.ru_utime + usage.ru_stime
+said.seek(0)
+said = said.read().decode()
+print(json.dumps([os.waitstatus_to_exitcode(status), seconds, cpu, usage.ru_maxrss, own.ru_maxrss, said]))
 """
 """A small process in between: the peak memory that the system reports of a child is never below that of
 the process that started it."""
@@ -40,10 +53,10 @@ def process(command: Sequence[str]) -> Usage:
     surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     words = [PYTHON, "-I", "-S", "-c", LAUNCHER, *command]
     answer = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=True).stdout
-    code, seconds, cpu, peak_kb, said = json.loads(answer)
+    code, seconds, cpu, peak_kb, own_kb, said = json.loads(answer)
     if code != 0:
         raise SystemExit(f"{' '.join(command)} failed:\n{said}")
-    return Usage(seconds, cpu, peak_kb / 1024)
+    return Usage(seconds, cpu, peak_kb / 1024, own_kb / 1024)
 
 
 def in_turn(

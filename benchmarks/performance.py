@@ -5,6 +5,7 @@ Usage: python -m benchmarks.performance [--quick]
 
 import argparse
 import datetime as dt
+import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.measure import PYTHON, functions_in_turn, in_turn, machine, median, process, table
+from benchmarks.measure import PYTHON, Usage, functions_in_turn, in_turn, machine, median, process, table
 from benchmarks.saint_venant import sections
 from rivid.core import lanes
 from rivid.core.jmap import jmap
@@ -57,6 +58,10 @@ def core(season: Season) -> str:
     return text + f"\nThe same delay on {same} of {len(u)} days.\n"
 
 
+STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.lean, rivid.plan, rivid.run; rivid.lean.spare_pandas()"
+"""What `rivid run` imports before it looks at its first file."""
+
+
 def year(season: Season, work: Path, runs: int) -> str:
     """A year of CSV days, end to end, against the floor."""
     data = work / "year"
@@ -84,10 +89,51 @@ def year(season: Season, work: Path, runs: int) -> str:
         ratio = median([a.seconds / b.seconds for a, b in zip(used, floor, strict=True)])
         rows.append(
             [names[key], f"{median([u.seconds for u in used]):.2f} s", f"{ratio:.2f}",
-             f"{median([u.peak_mb for u in used]):.0f} MB"]
+             f"{median([u.cpu for u in used]):.2f} s", f"{median([u.peak_mb for u in used]):.0f} MB"]
         )  # fmt: skip
     text = f"## A year of CSV days ({len(season.dates)} files), end to end\n\n"
-    return text + table(["what", "wall time", "times the floor", "largest process"], rows)
+    head = ["what", "wall time", "times the floor", "processor time", "largest process"]
+    text += table(head, rows) + "\nFigures are drawn by processes of their own, a core for each: what they "
+    text += "need of processor time they save of wall time, where there are cores to be had.\n\n"
+    return text + every_day(data, work, runs)
+
+
+def every_day(data: Path, work: Path, runs: int) -> str:
+    """One new day in a finished year, against the start of Python and the imports."""
+    out, finished = work / "daily", work / "finished"
+    last = max(data.glob("*.csv"))
+    aside = work / "last.csv"
+    shutil.move(last, aside)
+    run = [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
+    process(run)
+    shutil.copytree(out, finished)
+
+    def before(name: str) -> None:
+        shutil.rmtree(out)
+        shutil.copytree(finished, out)
+        if name == "day":
+            shutil.copy(aside, last)
+        else:
+            last.unlink(missing_ok=True)
+
+    commands = {
+        "start": [PYTHON, "-c", STARTING],
+        "day": run,
+        "nothing": run,
+        "help": [PYTHON, "-m", "rivid", "--help"],
+    }
+    usages = in_turn(commands, runs, before)
+    names = {
+        "start": "start-up: Python, and the imports of `rivid run`",
+        "day": "`rivid run --no-figures`, one new day",
+        "nothing": "`rivid run --no-figures`, nothing new",
+        "help": "`rivid --help`",
+    }
+    rows = []
+    for key, used in usages.items():
+        ratio = median([a.seconds / b.seconds for a, b in zip(used, usages["start"], strict=True)])
+        rows.append([names[key], f"{median([u.seconds for u in used]) * 1e3:.0f} ms", f"{ratio:.2f}"])
+    return "### Every morning\n\n" + table(["what", "wall time", "times the start-up"], rows)
 
 
 def scale(season: Season, work: Path, years: list[int]) -> str:
@@ -96,15 +142,40 @@ def scale(season: Season, work: Path, years: list[int]) -> str:
     for n in years:
         data, out = work / f"years{n}", work / f"out{n}"
         write(season, data, n)
-        command = [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
-        used = process([*command, "--workers", "2"])
-        days = n * len(season.dates)
-        speed = f"{days / used.seconds:.0f}"
-        rows.append([f"{days:,}", f"{used.seconds:.1f} s", speed, f"{used.peak_mb:.0f} MB"])
+        used = process([*_tables(data, out), "--workers", "2"])
+        rows.append(_scaled(f"{n * len(season.dates):,}", n * len(season.dates), used))
         shutil.rmtree(data)
         shutil.rmtree(out)
     text = "## As the record grows\n\nCSV days, `jmap`, two workers, tables without figures.\n\n"
-    return text + table(["days", "wall time", "days a second", "largest process"], rows)
+    return text + table(["days", "wall time", "days a second", "the command itself", "largest process"], rows)
+
+
+def fleet(season: Season, work: Path, reaches: list[int]) -> str:
+    """The same as the number of reaches grows, each with a year of CSV days."""
+    rows = []
+    for n in reaches:
+        data, out = work / f"fleet{n}", work / f"out{n}"
+        write(season, data / "r0", 1)
+        for k in range(1, n):
+            shutil.copytree(data / "r0", data / f"r{k}", copy_function=os.link)
+        days = n * len(season.dates)
+        command = [*_tables(data, out), "--workers", "2"]
+        rows.append([f"{n:,}", *_scaled(f"{days:,}", days, process(command))])
+        rows.append([f"{n:,}, again, nothing new", *_scaled(f"{days:,}", days, process(command))])
+        shutil.rmtree(data)
+        shutil.rmtree(out)
+    text = "## As the fleet grows\n\nA year of CSV days a reach, `jmap`, two workers, tables without figures.\n\n"
+    head = ["reaches", "days", "wall time", "days a second", "the command itself", "largest process"]
+    return text + table(head, rows)
+
+
+def _tables(data: Path, out: Path) -> list[str]:
+    return [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
+
+
+def _scaled(name: str, days: int, used: Usage) -> list[str]:
+    memory = [f"{used.own_mb:.0f} MB", f"{used.peak_mb:.0f} MB"]
+    return [name, f"{used.seconds:.1f} s", f"{days / used.seconds:.0f}", *memory]
 
 
 def write(season: Season, data: Path, years: int) -> None:
@@ -138,6 +209,7 @@ def main() -> None:
         work = Path(directory)
         parts = [core(season), year(season, work, 2 if quick else 7)]
         parts.append(scale(season, work, [1, 2] if quick else [1, 10, 100]))
+        parts.append(fleet(season, work, [2] if quick else [3, 30, 100]))
         parts.append(sections())
     text = (
         "# Performance\n\nWritten by `make bench`. Ratios are medians of pairs measured in turn in one run; "
