@@ -1,0 +1,120 @@
+"""Writes docs/reliability.md: every fault, what was tried, how often, and what came of it.
+
+    python -m benchmarks.reliability            the tests of `make test`
+    python -m benchmarks.reliability --long     the long loops too
+
+The tests run here and keep their own records (tests/faults/recording.py); the page says nothing else. Each
+cell of its table is made of them.
+"""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from tests.faults.rows import ROWS, Row
+
+ROOT = Path(__file__).parent.parent
+RECORD = ROOT / "build" / "reliability.json"
+PAGE = ROOT / "docs" / "reliability.md"
+
+HEAD = """# What was done to it, and what came of it
+
+Written by `python -m benchmarks.reliability --long` from the records of the tests themselves; do not edit. Faults are
+real: processes are killed with SIGKILL, disks are full, limits are the kernel's, bombs are made and met.
+`tests/faults/rows.py` names the tests of each fault.
+
+{summary}
+
+A number is how often it was injected; in brackets, tests that failed. Where a test has several cases of one kind, or loops
+inside, the text says so.
+"""
+
+
+def main() -> int:
+    """Run the tests of all faults, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--long", action="store_true", help="the long loops too")
+    parser.add_argument(
+        "--kept", action="store_true", help="only write the page anew, of the record kept in build/"
+    )
+    asked = parser.parse_args()
+    code = 0 if asked.kept else run_tests(asked.long)
+    record = json.loads(RECORD.read_text(encoding="utf-8"))
+    PAGE.write_text(page(record), encoding="utf-8")
+    print(f"{PAGE.relative_to(ROOT)}: {len(record)} tests, {failed(record)} failed")
+    return code
+
+
+def run_tests(long: bool) -> int:
+    """Run the tests of all rows; their record is in :data:`RECORD`."""
+    tests = sorted({test.removesuffix("::") for row in ROWS for test in row.tests})
+    words = [sys.executable, "-m", "pytest", "-n", "2", "-q", "-p", "tests.faults.recording"]
+    words += [] if long else ["-m", "not long"]
+    RECORD.unlink(missing_ok=True)
+    environment = os.environ | {"RIVID_FAULTS": str(RECORD), "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run([*words, *tests], cwd=ROOT, env=environment).returncode
+
+
+def failed(record: dict[str, Any]) -> int:
+    """How many tests failed."""
+    return sum(kept["outcome"] != "passed" for kept in record.values())
+
+
+def page(record: dict[str, Any]) -> str:
+    """The page of a record."""
+    seconds = sum(kept["seconds"] for kept in record.values())
+    long = any("many_random_moments" in test for test in record)
+    summary = (
+        f"{len(ROWS)} faults, {len(record):,} tests, {failed(record)} failed, {seconds:,.0f} s of tests; "
+        f"{'with' if long else 'without'} the long loops. {platform.system()}, Python {platform.python_version()}, "
+        f"{os.cpu_count()} cores."
+    )
+    lines = ["| fault | what must happen | what was tried, and how often | result |", "|---|---|---|---|"]
+    lines += [line(row, record) for row in ROWS]
+    return HEAD.format(summary=summary) + "\n" + "\n".join(lines) + "\n"
+
+
+def line(row: Row, record: dict[str, Any]) -> str:
+    """A row of the table."""
+    tried: Counter[str] = Counter()
+    bad: Counter[str] = Counter()
+    n, wrong = 0, 0
+    for test, words in row.tests.items():
+        for node, kept in record.items():
+            if not belongs(node, test):
+                continue
+            n += 1
+            is_bad = kept["outcome"] != "passed"
+            wrong += is_bad
+            for what, times in kept["tried"] or (
+                [[words, 1]] if words else [["stopped before it could say", 1]]
+            ):
+                tried[what] += times
+                bad[what] += is_bad
+    cells = [
+        f"{what}: {times}" + (f" ({bad[what]} failed)" if bad[what] else "") for what, times in tried.items()
+    ]
+    result = f"**{wrong} of {n} tests failed**" if wrong else f"all {n} tests pass"
+    return f"| {row.fault} | {row.expected} | {'<br>'.join(map(cell, cells))} | {result} |"
+
+
+def belongs(node: str, test: str) -> bool:
+    """Whether a test that ran is of a file, class or function named in a row."""
+    return node.startswith(test) and (test.endswith("::") or node[len(test) :][:1] in ("", "[", ":"))
+
+
+def cell(text: str) -> str:
+    """Text that stands in a table of Markdown as it is."""
+    for bad, good in (("|", "\\|"), ("<", "&lt;"), ("*", "\\*"), ("_", "\\_")):
+        text = text.replace(bad, good)
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,41 @@
+"""The list of faults names tests that exist, and every test of this folder that says what it tries is in it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from tests.faults.rows import HERE, ROWS
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+def names_in(path):
+    """Tests of a file: functions, classes, and methods as Class::method."""
+    found = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef):
+            found[node.name] = [argument.arg for argument in node.args.args]
+        if isinstance(node, ast.ClassDef):
+            found[node.name] = []
+            for inner in node.body:
+                if isinstance(inner, ast.FunctionDef):
+                    found[f"{node.name}::{inner.name}"] = [argument.arg for argument in inner.args.args]
+    return found
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault[:30])
+def test_the_tests_of_a_fault_exist(row):
+    assert row.tests
+    for test, injected in row.tests.items():
+        file, _, name = test.partition("::")
+        found = names_in(ROOT / file)
+        assert not name or name in found, test
+        assert injected or "tried" in found[name], f"what does {test} inject?"
+
+
+def test_no_fault_that_is_tried_is_left_out():
+    listed = {test for row in ROWS for test in row.tests}
+    for path in sorted((ROOT / HERE).glob("test_*.py")):
+        for name, arguments in names_in(path).items():
+            assert "tried" not in arguments or f"{HERE}{path.name}::{name}" in listed, name

@@ -1,0 +1,147 @@
+"""Formulas and markup from hostile names and cells, and names that lead elsewhere."""
+
+import csv
+import html.parser
+import itertools
+
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rivid.config import Config, parse
+from rivid.errors import ConfigError
+from rivid.merge import FORMULA
+from tests.daily import FIRST, text_of, write_days
+from tests.run.test_run import command, rivid
+
+CELLS = (
+    "=1+1", "=cmd|' /C calc'!A0", "+1+1", "-1+1", "@SUM(1;1)", "<script>alert(1)</script>",
+    "<img src=x onerror=alert(1)>", "&lt;b&gt;", "{{ 7*7 }}", "' onmouseover='x", "\x1b[31mred",
+)  # fmt: skip
+NAMES = ("=1+1", "+x", "-2+3", "@SUM(1)", "<script>alert(1)", "{{7*7}}", "%s", "a;b", "'", "$(touch x)")
+
+
+class Tags(html.parser.HTMLParser):
+    """Which tags and attributes a page has, and its text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.attributes, self.text = set(), set(), ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attributes}
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def is_harmless(out):
+    """No cell of a CSV is a formula, no page runs anything."""
+    for path in out.rglob("*.csv"):
+        with open(path, encoding="utf-8", newline="") as file:
+            for cell in itertools.chain.from_iterable(csv.reader(file)):
+                if cell.startswith(FORMULA):
+                    float(cell)  # a number may begin with its sign
+    pages = list(out.rglob("*.html"))
+    assert pages
+    for path in pages:
+        page = Tags(path.read_text(encoding="utf-8"))
+        assert page.tags.isdisjoint({"script", "iframe", "object", "embed"})
+        assert not [name for name in page.attributes if name.startswith("on")]
+    return Tags(pages[0].read_text(encoding="utf-8"))
+
+
+def test_hostile_cells_end_as_text(tmp_path, tried):
+    """Each day has a cell that is quoted in its reason."""
+    data = tmp_path / "data"
+    for date, cell in zip(write_days(data, len(CELLS)), CELLS, strict=True):
+        lines = text_of(date).splitlines()
+        fields = lines[9].split(",")
+        quoted = '"' + cell.replace('"', '""') + '"'
+        lines[9] = ",".join([fields[0], quoted, *fields[2:]])
+        (data / f"{date}.csv").write_text("\n".join(lines) + "\n")
+    done = command("run", data, "--out", tmp_path / "out")
+    assert done.returncode == 3, done.stderr
+    page = is_harmless(tmp_path / "out")
+    assert "<script>alert(1)</script>" in page.text, "shown as what it is"
+    messages = pq.read_table(tmp_path / "out" / "delays.parquet")["message"].to_pylist()
+    assert all("which is no number" in message for message in messages)
+    assert "\x1b" not in done.stdout + done.stderr
+    tried("a cell of a log that is a formula, markup or a terminal's command", len(CELLS))
+
+
+def test_hostile_file_names_end_as_text(tmp_path, tried):
+    """Files of several days: the reason of a day begins with the name of its file."""
+    data = tmp_path / "data"
+    data.mkdir()
+    for k, name in enumerate(NAMES):
+        days = [FIRST.replace(day=1 + 2 * k + j) for j in (0, 1)]
+        lines = [*text_of(days[0]).splitlines(), *text_of(days[1]).splitlines()[1:]]
+        fields = lines[700].split(",")
+        lines[700] = ",".join([fields[0], "ERR", *fields[2:]])
+        (data / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    done = command("run", data, "--out", tmp_path / "out")
+    assert done.returncode == 3, done.stderr
+    assert "<script>alert(1)" in is_harmless(tmp_path / "out").text
+    with open(tmp_path / "out" / "delays.csv", encoding="utf-8", newline="") as file:
+        messages = [row["message"] for row in csv.DictReader(file) if row["status"] == "failed"]
+    assert len(messages) == len(NAMES)
+    for name, message in zip(NAMES, messages, strict=True):
+        start = "'" + name if name.startswith(FORMULA) else name
+        assert message.startswith(start + ".csv, line 701: column 'u_Qi' holds 'ERR'")
+    tried("a log whose file name is a formula, markup or a shell's command", len(NAMES))
+
+
+def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
+    data = tmp_path / "data"
+    names = [name for name in (*NAMES, "a b", "..x", "<b>") if "/" not in name]
+    for name in names:
+        write_days(data / name, 1)
+    write_days(data / "sound", 2)
+    done = command("run", data, "--out", tmp_path / "out", "--no-figures")
+    assert done.returncode in (1, 2), done.stderr
+    page = Tags((tmp_path / "out" / "fleet.html").read_text(encoding="utf-8"))
+    assert page.tags.isdisjoint({"script", "b"}) and "<script>alert(1)" in page.text
+    made = {path.name for path in (tmp_path / "out").iterdir() if path.is_dir()}
+    assert "sound" in made and made.isdisjoint(set(names) - {"-2+3"})
+    assert not (tmp_path / "x").exists()
+    tried("a fleet's directory whose name is a formula, markup or a path", len(names))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text(max_size=90))
+def test_a_reach_is_called_by_letters_digits_dot_underscore_hyphen(name):
+    allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-"
+    try:
+        config = parse({"reach": {"name": name}}, Config)
+    except ConfigError as error:
+        assert len(str(error).splitlines()) == 1
+        assert not name or len(name) > 80 or not set(name) <= set(allowed)
+    else:
+        assert config.reach.name == name and set(name) <= set(allowed) and 0 < len(name) <= 80
+
+
+@pytest.mark.parametrize("name", ["../x", "/etc/x", "a/b", "x\n", "x\0", "ï", "=1", "C:\\x", ""])
+def test_a_name_that_leads_elsewhere_is_refused(tmp_path, tried, name):
+    write_days(tmp_path / "data", 1)
+    with pytest.raises(ConfigError):
+        parse({"reach": {"name": name}}, Config)
+    tried(f"reach.name = {name!r}")
+
+
+def test_out_with_links_that_lead_out_writes_nothing_through_them(tmp_path, tried):
+    """What is written takes the place of a link; it does not follow it."""
+    write_days(tmp_path / "data", 1)
+    out, precious = tmp_path / "out", tmp_path / "precious"
+    out.mkdir()
+    precious.write_text("kept")
+    names = ("delays.csv", "delays.parquet", "fir.parquet", "run.json", "report.html")
+    for name in names:
+        (out / name).symlink_to(precious)
+    assert rivid("run", tmp_path / "data", "--out", out)[0] == 0
+    assert precious.read_text() == "kept"
+    assert not any((out / name).is_symlink() for name in names)
+    tried("a file of OUT that is a link to another file", len(names))
