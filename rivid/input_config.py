@@ -2,10 +2,10 @@
 
 import datetime as dt
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = str | list[str]
@@ -24,6 +24,29 @@ class Section(BaseModel):
     """A section of the configuration: frozen, and strict about its keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        kinds = _kinds(cls.model_fields[info.field_name or ""].annotation)
+        if bool not in kinds and not any(issubclass(kind, BaseModel) for kind in kinds) and _has_truth(value):
+            raise ValueError("true and false are no numbers or names")
+        return value
+
+
+def _kinds(annotation: Any) -> set[type]:
+    """The classes that an annotation is made of."""
+    parts = get_args(annotation)
+    if parts:
+        return set().union(*(_kinds(part) for part in parts))
+    return {annotation} if isinstance(annotation, type) else set()
+
+
+def _has_truth(value: Any) -> bool:
+    """Whether a value, or one within it, is true or false."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    return isinstance(value, bool) or (isinstance(value, list | tuple) and any(map(_has_truth, value)))
 
 
 class InputConfig(Section):

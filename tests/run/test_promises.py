@@ -256,6 +256,22 @@ def test_numbers_beyond_sense_are_refused_in_the_words_of_the_file(tmp_path, tex
     assert words in str(caught.value) and "constrained" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[reach]\nsample_time = true\n", "reach.sample_time = True: true and false are no numbers"),
+        ("[reach]\ndischarge_range = [true, 800]\n", "reach.discharge_range"),
+        ("[input.interval]\nh_L = true\n", "input.interval"),
+        ("[jmap]\norder = true\n", "jmap.order"),
+        ("[run]\nwindow_days = true\n", "run.window_days"),
+    ],
+)
+def test_true_and_false_are_no_numbers(tmp_path, text, words):
+    with pytest.raises(ConfigError) as caught:
+        load_config(settings(tmp_path, "c.toml", text))
+    assert words in str(caught.value)
+
+
 def test_a_toml_with_a_byte_order_mark_is_read(tmp_path):
     path = tmp_path / "c.toml"
     path.write_bytes(b"\xef\xbb\xbf[jmap]\nsigma_d = 9\n")
