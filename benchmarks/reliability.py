@@ -31,8 +31,7 @@ real: processes are killed with SIGKILL, disks are full, limits are the kernel's
 
 {summary}
 
-A number is how often it was injected; in brackets, tests that failed. Where a test has several cases of one kind, or loops
-inside, the text says so.
+After each injection stands how often it was made. What a test repeats within itself ("150 mutations") counts once.
 """
 
 
@@ -43,18 +42,19 @@ def main() -> int:
     parser.add_argument(
         "--kept", action="store_true", help="only write the page anew, of the record kept in build/"
     )
+    parser.add_argument("--jobs", default="auto", help="processes that test; default: as many as cores")
     asked = parser.parse_args()
-    code = 0 if asked.kept else run_tests(asked.long)
+    code = 0 if asked.kept else run_tests(asked.long, asked.jobs)
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     PAGE.write_text(page(record), encoding="utf-8")
     print(f"{PAGE.relative_to(ROOT)}: {len(record)} tests, {failed(record)} failed")
     return code
 
 
-def run_tests(long: bool) -> int:
+def run_tests(long: bool, jobs: str) -> int:
     """Run the tests of all rows; their record is in :data:`RECORD`."""
     tests = sorted({test.removesuffix("::") for row in ROWS for test in row.tests})
-    words = [sys.executable, "-m", "pytest", "-n", "2", "-q", "-p", "tests.faults.recording"]
+    words = [sys.executable, "-m", "pytest", "-n", jobs, "-q", "-p", "tests.faults.recording"]
     words += [] if long else ["-m", "not long"]
     RECORD.unlink(missing_ok=True)
     environment = os.environ | {"RIVID_FAULTS": str(RECORD), "OPENBLAS_NUM_THREADS": "1"}

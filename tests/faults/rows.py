@@ -4,6 +4,8 @@ A test is named by its file and its function or class. Tests with the fixture `t
 inject and how often; of the others it stands here, and each of their cases counts once.
 """
 
+# ruff: noqa: E501 (names of tests and words of a table)
+
 from dataclasses import dataclass, field
 
 HERE = "tests/faults/"

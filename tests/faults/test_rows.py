@@ -1,4 +1,4 @@
-"""The list of faults names tests that exist, and every test of this folder that says what it tries is in it."""
+"""The list of faults names tests that exist, and every test here that says what it tries is in it."""
 
 import ast
 from pathlib import Path
