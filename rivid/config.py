@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from rivid.core.posterior_river_settings import RiverSettings
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.river.settings import RiverSettings
 from rivid.core.settings import (
     CUSUMS,
     POSTERIORS,

@@ -5,8 +5,8 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
-from rivid.core.posterior_river_settings import RiverSettings, lags_of
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.river.settings import RiverSettings, lags_of
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
 from rivid.errors import ConfigError
 from rivid.input_config import Section
@@ -94,7 +94,7 @@ class CusumConfig(Section):
 
 
 class PosteriorConfig(Section):
-    """`[posterior]`: the settings of :class:`rivid.core.posterior_settings.PosteriorSettings`.
+    """`[posterior]`: the settings of :class:`rivid.core.posterior.settings.PosteriorSettings`.
 
     The delays and the length of the FIR are those of `[jmap]` where not given.
     """

@@ -14,10 +14,10 @@ from rivid.core.jmap import jmap
 from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, SearchResult, direct, indirect
 
 if TYPE_CHECKING:
-    from rivid.core.posterior import PosteriorResult
-    from rivid.core.posterior_river import RiverPosterior
-    from rivid.core.posterior_river_settings import RiverSettings
-    from rivid.core.posterior_settings import PosteriorSettings
+    from rivid.core.posterior.daily import PosteriorResult
+    from rivid.core.posterior.settings import PosteriorSettings
+    from rivid.core.river.posterior import RiverPosterior
+    from rivid.core.river.settings import RiverSettings
 
 Floats = NDArray[np.float64]
 
@@ -266,8 +266,8 @@ def _posterior(name: str, config: Config) -> Estimator:
     if config.reach.kind == "river":
         return _river_posterior(name, config)
     settings = config.posterior_settings()
-    from rivid.core.posterior import GUARD, posterior  # scipy.special, only where it is asked for
-    from rivid.core.posterior_blind import n_least, posterior_blind
+    from rivid.core.posterior.blind import n_least, posterior_blind
+    from rivid.core.posterior.daily import GUARD, posterior  # scipy.special, only where it is asked for
 
     def estimate(days: Days) -> Answer:
         if days.o is None:
@@ -285,7 +285,7 @@ def _posterior(name: str, config: Config) -> Estimator:
 def _river_posterior(name: str, config: Config) -> Estimator:
     """The probability of a river's t50; the first samples of each window are history."""
     settings = config.river_settings()
-    from rivid.core.posterior_river import LEAST_ROWS, posterior_river
+    from rivid.core.river.posterior import LEAST_ROWS, posterior_river
 
     def estimate(days: Days) -> Answer:
         flow = days.u if days.base is None else days.u + days.base[:, None]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from benchmarks.measure import table
 from benchmarks.posterior.score import randomised_coverage
 from benchmarks.posterior.worlds import KINDS, Recipe, World, worlds
-from rivid.core.posterior import PosteriorResult, posterior
-from rivid.core.posterior_blind import posterior_blind
-from rivid.core.posterior_season import season
-from rivid.core.posterior_season_settings import SeasonSettings
+from rivid.core.posterior.blind import posterior_blind
+from rivid.core.posterior.daily import PosteriorResult, posterior
+from rivid.core.season.joined import season
+from rivid.core.season.settings import SeasonSettings
 from rivid.scenario import Scenario
 from rivid.simulation import Season, simulate
 

@@ -12,7 +12,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from benchmarks.posterior.accuracy import DELAYS
 from benchmarks.posterior.worlds import KINDS, World, worlds
-from rivid.core.posterior import posterior
+from rivid.core.posterior.daily import posterior
 
 Floats = NDArray[np.float64]
 STEP = 0.1

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.posterior.worlds import World
-from rivid.core.posterior import PosteriorResult, posterior
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.daily import PosteriorResult, posterior
+from rivid.core.posterior.settings import PosteriorSettings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rivid.core.delay_law import DelayLaw
+from rivid.core.law.delay_law import DelayLaw
 from rivid.figures import FigureFile, style
 from rivid.figures.discharge import flow_axis
 from rivid.figures.words import count, duration

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.delay_law import DelayLaw, delay_law
-from rivid.core.posterior_river_settings import RiverSettings
-from rivid.core.posterior_season import season
+from rivid.core.law.delay_law import DelayLaw, delay_law
+from rivid.core.river.settings import RiverSettings
+from rivid.core.season.joined import season
 from rivid.errors import ConfigError
 from rivid.seasons.days import SeasonDays
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from rivid.atomic import replacing, write_text
-from rivid.core.delay_law import DelayLaw
+from rivid.core.law.delay_law import DelayLaw
 from rivid.seasons.days import SeasonDays
 from rivid.seasons.joined import Joined
 from rivid.tables import to_table, write_parquet

@@ -6,9 +6,9 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from rivid.core.delay_law import BAND_SD, delay_law
-from rivid.core.delay_law_fit import alike, block_covariance, bulk, fit_line
-from rivid.core.delay_law_settings import LawSettings
+from rivid.core.law.delay_law import BAND_SD, delay_law
+from rivid.core.law.fit import alike, block_covariance, bulk, fit_line
+from rivid.core.law.settings import LawSettings
 from rivid.errors import ConfigError, RividError
 
 T0, B, Q0 = 7.5, 0.3, 280.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rivid.core.posterior import BLOCK, posterior
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.daily import BLOCK, posterior
+from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import ConfigError, RividError
 from tests.core.posterior_days import linear_days, wave_days
 

@@ -6,8 +6,8 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from rivid.core.posterior_blind import TEMPERATURE, posterior_blind, smooth_weights
-from rivid.core.posterior_blind_response import (
+from rivid.core.posterior.blind import TEMPERATURE, posterior_blind, smooth_weights
+from rivid.core.posterior.blind_response import (
     DECAYS,
     FADING,
     LENGTHS,
@@ -16,8 +16,8 @@ from rivid.core.posterior_blind_response import (
     blind_fir,
     blind_noises,
 )
-from rivid.core.posterior_front import SHARES
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.front import SHARES
+from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import RividError
 from tests.core.posterior_days import linear_days, wave_days
 

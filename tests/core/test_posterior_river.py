@@ -5,12 +5,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rivid.core.posterior_river import LEAD_SHARE, LEADS, posterior_river
-from rivid.core.posterior_river_evidence import evidence, nothing
-from rivid.core.posterior_river_noise import daily_sine, river_noises
-from rivid.core.posterior_river_response import hastened, response_grid
-from rivid.core.posterior_river_settings import RiverSettings
-from rivid.core.posterior_river_sums import whitened_sums
+from rivid.core.river.evidence import evidence, nothing
+from rivid.core.river.noise import daily_sine, river_noises
+from rivid.core.river.posterior import LEAD_SHARE, LEADS, posterior_river
+from rivid.core.river.response import hastened, response_grid
+from rivid.core.river.settings import RiverSettings
+from rivid.core.river.sums import whitened_sums
 from rivid.errors import ConfigError, RividError
 from tests.core.river_windows import river_windows
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.core.posterior_river_noise import daily_sine, river_noises
-from rivid.core.posterior_river_sums import whitened_sums
+from rivid.core.river.noise import daily_sine, river_noises
+from rivid.core.river.sums import whitened_sums
 
 
 @pytest.mark.parametrize("seed", range(3))

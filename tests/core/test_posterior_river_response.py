@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import invgauss
 
-from rivid.core.posterior_river_response import (
+from rivid.core.river.response import (
     EXCHANGE_CV,
     EXCHANGED,
     FAMILIES,
@@ -21,7 +21,7 @@ from rivid.core.posterior_river_response import (
     response_grid,
     responses,
 )
-from rivid.core.posterior_river_settings import RiverSettings
+from rivid.core.river.settings import RiverSettings
 
 
 def wave(t, cv):

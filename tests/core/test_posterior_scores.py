@@ -7,7 +7,7 @@ from benchmarks.posterior.accuracy import reliability
 from benchmarks.posterior.oracle import likelihood
 from benchmarks.posterior.score import judge, randomised_coverage, wilson
 from benchmarks.posterior.worlds import World, worlds
-from rivid.core.posterior import posterior
+from rivid.core.posterior.daily import posterior
 from rivid.errors import ConfigError
 from tests.core.posterior_days import linear_days
 

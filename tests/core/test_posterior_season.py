@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rivid.core.posterior_season import season
-from rivid.core.posterior_season_chain import PARTS, drift_kernel, foretold_alike
-from rivid.core.posterior_season_settings import SeasonSettings
+from rivid.core.season.chain import PARTS, drift_kernel, foretold_alike
+from rivid.core.season.joined import season
+from rivid.core.season.settings import SeasonSettings
 from rivid.errors import ConfigError, RividError
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rivid.core.posterior import GUARD, posterior
-from rivid.core.posterior_blind import posterior_blind
-from rivid.core.posterior_river import posterior_river
-from rivid.core.posterior_river_settings import RiverSettings, lags_of
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.blind import posterior_blind
+from rivid.core.posterior.daily import GUARD, posterior
+from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.river.posterior import posterior_river
+from rivid.core.river.settings import RiverSettings, lags_of
 from rivid.errors import RividError
 from rivid.results import load_delays, load_results
 from tests.daily import FIRST, a_day, write_days

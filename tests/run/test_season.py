@@ -12,9 +12,9 @@ import pytest
 from scipy.special import ndtr, stdtrit
 
 from rivid.config import Config, parse
-from rivid.core.delay_law import delay_law
-from rivid.core.delay_law_fit import bulk
-from rivid.core.posterior_season import season
+from rivid.core.law.delay_law import delay_law
+from rivid.core.law.fit import bulk
+from rivid.core.season.joined import season
 from rivid.seasons.days import read_days
 from rivid.seasons.joined import join, law_of
 from rivid.seasons.writing import LAW_SCHEMA, SCHEMA

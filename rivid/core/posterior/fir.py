@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.posterior_front import SHARES, Structure
-from rivid.core.posterior_gram import O_LAGS, Y_LAGS
-from rivid.core.posterior_noise import DRIFT_MEMORY
+from rivid.core.posterior.front import SHARES, Structure
+from rivid.core.posterior.gram import O_LAGS, Y_LAGS
+from rivid.core.posterior.noise import DRIFT_MEMORY
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -27,10 +27,10 @@ def averaged_fir(
     Parameters
     ----------
     G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior_gram.gram`.
+        From :func:`rivid.core.posterior.gram.gram`.
     n_rows : int
     fronts : list of ndarray
-        From :func:`rivid.core.posterior_front.log_evidence`.
+        From :func:`rivid.core.posterior.front.log_evidence`.
     belongs : list of ndarray of bool, shape (candidates, shares, days)
         For each equation, the places of the front that mean the day's delay.
     kinds : tuple of Structure

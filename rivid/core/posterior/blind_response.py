@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from rivid.core.posterior_front import LEAST_T, SHARES, SMALLEST_PIVOT, SURE_T
-from rivid.core.posterior_noise import spectral_factor
-from rivid.core.posterior_river_sums import Noises, Sums, whitened_sums
+from rivid.core.posterior.front import LEAST_T, SHARES, SMALLEST_PIVOT, SURE_T
+from rivid.core.posterior.noise import spectral_factor
+from rivid.core.river.sums import Noises, Sums, whitened_sums
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from rivid.core.posterior_river_noise import SINE
-from rivid.core.posterior_river_response import ResponseGrid
-from rivid.core.posterior_river_sums import Sums
+from rivid.core.river.noise import SINE
+from rivid.core.river.response import ResponseGrid
+from rivid.core.river.sums import Sums
 
 Floats = NDArray[np.float64]
 

@@ -1,8 +1,8 @@
 """p(d | y) where the outflow is not logged: half each of two views of the day.
 
-One view is a first- or second-order equation or a store with a front (:mod:`rivid.core.posterior_front`), as
-:func:`rivid.core.posterior.posterior` has it; the other a smooth response with a jump
-(:mod:`rivid.core.posterior_blind_response`), which takes in what people do with the inflow. Their
+One view is a first- or second-order equation or a store with a front (:mod:`rivid.core.posterior.front`), as
+:func:`rivid.core.posterior.daily.posterior` has it; the other a smooth response with a jump
+(:mod:`rivid.core.posterior.blind_response`), which takes in what people do with the inflow. Their
 probabilities are pooled, not their evidence: without the outflow both are wrong in some way, and evidence
 picks the one that is wrong with more conviction.
 """
@@ -10,14 +10,14 @@ picks the one that is wrong with more conviction.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.posterior import BLOCK, GUARD, PosteriorResult, _answer, _checked
-from rivid.core.posterior_blind_response import BEHIND, LENGTHS, BlindEvidence, blind_evidence, blind_fir
-from rivid.core.posterior_fir import averaged_fir
-from rivid.core.posterior_fold import fold, meant, weights
-from rivid.core.posterior_front import SHARES, log_evidence, structures
-from rivid.core.posterior_gram import gram
-from rivid.core.posterior_noise import noise_bank
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.blind_response import BEHIND, LENGTHS, BlindEvidence, blind_evidence, blind_fir
+from rivid.core.posterior.daily import BLOCK, GUARD, PosteriorResult, _answer, _checked
+from rivid.core.posterior.fir import averaged_fir
+from rivid.core.posterior.fold import fold, meant, weights
+from rivid.core.posterior.front import SHARES, log_evidence, structures
+from rivid.core.posterior.gram import gram
+from rivid.core.posterior.noise import noise_bank
+from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]
@@ -110,8 +110,10 @@ def _block(u: Floats, y: Floats, n_lags: int, s: PosteriorSettings) -> tuple[Flo
 
 
 def smooth_weights(found: BlindEvidence, s: PosteriorSettings) -> tuple[Floats, float]:
-    """Flattened weight of each smoothness of f and place of the jump, shape (lengths, candidates, shares); and
-    the probability of a jump."""
+    """Flattened weight of each smoothness of f and place of the jump, and the probability of a jump.
+
+    The weights have shape (lengths, candidates, shares).
+    """
     prior = np.full(len(SHARES), (1.0 - s.sharp) / len(SHARES))
     prior[0] += s.sharp
     top = max(float(found.fronts.max()), float(found.nothing.max()))

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from rivid.core.posterior_gram import O_LAGS
-from rivid.core.posterior_noise import DRIFT_MEMORY, N_DRIFT, N_PLAIN
+from rivid.core.posterior.gram import O_LAGS
+from rivid.core.posterior.noise import DRIFT_MEMORY, N_DRIFT, N_PLAIN
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def log_evidence(
     Parameters
     ----------
     G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior_gram.gram`, with at least ``last + 4`` lags of u.
+        From :func:`rivid.core.posterior.gram.gram`, with at least ``last + 4`` lags of u.
     n_rows : int
     with_outflow : bool
     first, last : int

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rivid.core.posterior_noise import prewhiten
+from rivid.core.posterior.noise import prewhiten
 
 Floats = NDArray[np.float64]
 

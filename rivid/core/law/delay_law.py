@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from rivid.core.delay_law_fit import Fit, alike, block_covariance, bulk, fit_line
-from rivid.core.delay_law_settings import LawSettings
+from rivid.core.law.fit import Fit, alike, block_covariance, bulk, fit_line
+from rivid.core.law.settings import LawSettings
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]

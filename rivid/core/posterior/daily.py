@@ -1,8 +1,8 @@
 """p(d | y) of every day: the probability of each delay, averaged over equations, noises and fronts.
 
-Beyond the paper. The level follows one of a few equations (:mod:`rivid.core.posterior_front`) whose noise is
-one of a few kinds (:mod:`rivid.core.posterior_noise`); coefficients are profiled, the rest is averaged by its
-flattened evidence (:mod:`rivid.core.posterior_fold`).
+Beyond the paper. The level follows one of a few equations (:mod:`rivid.core.posterior.front`) whose noise is
+one of a few kinds (:mod:`rivid.core.posterior.noise`); coefficients are profiled, the rest is averaged by its
+flattened evidence (:mod:`rivid.core.posterior.fold`).
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.posterior_fir import averaged_fir
-from rivid.core.posterior_fold import fold, meant, weights
-from rivid.core.posterior_front import log_evidence, structures
-from rivid.core.posterior_gram import gram
-from rivid.core.posterior_noise import noise_bank
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.fir import averaged_fir
+from rivid.core.posterior.fold import fold, meant, weights
+from rivid.core.posterior.front import log_evidence, structures
+from rivid.core.posterior.gram import gram
+from rivid.core.posterior.noise import noise_bank
+from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.posterior_noise import spectral_factor
-from rivid.core.posterior_river_sums import Noises
+from rivid.core.posterior.noise import spectral_factor
+from rivid.core.river.sums import Noises
 
 Floats = NDArray[np.float64]
 

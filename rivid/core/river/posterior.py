@@ -2,8 +2,8 @@
 
 A dispersive river has no single delay. t50 is the lag by which half of a step has arrived, at the window's
 median inflow; it adds up along a river. The output is ``y = c + g (h * u~) + n``: u~ the inflow with its high
-water hastened, h from three families (:mod:`rivid.core.posterior_river_response`), n of one of a few kinds
-(:mod:`rivid.core.posterior_river_noise`). Evidence is averaged over all of them, flattened, because no river
+water hastened, h from three families (:mod:`rivid.core.river.response`), n of one of a few kinds
+(:mod:`rivid.core.river.noise`). Evidence is averaged over all of them, flattened, because no river
 is one of the families.
 """
 
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from rivid.core.posterior_river_evidence import Evidence, evidence, nothing
-from rivid.core.posterior_river_noise import daily_sine, river_noises
-from rivid.core.posterior_river_response import ResponseGrid, hastened, response_grid
-from rivid.core.posterior_river_settings import RiverSettings
-from rivid.core.posterior_river_sums import whitened_sums
+from rivid.core.river.evidence import Evidence, evidence, nothing
+from rivid.core.river.noise import daily_sine, river_noises
+from rivid.core.river.response import ResponseGrid, hastened, response_grid
+from rivid.core.river.settings import RiverSettings
+from rivid.core.river.sums import whitened_sums
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ class RiverPosterior:
 
     @property
     def place(self) -> Floats:
-        """t50, by the name it has in :class:`rivid.core.posterior.PosteriorResult`."""
+        """t50, by the name it has in :class:`rivid.core.posterior.daily.PosteriorResult`."""
         return self.t50
 
     @property

@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.posterior_front import SHARES
-from rivid.core.posterior_settings import PosteriorSettings
+from rivid.core.posterior.front import SHARES
+from rivid.core.posterior.settings import PosteriorSettings
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def weights(
     Parameters
     ----------
     fronts, nothing : list of ndarray
-        From :func:`rivid.core.posterior_front.log_evidence`.
+        From :func:`rivid.core.posterior.front.log_evidence`.
     stores : list of bool
         Which equations know volumes only.
     s : PosteriorSettings

@@ -7,7 +7,7 @@ the days have nothing to do with each other: each is believed as far as it foret
 
 A day's probability may be surely wrong. So a day counts as what it says with the probability `trust` (times
 that of its link), and as nothing at all otherwise. But the days must not all be wrong in the same way: where
-the outflow is not logged (:mod:`rivid.core.posterior_blind`) they are, and joined they are surer than right.
+the outflow is not logged (:mod:`rivid.core.posterior.blind`) they are, and joined they are surer than right.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.posterior_season_chain import Chain, Days, chain_of, foretold_alike
-from rivid.core.posterior_season_settings import SeasonSettings
+from rivid.core.season.chain import Chain, Days, chain_of, foretold_alike
+from rivid.core.season.settings import SeasonSettings
 from rivid.errors import RividError
 
 Floats = NDArray[np.float64]

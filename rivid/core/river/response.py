@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
 
-from rivid.core.posterior_river_settings import GUARD, RiverSettings
+from rivid.core.river.settings import GUARD, RiverSettings
 
 Floats = NDArray[np.float64]
 

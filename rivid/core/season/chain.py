@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.posterior_season_settings import SeasonSettings
+from rivid.core.season.settings import SeasonSettings
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""The probability of a river's travel time."""
