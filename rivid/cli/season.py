@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from rivid.core.delay_law import DelayLaw
+    from rivid.core.law.delay_law import DelayLaw
     from rivid.seasons.days import SeasonDays
     from rivid.seasons.joined import Joined
 
