@@ -121,6 +121,7 @@ def run(
         Before anything is computed, where the run cannot begin.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
+    painters = min(options.workers or cores(), MOST_PAINTERS)
     build(config)  # settings that contradict each other are said before any work
     _refuse_places(data_dir, out)
     with Store(out, options.shard.name if options.shard else "") as store:
@@ -135,7 +136,7 @@ def run(
                 f"{len(new)} new days in {data_dir}: {options.most_new} at most were to be run"
             )
         if new:
-            if options.figures and not options.shard and engine is None and cores() > 1:
+            if options.figures and not options.shard and engine is None and painters > 1:
                 warm(DRAWING)  # while this process reads and estimates
             _estimate(store, data_dir, config, new, planned, options, progress, engine)
         of = planned.asked if options.shard else planned.windows
@@ -161,7 +162,7 @@ def run(
             files = [out / name for name in TABLES]
             if options.figures:
                 record.unfinished(out, now | {"failed": before.get("failed", [])})
-                files += _draw(out, now, engine)
+                files += _draw(out, now, engine, painters)
             else:
                 (out / "report.html").unlink(missing_ok=True)  # it would speak of older tables
             record.write(out, now | {"content": content, "outputs": record.hashes(out, files)})
@@ -251,10 +252,9 @@ def _summarise(
     return summary, failed
 
 
-def _draw(out: Path, now: dict[str, Any], engine: Engine | None = None) -> list[Path]:
+def _draw(out: Path, now: dict[str, Any], engine: Engine | None, painters: int) -> list[Path]:
     """Figures and report; gives the files written."""
     if engine is not None:
         return draw_here(out, now) if isinstance(engine, Here) else draw_with(engine, out, now)
-    painters = min(cores(), MOST_PAINTERS)
     with processes(painters, DRAWING) as painting:
         return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)

@@ -20,7 +20,7 @@ ORDER = [
     {"scenario", "seasons"},
     {"simulation", "figures", "rows"},
     {"diagnosis", "store", "merge", "report", "check", "record"},
-    {"batch"},
+    {"batch", "api"},
     {"workers", "plan"},
     {"drawing"},
     {"run"},

@@ -21,7 +21,11 @@ _DATE = click.DateTime(["%Y-%m-%d"])
 @click.option(
     "--out", "-o", type=click.Path(path_type=Path), default="out", show_default=True, help="Results."
 )
-@click.option("--workers", type=click.IntRange(1, 512), help="Worker processes; default: as many as pay off.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 512),
+    help="Processes that estimate and draw; default: as many as pay off.",
+)
 @click.option("--estimator", "estimators", multiple=True, type=click.Choice(ESTIMATORS), help="Repeatable.")
 @click.option("--from", "first", type=_DATE, metavar="DATE", help="First day to estimate.")
 @click.option("--to", "last", type=_DATE, metavar="DATE", help="Last day to estimate.")
@@ -78,7 +82,7 @@ def command(
     from rivid.shard import Shard
 
     part = Shard.parse(shard) if shard else None
-    if not (no_figures or dry_run or part or (out / "report.html").exists()) and cores() > 1:
+    if not (no_figures or dry_run or part or (out / "report.html").exists()) and (workers or cores()) > 1:
         if holds_logs(data_dir):
             warm(DRAWING)  # while this process imports, reads and estimates
 

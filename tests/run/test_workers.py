@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import psutil
 import pytest
@@ -104,3 +105,29 @@ def test_halves_hold_the_same_windows(n):
     first, second = batch.halves()
     assert first.windows + second.windows == batch.windows
     assert workers.IN_FLIGHT >= 1
+
+
+def test_one_worker_draws_in_the_process_itself(tmp_path):
+    write_days(tmp_path / "data", 3)
+    words = [sys.executable, "-m", "rivid", "run", str(tmp_path / "data"), "--workers", "1", "--out"]
+    child = subprocess.Popen([*words, str(tmp_path / "out")], stdout=subprocess.DEVNULL)
+    seen = 0
+    while child.poll() is None:
+        with suppress(psutil.Error):  # it may be gone by now
+            seen = max(seen, len(psutil.Process(child.pid).children()))
+        time.sleep(0.01)
+    assert child.returncode == 0 and seen == 0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_pages_are_the_same_whoever_draws(tmp_path):
+    write_days(tmp_path / "data", 4)
+    config = Config()
+    for workers in (1, 2):
+        run(tmp_path / "data", tmp_path / str(workers), config, Options(workers=workers))
+    figures = sorted(p.name for p in (tmp_path / "1" / "figures").iterdir())
+    assert len(figures) == 5
+    for name in figures:
+        assert (tmp_path / "1" / "figures" / name).read_bytes() == (
+            tmp_path / "2" / "figures" / name
+        ).read_bytes()
