@@ -123,8 +123,8 @@ def test_one_worker_draws_in_the_process_itself(tmp_path):
 def test_pages_are_the_same_whoever_draws(tmp_path):
     write_days(tmp_path / "data", 4)
     config = Config()
-    for workers in (1, 2):
-        run(tmp_path / "data", tmp_path / str(workers), config, Options(workers=workers))
+    for number in (1, 2):
+        run(tmp_path / "data", tmp_path / str(number), config, Options(workers=number))
     figures = sorted(p.name for p in (tmp_path / "1" / "figures").iterdir())
     assert len(figures) == 5
     for name in figures:
