@@ -31,7 +31,7 @@ real: processes are killed with SIGKILL, disks are full, limits are the kernel's
 
 {summary}
 
-After each injection stands how often it was made. What a test repeats within itself ("150 mutations") counts once.
+After each injection stands how often it was made, if more than once. What a test repeats within itself ("150 mutations") counts once.
 """
 
 
@@ -98,9 +98,11 @@ def line(row: Row, record: dict[str, Any]) -> str:
                 tried[what] += times
                 bad[what] += is_bad
     cells = [
-        f"{what}: {times}" + (f" ({bad[what]} failed)" if bad[what] else "") for what, times in tried.items()
+        what + (f": {times:,}" if times > 1 else "") + (f" ({bad[what]} failed)" if bad[what] else "")
+        for what, times in tried.items()
     ]
-    result = f"**{wrong} of {n} tests failed**" if wrong else f"all {n} tests pass"
+    tests = f"{n} tests" if n != 1 else "1 test"
+    result = f"**{wrong} of {tests} failed**" if wrong else f"{tests}, none failed" if n else "**not run**"
     return f"| {row.fault} | {row.expected} | {'<br>'.join(map(cell, cells))} | {result} |"
 
 
