@@ -9,24 +9,39 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Config": "config",
+    "Day": "api.day",
+    "DelayEstimate": "api.estimate",
+    "DelayProbabilities": "api.probability",
+    "DiagnosisResult": "api.diagnosis",
     "JmapSettings": "core.settings",
     "RividError": "errors",
-    "jmap": "core.jmap",
+    "SimulatedSeason": "api.season",
+    "diagnose": "api.diagnosis",
+    "jmap": "api.estimate",
     "load_config": "config",
     "load_delays": "results",
     "load_results": "results",
     "load_scenario": "scenario",
     "map_fir": "core.fir",
     "ml": "core.fir",
+    "posterior": "api.probability",
     "propose_delays": "core.hydraulics",
+    "read_day": "api.day",
+    "simulate": "api.season",
     "travel_bounds": "core.hydraulics",
 }
 
 __all__ = [
     "Config",
+    "Day",
+    "DelayEstimate",
+    "DelayProbabilities",
+    "DiagnosisResult",
     "JmapSettings",
     "RividError",
+    "SimulatedSeason",
     "__version__",
+    "diagnose",
     "jmap",
     "load_config",
     "load_delays",
@@ -34,15 +49,22 @@ __all__ = [
     "load_scenario",
     "map_fir",
     "ml",
+    "posterior",
     "propose_delays",
+    "read_day",
+    "simulate",
     "travel_bounds",
 ]
 
 if TYPE_CHECKING:
+    from rivid.api.day import Day, read_day
+    from rivid.api.diagnosis import DiagnosisResult, diagnose
+    from rivid.api.estimate import DelayEstimate, jmap
+    from rivid.api.probability import DelayProbabilities, posterior
+    from rivid.api.season import SimulatedSeason, simulate
     from rivid.config import Config, load_config
     from rivid.core.fir import map_fir, ml
     from rivid.core.hydraulics import propose_delays, travel_bounds
-    from rivid.core.jmap import jmap
     from rivid.core.settings import JmapSettings
     from rivid.errors import RividError
     from rivid.results import load_delays, load_results
