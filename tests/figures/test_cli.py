@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from rivid.cli.figures import command
 from rivid.errors import LockedError, NoDataError
 from rivid.store import Store
-from rivid.tables import SEGMENT, to_table, write_tables
+from rivid.tables import SCHEMA_VERSION, SEGMENT, to_table, write_tables
 from tests.figures.synthetic import dates_of, results
 
 
@@ -51,6 +51,7 @@ def store_run(run, out):
     out.mkdir()
     write_tables(table, out)
     record = {
+        "schema_version": SCHEMA_VERSION,
         "reach": run.reach,
         "sample_time": run.sample_time,
         "output_unit": run.output_unit,
