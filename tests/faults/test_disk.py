@@ -52,7 +52,7 @@ def one_line(done, *words):
     return done.stderr
 
 
-@pytest.mark.parametrize("size", [0, 1, 500, 4_000, 9_000, 40_000])
+@pytest.mark.parametrize("size", [0, 500, 9_000, 40_000])
 def test_a_file_size_limit_anywhere(season, tmp_path, tried, size):
     data, whole = season
     out = tmp_path / "out"
@@ -90,7 +90,7 @@ exit $code
 """
 
 
-@pytest.mark.parametrize("left", [0, 20_000, 40_000, 60_000])
+@pytest.mark.parametrize("left", [0, 20_000, 60_000])
 def test_a_full_disk(season, tmp_path, tried, may_mount, left):
     data, whole = season
     words = [*WORDS, "run", str(data), "--no-figures", "--quiet"]
@@ -144,9 +144,7 @@ def test_out_that_can_be_no_directory(season, tmp_path, tried, place):
     tried(f"OUT is {place}")
 
 
-@pytest.mark.parametrize(
-    "words", [("check",), ("run", "--dry-run"), ("bounds",), ("effects",), ("sniff",), ("--help",)]
-)
+@pytest.mark.parametrize("words", [("check",), ("run", "--dry-run"), ("effects",), ("sniff",)])
 def test_a_full_standard_output(season, tmp_path, tried, words):
     data, _ = season
     name, *more = words

@@ -14,6 +14,7 @@ from rivid.config import Config
 from rivid.results import load_results
 from rivid.run import Options, run
 from tests.daily import write_days
+from tests.faults.processes import remaining
 
 DEADLY = """
 import os, sys
@@ -76,8 +77,7 @@ def test_workers_do_not_outlive_a_killed_parent(tmp_path):
     assert family
     child.kill()
     child.wait()
-    _, alive = psutil.wait_procs(family, timeout=2)
-    assert not alive
+    assert not remaining(family)  # within 2 s
 
 
 def test_progress_counts_every_day(tmp_path):
