@@ -118,9 +118,7 @@ class Processes:
     def _open(self) -> ProcessPoolExecutor:
         warm(self.modules)
         context = get_context("forkserver" if os.name == "posix" else "spawn")
-        return ProcessPoolExecutor(
-            self.slots, mp_context=context, initializer=begin, initargs=(os.getpid(),)
-        )
+        return ProcessPoolExecutor(self.slots, mp_context=context, initializer=begin, initargs=(os.getpid(),))
 
     def _close(self, at_once: bool) -> None:
         pool, self._pool = self._pool, None
