@@ -1,0 +1,266 @@
+"""The library's door: few words, the same answers as the commands, frozen results that show themselves."""
+
+import dataclasses
+import datetime as dt
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+import rivid
+from rivid.cli import cli
+from rivid.config import Config
+from rivid.core.jmap import jmap as core_jmap
+from rivid.diagnosis.result import VERDICTS
+from rivid.effects import effect_classes
+from rivid.errors import ConfigError, DataError, NoDataError, RividError
+
+ROOT = Path(__file__).parents[1]
+WEEK = ROOT / "sample_data" / "basse_isere_csv"
+CONFIG = ROOT / "configs" / "posterior.toml"
+SHORT = {"reach": {"sample_time": 900.0}, "days": 20, "seed": 2}
+
+
+@pytest.fixture(scope="module")
+def day():
+    return rivid.read_day(WEEK / "2008-03-14.csv", config=CONFIG)
+
+
+@pytest.fixture(scope="module")
+def season():
+    return rivid.simulate(days=4, seed=1)
+
+
+@pytest.fixture(scope="module")
+def finding():
+    """A diagnosis that may name a single effect: enough to see what the door does with it."""
+    made = rivid.simulate(SHORT)
+    others = sorted(set(effect_classes(None)) - {"leakage"})
+    reach = made.config.model_dump(exclude_unset=True)
+    return rivid.diagnose(made, reach | {"diagnose": {"exclude": others, "most_effects": 1}})
+
+
+def is_png(figure):
+    return figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_the_door_answers_as_rivid_run_does(tmp_path):
+    argv = ["run", str(WEEK), "--config", str(CONFIG), "--out", str(tmp_path / "out"), "--quiet"]
+    argv += ["--estimator", "jmap", "--estimator", "posterior"]
+    assert CliRunner().invoke(cli, argv).exit_code in (0, None)
+    rows = {
+        (r["date"], r["estimator"]): r for r in pq.read_table(tmp_path / "out/delays.parquet").to_pylist()
+    }
+    for date in sorted({date for date, _ in rows}):
+        one = rivid.read_day(WEEK, date, CONFIG)
+        run, found = rows[date, "jmap"], rivid.jmap(one)
+        assert (run["delay_samples"], run["status"]) == (found.delay, found.status)
+        assert run["alpha"] == pytest.approx(found.alpha) and run["prior_only"] == found.prior_only
+        run, told = rows[date, "posterior"], rivid.posterior(one)
+        assert run["status"] == told.status and run["message"] == str(told.reason)
+        assert run["probability"] == pytest.approx(told.probability)
+        if told.status == "ok":
+            assert (run["delay_samples"], run["delay_low"]) == (told.delay, told.delay_low)
+            assert run["delay_s"] == pytest.approx(told.travel * one.sample_time)
+
+
+def test_a_day_says_what_it_is_and_cannot_be_changed(day):
+    assert repr(day) == "Day(2008-03-14, basse-isere: 650 samples of 133 s, inflow 350 to 452 m3/s)"
+    assert day.u[0] == day.y[0] == day.o[0] == 0.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        day.inflow = np.zeros(3)
+    with pytest.raises(ValueError, match="read-only"):
+        day.inflow[0] = 1.0
+
+
+def test_a_day_copies_what_it_is_made_of():
+    mine = np.arange(5.0)
+    made = rivid.Day(mine, mine)
+    mine[0] = 99.0
+    assert made.inflow[0] == 0.0
+
+
+def test_a_constant_inflow_with_rounding_noise_does_not_move():
+    noisy = 300.0 + 1e-9 * np.random.default_rng(0).standard_normal(650)
+    still = rivid.Day(noisy, np.random.default_rng(1).standard_normal(650))
+    assert not still.u.any()
+    assert rivid.jmap(still).status == "unidentifiable"
+
+
+@pytest.mark.parametrize(
+    "series, expected",
+    [
+        ((np.zeros(5), np.zeros(4)), "output has shape"),
+        ((np.zeros((2, 5)), np.zeros((2, 5))), "inflow has shape"),
+        ((np.zeros(5), np.array([0, 1, np.nan, 2, 3])), "output is not finite at sample 2"),
+    ],
+)
+def test_series_that_make_no_day_are_refused(series, expected):
+    with pytest.raises(RividError, match=expected):
+        rivid.Day(*series)
+
+
+def test_arrays_and_a_day_give_the_same_estimate(day):
+    of_day, of_arrays = rivid.jmap(day), rivid.jmap(day.u, day.y, day.config.jmap_settings())
+    core = core_jmap(day.u, day.y, day.config.jmap_settings())
+    for name in ("delay", "alpha", "fir", "criterion"):
+        np.testing.assert_array_equal(getattr(of_day, name), getattr(core, name))
+        np.testing.assert_array_equal(getattr(of_arrays, name), getattr(core, name))
+    assert of_day.sample_time == 133.0 and of_arrays.sample_time is None
+
+
+def test_changes_reach_the_estimators(day):
+    assert rivid.jmap(day, prior="uniform", alpha=1e4).alpha == 1e4
+    assert rivid.posterior(day, d_max=9).candidates[-1] == 9
+    assert rivid.posterior(day, answer_above=1.0).status == "unidentifiable"
+
+
+def test_posterior_of_arrays_is_that_of_days(season):
+    days = [season.day(i) for i in range(4)]
+    many = rivid.posterior(*(np.stack([getattr(one, name) for one in days]) for name in "uyo"))
+    assert many.probabilities.shape == (4, len(many.candidates))
+    for i, one in enumerate(days):
+        single = rivid.posterior(one)
+        np.testing.assert_allclose(single.probabilities, many.probabilities[i], rtol=1e-9)
+        assert single.probabilities.shape == many.candidates.shape
+
+
+def test_posterior_works_without_a_logged_outflow(day):
+    blind = rivid.posterior(day.u, day.y)
+    assert blind.status in ("ok", "unidentifiable") and blind.fir.ndim == 1
+    assert not np.array_equal(blind.probabilities, rivid.posterior(day.u, day.y, day.o).probabilities)
+
+
+@pytest.mark.parametrize(
+    "call, kind, expected",
+    [
+        (lambda d: rivid.jmap(d.u), ConfigError, "the output is missing"),
+        (lambda d: rivid.jmap(d, d.y), ConfigError, "a day has its own output"),
+        (lambda d: rivid.posterior(d.u), ConfigError, "the output is missing"),
+        (lambda d: rivid.posterior(d, o=d.o), ConfigError, "a day has its own series"),
+        (lambda d: rivid.posterior(d, dmax=3), ConfigError, "unknown key posterior.dmax"),
+        (lambda d: rivid.posterior(d.u, d.y[:-1]), RividError, "y has shape"),
+        (lambda d: rivid.posterior(d.u[:20], d.y[:20]), RividError, "too few"),
+        (lambda d: rivid.posterior(d.u, np.full_like(d.y, np.nan)), RividError, "not finite"),
+        (lambda d: rivid.read_day(WEEK), ConfigError, "holds 7 days"),
+        (lambda d: rivid.read_day(WEEK, "2009-01-01"), NoDataError, "no log of 2009-01-01"),
+        (lambda d: rivid.read_day(WEEK, "14 March"), ConfigError, "expected a date like"),
+        (lambda d: rivid.read_day(WEEK / "none.csv"), NoDataError, "does not exist"),
+        (lambda d: rivid.read_day(WEEK, config={"reach": {"lenght": 1}}), ConfigError, "reach.lenght"),
+        (lambda d: rivid.simulate(dayz=3), ConfigError, "dayz"),
+        (lambda d: rivid.simulate(ROOT / "configs/scenarios/cascade.toml"), ConfigError, "cascade"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(day, call, kind, expected):
+    with pytest.raises(kind, match=expected) as said:
+        call(day)
+    assert "\n" not in str(said.value)
+
+
+def test_a_log_that_cannot_be_read_names_its_file(tmp_path):
+    (tmp_path / "2008-03-14.csv").write_text("time,u_Qi,u_Qo,h_L\n2008-03-14T00:00:00+01:00,x,1,2\n")
+    with pytest.raises(DataError, match="2008-03-14.csv"):
+        rivid.read_day(tmp_path)
+
+
+def test_several_days_in_a_row_are_one_data_set():
+    two = rivid.read_day(WEEK, "2008-03-12", {"run": {"window_days": 2}})
+    assert (two.date, len(two.inflow)) == (dt.date(2008, 3, 12), 1300)
+    with pytest.raises(NoDataError, match="2008-03-09"):
+        rivid.read_day(WEEK, "2008-03-10", {"run": {"window_days": 2}})
+
+
+def test_a_simulated_season_keeps_its_truth_and_gives_days(season):
+    assert set(season.delay.tolist()) == {8}
+    words = "SimulatedSeason(reach, 4 days from 2008-01-01, seed 1: true d 8 to 8 samples of 133 s)"
+    assert repr(season) == words
+    np.testing.assert_array_equal(season.day(2).inflow, season.inflow[2])
+    np.testing.assert_array_equal(season.day("2008-01-03").inflow, season.inflow[2])
+    assert isinstance(season.config, Config)
+    for which in (4, "2010-01-01"):
+        with pytest.raises(NoDataError):
+            season.day(which)
+
+
+def test_gaps_of_the_gauge_are_bridged_and_counted():
+    silent = rivid.simulate(days=2, seed=4, level={"gaps_per_day": 20.0})
+    gaps = np.isnan(silent.level[0])
+    assert gaps.any()
+    one = silent.day(0)
+    assert one.n_filled == gaps.sum()
+    np.testing.assert_array_equal(one.output[~gaps], silent.level[0][~gaps])
+
+
+def test_the_same_seed_gives_the_same_season():
+    a, b, c = (rivid.simulate(days=2, seed=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(a.level, b.level)
+    assert not np.array_equal(a.level, c.level)
+
+
+def test_a_diagnosis_is_an_answer_with_its_evidence(finding, tmp_path):
+    assert finding.verdict in VERDICTS and repr(finding).startswith("DiagnosisResult(")
+    assert finding.evidence.record.days == 20 and is_png(finding.plot())
+    assert str(finding).count("\n") > 1
+    page = finding.write(tmp_path / "out")
+    there = {path.name for path in (tmp_path / "out").iterdir()}
+    assert page.exists() and {"diagnosis.json", "diagnosis.html", "model.toml"} <= there
+
+
+def test_too_few_days_are_an_answer_too(season):
+    few = rivid.diagnose(season)
+    assert few.verdict == "insufficient_data" and few.evidence is None and is_png(few.plot())
+
+
+def test_a_diagnosis_of_days_that_are_not_there_is_refused(season):
+    with pytest.raises(NoDataError, match="no simulated day"):
+        rivid.diagnose(season, first="2011-01-01")
+
+
+def test_every_result_has_a_short_repr_and_a_picture(day, season):
+    u, y, o = (np.stack([getattr(season.day(i), name) for i in range(4)]) for name in "uyo")
+    still = rivid.posterior(np.zeros(650), day.y)
+    assert "does not move" in repr(still)
+    for result in (
+        day, rivid.jmap(day), rivid.jmap(u, y), rivid.posterior(day), rivid.posterior(u, y, o), still, season,
+    ):  # fmt: skip
+        assert len(repr(result)) < 160 and "\n" not in repr(result)
+        assert is_png(result.plot())
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            result.date = None
+
+
+def test_a_picture_leaves_the_users_matplotlib_alone(day):
+    code = (
+        "import sys, matplotlib, rivid\n"
+        # asking for the backend as a user does would import pyplot
+        "before = dict(dict.items(matplotlib.rcParams))\n"
+        f"rivid.read_day({str(WEEK / '2008-03-14.csv')!r}).plot()._repr_png_()\n"
+        "print(dict(dict.items(matplotlib.rcParams)) == before, 'matplotlib.pyplot' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.split() == ["True", "False"], done.stderr
+
+
+def test_functions_stay_functions_whatever_is_imported_before():
+    code = (
+        "import rivid.simulation.season, rivid.diagnosis.workflow, rivid.core.jmap, rivid.core.posterior\n"
+        "import rivid.cli.simulate, rivid.cli.diagnose, rivid\n"
+        "for name in ('read_day', 'jmap', 'posterior', 'simulate', 'diagnose'):\n"
+        "    assert type(getattr(rivid, name)).__name__ == 'function', name\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_all_public_names_are_there_and_documented():
+    for name in rivid.__all__:
+        assert getattr(rivid, name) is not None
+        if name != "__version__":
+            assert getattr(rivid, name).__doc__, name
+    assert set(dir(rivid)) == set(rivid.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'delay'"):
+        rivid.delay  # noqa: B018

@@ -1,0 +1,67 @@
+"""The notebook of the tour runs from its first cell to its last."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+import rivid
+
+TOUR = Path(__file__).parents[1] / "docs" / "tour.ipynb"
+LAST = "## What is missing?"
+
+
+def cells():
+    return json.loads(TOUR.read_text(encoding="utf-8"))["cells"]
+
+
+def run(cells, monkeypatch):
+    """Execute code cells in order and give the value of each one's last expression, as a notebook would."""
+    monkeypatch.chdir(TOUR.parent)
+    names, shown = {}, {}
+    for cell in cells:
+        if cell["cell_type"] != "code":
+            continue
+        *before, last = _statements("".join(cell["source"]))
+        for statement in before:
+            exec(compile(statement, cell["id"], "exec"), names)
+        try:
+            value = compile(last, cell["id"], "eval")
+        except SyntaxError:
+            exec(compile(last, cell["id"], "exec"), names)
+        else:
+            shown[cell["id"]] = eval(value, names)
+    return names, shown
+
+
+def _statements(source):
+    import ast
+
+    return [ast.get_source_segment(source, node) for node in ast.parse(source).body]
+
+
+def test_all_but_the_diagnosis_runs_and_shows_pictures(monkeypatch, capsys):
+    every = cells()
+    before = next(i for i, cell in enumerate(every) if "".join(cell["source"]).startswith(LAST))
+    names, shown = run(every[:before], monkeypatch)
+    assert [one for one in shown if one.endswith("-plot")] == [
+        "day-plot", "jmap-plot", "posterior-plot", "simulate-plot",
+    ]  # fmt: skip
+    assert all(shown[one]._repr_png_().startswith(b"\x89PNG") for one in shown if one.endswith("-plot"))
+    assert isinstance(shown["day"], rivid.Day) and names["probable"].status == "ok"
+    assert "right on" in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_the_tour_runs_to_its_end_and_finds_the_bypass(monkeypatch):
+    names, shown = run(cells(), monkeypatch)
+    assert "unlogged_upstream_release" in {effect.name for effect in names["found"].effects}
+    assert shown["diagnose-plot"]._repr_png_().startswith(b"\x89PNG")
+
+
+def test_the_notebook_holds_no_output_and_no_place_of_one_machine():
+    for cell in cells():
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == [] and cell["execution_count"] is None
+    assert os.path.expanduser("~") not in TOUR.read_text(encoding="utf-8")
