@@ -1,0 +1,133 @@
+"""What is built is whole: wheel and sdist, and rivid installed from them into a clean environment."""
+
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+from shutil import copytree, ignore_patterns
+
+import pytest
+
+import rivid
+
+ROOT = Path(__file__).parents[1]
+FILES = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WHEEL, SDIST = f"rivid-{rivid.__version__}-py3-none-any.whl", f"rivid-{rivid.__version__}.tar.gz"
+
+
+def run(*argv, **more):
+    done = subprocess.run([str(one) for one in argv], capture_output=True, text=True, timeout=300, **more)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def build(source, kind, out):
+    """Call the build backend as a frontend would, without a network."""
+    code = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
+    run(sys.executable, "-c", code, out, cwd=source)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Wheel and sdist of a copy of the sources: building leaves things beside them."""
+    place = tmp_path_factory.mktemp("packaging")
+    source, out = place / "source", place / "dist"
+    out.mkdir()
+    copytree(ROOT / "rivid", source / "rivid", ignore=ignore_patterns("__pycache__"))
+    for name in FILES:
+        (source / name).write_bytes((ROOT / name).read_bytes())
+    for kind in ("wheel", "sdist"):
+        build(source, kind, out)
+    return out
+
+
+def expected():
+    """All that the package holds on the disk."""
+    return {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "rivid").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def in_wheel(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+def test_the_wheel_holds_all_of_the_package_and_nothing_else(built):
+    held = in_wheel(built / WHEEL)
+    package = {name for name in held if ".dist-info/" not in name}
+    assert package == expected()
+    assert {"rivid/py.typed", "rivid/templates/report.html.j2", "rivid/api/day.py"} <= package
+    assert any(name.endswith("licenses/LICENSE") for name in held)
+
+
+def test_the_sdist_holds_what_a_wheel_is_built_from(built):
+    with tarfile.open(built / SDIST) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames()}
+    assert expected() <= held
+    assert {"pyproject.toml", "README.md", "LICENSE"} <= held
+
+
+def test_metadata_say_version_pythons_and_licence(built):
+    with zipfile.ZipFile(built / WHEEL) as archive:
+        name = next(n for n in archive.namelist() if n.endswith("METADATA"))
+        said = archive.read(name).decode("utf-8")
+    for line in (
+        f"Version: {rivid.__version__}", "Requires-Python: >=3.11", "License-Expression: MIT",
+        *(f"Classifier: Programming Language :: Python :: 3.{minor}" for minor in range(11, 15)),
+    ):  # fmt: skip
+        assert line in said.splitlines(), line
+
+
+def test_one_version_is_said_everywhere():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8").splitlines()
+    assert PROJECT["version"] == rivid.__version__
+    assert f"version: {rivid.__version__}" in citation and "license: MIT" in citation
+
+
+def test_the_sdist_builds_the_same_wheel(built, tmp_path):
+    with tarfile.open(built / SDIST) as archive:
+        archive.extractall(tmp_path, filter="data")
+    build(tmp_path / SDIST.removesuffix(".tar.gz"), "wheel", tmp_path)
+    contents = []
+    for wheel in (built / WHEEL, tmp_path / WHEEL):
+        with zipfile.ZipFile(wheel) as archive:
+            contents.append({name: archive.read(name) for name in archive.namelist()})
+    assert contents[0] == contents[1]
+
+
+def test_the_wheel_works_in_a_clean_environment(built, tmp_path):
+    environment = tmp_path / "clean"
+    venv.EnvBuilder(symlinks=True).create(environment)
+    python = environment / "bin" / "python"
+    options = ["--no-deps", "--no-index", "--disable-pip-version-check", "--quiet"]
+    run(sys.executable, "-m", "pip", "--python", python, "install", *options, built / WHEEL)
+    (site,) = (environment / "lib").glob("python*/site-packages")
+    # the dependencies are lent, as there may be no network; a path of a .pth comes last, and its own .pth
+    # files, such as that of an editable rivid, are not followed
+    (site / "lent.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+    where = run(python, "-c", "import rivid; print(rivid.__file__)", cwd=tmp_path).strip()
+    assert Path(where).is_relative_to(environment)
+    assert rivid.__version__ in run(environment / "bin" / "rivid", "--version", cwd=tmp_path)
+    week, config = ROOT / "sample_data/basse_isere_csv", ROOT / "configs/basse_isere.toml"
+    run(
+        environment / "bin" / "rivid",
+        "run",
+        week,
+        "--config",
+        config,
+        "--out",
+        "out",
+        "--quiet",
+        cwd=tmp_path,
+    )
+    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+    code = "import rivid; print(rivid.simulate(days=2, seed=1)); print(rivid.diagnose)"
+    assert "SimulatedSeason(reach, 2 days" in run(python, "-c", code, cwd=tmp_path)
