@@ -1,6 +1,6 @@
 """The tables of OUT from the rows of its segments, a chunk at a time, so that memory stays as it is."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def write_merged(rows: Rows, out: Path) -> None:
         for chunk in rows.chunks():
             short = chunk.select(DELAYS.names)
             delays(short)
-            text(_safe_for_spreadsheets(short))
+            text(safe_for_spreadsheets(short))
             responses = _long(chunk, "fir", None, "lag", "value")
             fir(_with_spread(responses, chunk) if rows.spread else responses)
             criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion"))
@@ -75,11 +75,14 @@ def _with_spread(responses: pa.Table, rows: pa.Table) -> pa.Table:
     return responses.append_column("sd", given.take(where))
 
 
-def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
+def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)) -> pa.Table:
     """Text that a spreadsheet would run as a formula gets an apostrophe in front."""
-    column = table["message"].to_pylist()
-    safe = ["'" + text if text and text.startswith(FORMULA) else text for text in column]
-    return table.set_column(table.column_names.index("message"), "message", pa.array(safe, pa.string()))
+    for name in columns:
+        index = table.column_names.index(name)
+        cells = table.column(index).to_pylist()
+        safe = ["'" + text if text and text.startswith(FORMULA) else text for text in cells]
+        table = table.set_column(index, name, pa.array(safe, pa.string()))
+    return table
 
 
 @contextmanager

@@ -33,7 +33,7 @@ def last(out: Path) -> dict[str, Any]:
         record = json.loads((out / NAME).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    if not isinstance(record, dict):
+    if not isinstance(record, dict) or not isinstance(record.get("schema_version", 0), int):
         return {}
     if record.get("schema_version", 0) > SCHEMA_VERSION:
         raise RividError(

@@ -14,6 +14,7 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.figures.words import count, duration, number
 from rivid.fleet.outcome import Outcome, worst
+from rivid.merge import safe_for_spreadsheets
 from rivid.tables import write_parquet
 
 SCHEMA_VERSION = 1
@@ -75,8 +76,10 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     before = _before(out)
     table = pa.Table.from_pylist([_row(outcome) for outcome in outcomes], FLEET)
     write_parquet(table, out / "fleet.parquet")
+    texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
+    safe = safe_for_spreadsheets(table, texts)
     with replacing(out / "fleet.csv") as scratch:
-        pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
+        pyarrow.csv.write_csv(safe, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
     told = summary(outcomes, before)
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -73,7 +73,9 @@ def test_newer_results_are_told_and_left_alone(newer, data, tried):
     tried("results of a newer schema: run, figures, season, load_results, load_delays", len(commands) + 2)
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", "null", "{}", '{"estimators": 3}'])
+@pytest.mark.parametrize(
+    "content", ["", "{", "[]", "null", "{}", '{"estimators": 3}', '{"schema_version": "x"}']
+)
 def test_a_damaged_record_is_one_line_for_readers_and_no_obstacle_for_a_run(data, tmp_path, tried, content):
     out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
     (out / "run.json").write_text(content)

@@ -108,6 +108,10 @@ def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
     made = {path.name for path in (tmp_path / "out").iterdir() if path.is_dir()}
     assert "sound" in made and made.isdisjoint(set(names) - {"-2+3"})
     assert not (tmp_path / "x").exists()
+    cells = [
+        line.split(",")[0].strip('"') for line in (tmp_path / "out" / "fleet.csv").read_text().splitlines()
+    ]
+    assert not [cell for cell in cells if cell.startswith(("=", "+", "@", "-"))]
     tried("a fleet's directory whose name is a formula, markup or a path", len(names))
 
 
