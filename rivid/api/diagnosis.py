@@ -196,7 +196,7 @@ def diagnose(
 
     Notes
     -----
-    Steps as in docs/diagnose.md. Takes seconds to a minute or so for a season.
+    Steps as in docs/diagnose.md. Takes half a minute for two months, minutes for a year.
     """
     from rivid.diagnosis import workflow
     from rivid.diagnosis.days import read_record
