@@ -25,7 +25,7 @@ from rivid.core.settings import (
 )
 from rivid.errors import ConfigError
 from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, PosteriorConfig, SearchConfig
-from rivid.input_config import FLOWS, UNITS, InputConfig, Section
+from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
 
 __all__ = ["FLOWS", "UNITS", "Config", "InputConfig", "ReachConfig", "load_config", "load_toml", "parse"]
 
@@ -41,15 +41,30 @@ Discharge = Annotated[float, Field(gt=0, le=1e7)]
 class ReachConfig(Section):
     """`[reach]`: the reach and its geometry (Table I)."""
 
-    name: str = Field("reach", pattern=NAME, max_length=80)
-    kind: Literal["pool", "river"] = "pool"
-    length: Annotated[float, Field(gt=0, le=1e7)] = 8200.0
-    width: Annotated[float, Field(gt=0, le=1e6)] = 81.6
-    depth: Annotated[float, Field(gt=0, le=1e4)] = 4.9
-    bed_level: float | None = Field(None, allow_inf_nan=False)
-    surface_area: Annotated[float, Field(gt=0, le=1e12)] = 6.7e5
-    discharge_range: tuple[Discharge, Discharge] = (100.0, 800.0)
-    sample_time: Annotated[float, Field(ge=1, le=86_400, allow_inf_nan=False)] = 133.0
+    name: Annotated[str, Means("-", "its name, in tables and titles: letters, digits, `.`, `_`, `-`")] = (
+        Field("reach", pattern=NAME, max_length=80)
+    )
+    kind: Annotated[
+        Literal["pool", "river"],
+        Means("-", "`pool`: the output is the level at a dam; `river`: it is the discharge at the lower end"),
+    ] = "pool"
+    length: Annotated[float, Field(gt=0, le=1e7), Means("m", "from dam to dam, along the water")] = 8200.0
+    width: Annotated[float, Field(gt=0, le=1e6), Means("m", "mean width")] = 81.6
+    depth: Annotated[float, Field(gt=0, le=1e4), Means("m", "mean depth")] = 4.9
+    bed_level: Annotated[
+        float | None,
+        Means("m", "bed at the downstream dam; the depth is then the level less this, day by day"),
+    ] = Field(None, allow_inf_nan=False)
+    surface_area: Annotated[float, Field(gt=0, le=1e12), Means("m2", "surface of the water")] = 6.7e5
+    discharge_range: Annotated[
+        tuple[Discharge, Discharge],
+        Means("m3/s", "lowest and highest usual discharge: the bounds are worked out from it"),
+    ] = (100.0, 800.0)
+    sample_time: Annotated[
+        float,
+        Field(ge=1, le=86_400, allow_inf_nan=False),
+        Means("s", "T_s: logs are put on a grid of this step"),
+    ] = 133.0
 
     @model_validator(mode="after")
     def _ordered(self) -> "ReachConfig":
@@ -72,9 +87,22 @@ class ReachConfig(Section):
 class RunConfig(Section):
     """`[run]`: which estimators, on data sets of how many days."""
 
-    estimators: list[EstimatorName] = Field(["jmap"], min_length=1)
-    window_days: Annotated[int, Field(ge=1, le=31)] = 1
-    min_motion: Annotated[float, Field(ge=0, le=1)] = 1e-4
+    estimators: Annotated[list[EstimatorName], Means("-", "who is asked; a day has a row for each")] = Field(
+        ["jmap"], min_length=1
+    )
+    window_days: Annotated[
+        int, Field(ge=1, le=31), Means("days", "length of a data set; it is dated by its last day")
+    ] = 1
+    min_motion: Annotated[
+        float,
+        Field(ge=0, le=1),
+        Means("-", "an inflow that moves by less than this share of its largest value counts as still"),
+    ] = 1e-4
+    # where, not what: the command line reads it, relative to the file; nothing that is estimated hangs on it
+    out: Annotated[
+        Annotated[str, Field(pattern=r"^[^\x00]+$", max_length=4096)] | None,
+        Means("-", "directory of the results, relative to the configuration; `--out` goes over it"),
+    ] = Field(None, exclude=True)
 
     @field_validator("estimators")
     @classmethod
@@ -85,12 +113,22 @@ class RunConfig(Section):
 class DiagnoseConfig(Section):
     """`[diagnose]`: what a diagnosis may look for, and what it knows of the channel."""
 
-    slope: Annotated[float, Field(ge=0, le=0.05)] | None = None
-    manning: Annotated[float, Field(ge=0.005, le=0.2)] = 0.03
-    gauge_step: Annotated[float, Field(ge=0, le=1e4)] | None = None
-    exclude: list[str] = []
-    effects_file: Path | None = None
-    most_effects: Annotated[int, Field(ge=0, le=10)] = 4
+    slope: Annotated[
+        Annotated[float, Field(ge=0, le=0.05)] | None,
+        Means("-", "fall of the bed; not given: 0.15 depths over the reach; it is fitted in any case"),
+    ] = None
+    manning: Annotated[
+        float, Field(ge=0.005, le=0.2), Means("s/m^(1/3)", "Manning's n that the fit starts from")
+    ] = 0.03
+    gauge_step: Annotated[
+        Annotated[float, Field(ge=0, le=1e4)] | None,
+        Means("m or m3/s", "what the gauge rounds to; not given: seen from the record"),
+    ] = None
+    exclude: Annotated[list[str], Means("-", "effects that are not to be looked for")] = []
+    effects_file: Annotated[
+        Path | None, Means("-", "a Python file with effects of yours, beside the configuration")
+    ] = None
+    most_effects: Annotated[int, Field(ge=0, le=10), Means("-", "no more effects than this are added")] = 4
 
 
 class Config(Section):

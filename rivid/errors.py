@@ -6,6 +6,21 @@ command line returns for it.
 
 from typing import ClassVar
 
+EXIT_CODES: dict[int, tuple[str, str]] = {
+    0: ("all well", ""),
+    1: ("failure: the disk is full, a file cannot be written", "read the one line on stderr"),
+    2: ("usage or configuration", "the line names the option or the key"),
+    3: (
+        "days failed that had not failed before; all else is written (`--strict`: any failed day)",
+        "read `message` of these days; tomorrow it is 0 again",
+    ),
+    10: ("no data", "is DATA_DIR right?"),
+    11: ("another run holds OUT", "wait"),
+    130: ("interrupted (SIGINT)", "start it again: what is done stays done"),
+    143: ("ended (SIGTERM)", "start it again: what is done stays done"),
+}
+"""What the command line returns: the meaning, and what to do; in Markdown."""
+
 
 def printable(text: str) -> str:
     """The text with what UTF-8 cannot hold (file names of other encodings) as escapes."""

@@ -9,7 +9,7 @@ from rivid.core.posterior.settings import PosteriorSettings
 from rivid.core.river.settings import RiverSettings, lags_of
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
 from rivid.errors import ConfigError
-from rivid.input_config import Section
+from rivid.input_config import Means, Section
 
 T = TypeVar("T")
 
@@ -29,22 +29,45 @@ Spread = Annotated[float, Field(gt=0, le=100)]
 class JmapConfig(Section):
     """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
 
-    order: Order | Literal["bounds"] = JmapSettings.order
+    order: Annotated[
+        Order | Literal["bounds"],
+        Means("samples", "M, length of the FIR; `bounds`: from the hydraulics of `[reach]`"),
+    ] = JmapSettings.order
     d_min: Annotated[int, Field(ge=1)] = JmapSettings.d_min
-    d_max: Annotated[int, Field(ge=1)] | Literal["bounds"] = JmapSettings.d_max
-    sigma_d: Annotated[float, Field(ge=0.1, le=1e4)] | Literal["bounds"] = JmapSettings.delay_scale
-    alpha: Alpha = DEFAULT_ALPHA
+    d_max: Annotated[
+        Annotated[int, Field(ge=1)] | Literal["bounds"],
+        Means("samples", "longest delay tried; `bounds`: from the hydraulics of `[reach]`"),
+    ] = JmapSettings.d_max
+    sigma_d: Annotated[
+        Annotated[float, Field(ge=0.1, le=1e4)] | Literal["bounds"],
+        Means(
+            "samples", "scale and mode of the Rayleigh prior (26); `bounds`: from the hydraulics of `[reach]`"
+        ),
+    ] = JmapSettings.delay_scale
+    alpha: Annotated[
+        Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
+    ] = DEFAULT_ALPHA
     d_init: Annotated[int, Field(ge=1)] = JmapSettings.d_init
     tolerance: Annotated[float, Field(ge=1e-9, lt=1)] = JmapSettings.tolerance
     max_iterations: Annotated[int, Field(ge=2, le=10_000)] = JmapSettings.max_iterations
-    start: Literal["rest", "free"] | None = None
+    start: Annotated[
+        Literal["rest", "free"] | None,
+        Means(
+            "-",
+            "before the first sample: at `rest` (the paper; a pool), or `free` (a river)",
+        ),
+    ] = None
 
 
 class SearchConfig(Section):
     """`[search]`: the delays that direct and indirect (Table IV) try; those of `[jmap]` where not given."""
 
-    d_min: Delay | None = None
-    d_max: Delay | None = None
+    d_min: Annotated[
+        Delay | None, Means("samples", "shortest delay tried; that of `[jmap]` where not given")
+    ] = None
+    d_max: Annotated[
+        Delay | None, Means("samples", "longest delay tried; that of `[jmap]` where not given")
+    ] = None
 
     def settings(self, jmap: JmapSettings) -> SearchSettings:
         """The core's settings.
@@ -71,8 +94,13 @@ class CusumConfig(Section):
     mean: Annotated[float, Field(allow_inf_nan=False)] | None = None
     sd: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     moment: Moment = CusumSettings.moment
-    d_min: Delay | None = None
-    d_max: Delay | None = None
+    d_min: Annotated[
+        Delay | None,
+        Means("samples", "shortest delay that can be answered; that of `[jmap]` where not given"),
+    ] = None
+    d_max: Annotated[
+        Delay | None, Means("samples", "longest delay that can be answered; that of `[jmap]` where not given")
+    ] = None
 
     def settings(self, jmap: JmapSettings) -> CusumSettings:
         """The core's settings.
@@ -99,8 +127,13 @@ class PosteriorConfig(Section):
     The delays and the length of the FIR are those of `[jmap]` where not given.
     """
 
-    d_min: Delay | None = None
-    d_max: Delay | None = None
+    d_min: Annotated[
+        Delay | None,
+        Means("samples", "shortest delay that can be answered; that of `[jmap]` where not given"),
+    ] = None
+    d_max: Annotated[
+        Delay | None, Means("samples", "longest delay that can be answered; that of `[jmap]` where not given")
+    ] = None
     store_temperature: Temperature = PosteriorSettings.store_temperature
     wave_temperature: Temperature = PosteriorSettings.wave_temperature
     between_temperature: Temperature = PosteriorSettings.between_temperature

@@ -2,6 +2,7 @@
 
 import datetime as dt
 import re
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -18,6 +19,22 @@ UNITS: dict[str, dict[str, float]] = {
     "level": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
 }
 """Factors to m3/s and to m of the units that `[input.units]` knows."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """Unit and meaning of a key, beside its type; the reference is made of them.
+
+    Parameters
+    ----------
+    unit : str
+        "-" where it has none.
+    meaning : str
+        In Markdown.
+    """
+
+    unit: str
+    meaning: str
 
 
 class Section(BaseModel):
@@ -55,42 +72,109 @@ class InputConfig(Section):
     In the long layout (a row per value), u_Qi, u_Qo, h_L and Q_L name tags, not columns.
     """
 
-    layout: Literal["wide", "long"] = "wide"
-    time: Column = "time"
-    u_Qi: Column = "u_Qi"
-    u_Qo: Column | None = "u_Qo"
-    h_L: Column | None = "h_L"
-    Q_L: Column | None = "Q_L"
-    tag: Column | None = None
-    tag_pattern: Annotated[str, Field(max_length=200)] | None = None
-    value: Annotated[str, Field(min_length=1)] = "value"
-    quality: str | dict[str, Column] | None = None
-    good: list[str] = []
-    hold: dict[str, Positive] = Field(default_factory=dict)
-    units: dict[str, str] = Field(default_factory=dict)
-    stamp: dict[str, Stamp] = Field(default_factory=dict)
-    interval: dict[str, Positive] = Field(default_factory=dict)
-    time_zone: str | None = None
-    time_format: str | None = None
-    zone_column: str | None = None
-    zones: dict[str, str] = Field(default_factory=dict)
-    ambiguous: Literal["error", "first", "second", "order"] = "error"
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
-    decimal: Literal[".", ","] = "."
-    thousands: Literal["", ",", ".", " ", "'"] = ""
-    encoding: str = "utf-8"
-    skip_rows: Annotated[int, Field(ge=0, le=1000)] = 0
-    header_rows: Annotated[int, Field(ge=1, le=5)] = 1
-    unit_rows: Annotated[int, Field(ge=0, le=10)] = 0
-    columns: Annotated[list[str], Field(max_length=1000)] = []
-    comment: Annotated[str, Field(max_length=3)] = ""
-    ignore: list[str] = []
-    repeated_header: Literal["error", "drop"] = "error"
-    missing: list[str] = ["", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---"]
-    sentinels: list[float] = []
-    not_sentinels: list[float] = []
-    max_gap: Annotated[float, Field(ge=0, le=86_400)] = 600.0
-    max_filled: Annotated[float, Field(ge=0, le=1)] = 0.2
+    layout: Annotated[
+        Literal["wide", "long"],
+        Means("-", "`wide`: a row per time; `long`: a row per value (`rivid ingest` only)"),
+    ] = "wide"
+    time: Annotated[
+        Column, Means("-", "column of the time; a list is joined by a space (date and clock)")
+    ] = "time"
+    u_Qi: Annotated[Column, Means("-", "column, or tag, of the inflow command; a list is a sum")] = "u_Qi"
+    u_Qo: Annotated[
+        Column | None, Means("-", 'the same of the outflow command; `""` where it is not logged')
+    ] = "u_Qo"
+    h_L: Annotated[Column | None, Means("-", "the same of the level, of a pool")] = "h_L"
+    Q_L: Annotated[Column | None, Means("-", "the same of the discharge at the lower end, of a river")] = (
+        "Q_L"
+    )
+    tag: Annotated[
+        Column | None, Means("-", "long layout: column of the tags; a list is joined by a space")
+    ] = None
+    tag_pattern: Annotated[
+        Annotated[str, Field(max_length=200)] | None,
+        Means("-", "long layout: regular expression of the line above the rows that tells their tag"),
+    ] = None
+    value: Annotated[str, Field(min_length=1), Means("-", "long layout: column of the values")] = "value"
+    quality: Annotated[
+        str | dict[str, Column] | None,
+        Means(
+            "-", "column of flags of the whole row, or a table with a column for each of u_Qi, u_Qo, h_L, Q_L"
+        ),
+    ] = None
+    good: Annotated[list[str], Means("-", 'flags of values to keep; `""` for none')] = []
+    hold: Annotated[
+        dict[str, Positive],
+        Means(
+            "s", "of values logged when they change: the longest time that one holds (`rivid ingest` only)"
+        ),
+    ] = Field(default_factory=dict)
+    units: Annotated[
+        dict[str, str], Means("-", "unit of a column: `m3/s`, `cfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
+    ] = Field(default_factory=dict)
+    stamp: Annotated[
+        dict[str, Stamp],
+        Means("-", "what the time of a value stands for: `instant`, `start` or `end` of its interval"),
+    ] = Field(default_factory=dict)
+    interval: Annotated[
+        dict[str, Positive], Means("s", "time between two values of a column that does not come every T_s")
+    ] = Field(default_factory=dict)
+    time_zone: Annotated[str | None, Means("-", "zone of a clock without offset, such as `Europe/Paris`")] = (
+        None
+    )
+    time_format: Annotated[
+        str | None, Means("-", "format of times that are not ISO 8601 (strptime), `unix` or `unix_ms`")
+    ] = None
+    zone_column: Annotated[str | None, Means("-", "column that names the zone of each row")] = None
+    zones: Annotated[dict[str, str], Means("-", 'offsets of these names: `MST = "-07:00"`')] = Field(
+        default_factory=dict
+    )
+    ambiguous: Annotated[
+        Literal["error", "first", "second", "order"],
+        Means(
+            "-",
+            "the hour that the clock shows twice: refused, its first or second time, or by the order of rows",
+        ),
+    ] = "error"
+    separator: Annotated[
+        str, Field(min_length=1, max_length=1), Means("-", "between columns; a space is any number of blanks")
+    ] = ","
+    decimal: Annotated[Literal[".", ","], Means("-", "decimal mark")] = "."
+    thousands: Annotated[Literal["", ",", ".", " ", "'"], Means("-", "mark between thousands")] = ""
+    encoding: Annotated[str, Means("-", "of the text")] = "utf-8"
+    skip_rows: Annotated[int, Field(ge=0, le=1000), Means("rows", "above the names of the columns")] = 0
+    header_rows: Annotated[
+        int, Field(ge=1, le=5), Means("rows", "that make the names of the columns together")
+    ] = 1
+    unit_rows: Annotated[int, Field(ge=0, le=10), Means("rows", "between the names and the data")] = 0
+    columns: Annotated[
+        list[str], Field(max_length=1000), Means("-", "names of the columns of files that have none")
+    ] = []
+    comment: Annotated[str, Field(max_length=3), Means("-", "how lines begin that hold no data")] = ""
+    ignore: Annotated[list[str], Means("-", "columns that look like flags and are none")] = []
+    repeated_header: Annotated[
+        Literal["error", "drop"], Means("-", "a header again between the data: an error, or dropped")
+    ] = "error"
+    missing: Annotated[list[str], Means("-", "texts that mean not measured")] = [
+        "",
+        "NA",
+        "N/A",
+        "#N/A",
+        "NaN",
+        "nan",
+        "null",
+        "NULL",
+        "-",
+        "--",
+        "---",
+    ]
+    sentinels: Annotated[list[float], Means("-", "numbers that mean not measured")] = []
+    not_sentinels: Annotated[list[float], Means("-", "numbers that look like it and are measured")] = []
+    max_gap: Annotated[
+        float, Field(ge=0, le=86_400), Means("s", "longest gap that is bridged; a longer one fails the day")
+    ] = 600.0
+    max_filled: Annotated[
+        float, Field(ge=0, le=1), Means("-", "largest share of a day's samples that may bridge gaps")
+    ] = 0.2
 
     @field_validator("units", "stamp", "interval", "quality", "hold")
     @classmethod

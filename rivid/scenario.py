@@ -21,7 +21,7 @@ from pydantic import (
 from rivid.config import NAME, ReachConfig, parse, read_toml
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError
-from rivid.input_config import Positive
+from rivid.input_config import Means, Positive
 from rivid.reach.operators import OperatorSettings
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -40,9 +40,12 @@ class ReachScenario(ReachConfig):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    wave_depth: Positive = 4.9
-    inflow_gain: Positive = 1.0
-    outflow_gain: Positive = 1.0
+    wave_depth: Annotated[
+        Positive,
+        Means("m", "depth that gives the wave's celerity, v + sqrt(g depth): a pool is deep near its dam"),
+    ] = 4.9
+    inflow_gain: Annotated[Positive, Means("-", "K_i: real flow over command at the upstream dam")] = 1.0
+    outflow_gain: Annotated[Positive, Means("-", "K_o: the same at the downstream dam")] = 1.0
 
     @model_validator(mode="after")
     def _a_pool(self) -> "ReachScenario":
@@ -60,29 +63,37 @@ class ChannelScenario(_Section):
     The length and the mean width are those of `[reach]`; modes are amplitudes of cos(j pi x / L).
     """
 
-    bed_level: Annotated[float, Field(allow_inf_nan=False)] = 124.8
-    slope: Annotated[float, Field(ge=-0.01, le=0.05)] = 1e-4
-    manning: Annotated[float, Field(ge=0.005, le=0.2)] = 0.025
-    side_slope: Annotated[float, Field(ge=0, le=20)] = 0.0
-    width_modes: Modes = ()
-    bed_modes: Modes = ()
-    manning_modes: Modes = ()
-    cells: Annotated[int, Field(ge=4, le=2000)] = 32
-    courant: Annotated[float, Field(gt=0, le=0.6)] = 0.5
-    step: Positive | None = None
-    gate_time: NotNegative = 30.0
+    bed_level: Annotated[float, Field(allow_inf_nan=False), Means("m", "bed at the downstream dam")] = 124.8
+    slope: Annotated[float, Field(ge=-0.01, le=0.05), Means("-", "fall of the bed")] = 1e-4
+    manning: Annotated[float, Field(ge=0.005, le=0.2), Means("s/m^(1/3)", "Manning's n")] = 0.025
+    side_slope: Annotated[
+        float, Field(ge=0, le=20), Means("-", "run of the banks for each metre up; 0 is a rectangle")
+    ] = 0.0
+    width_modes: Annotated[Modes, Means("-", "modes of the logarithm of the width")] = ()
+    bed_modes: Annotated[Modes, Means("m", "modes of the bed's level")] = ()
+    manning_modes: Annotated[Modes, Means("-", "modes of the logarithm of n")] = ()
+    cells: Annotated[int, Field(ge=4, le=2000), Means("-", "cells along the reach")] = 32
+    courant: Annotated[float, Field(gt=0, le=0.6), Means("-", "Courant number of the usual time step")] = 0.5
+    step: Annotated[Positive | None, Means("s", "time step; not given: from `courant`")] = None
+    gate_time: Annotated[NotNegative, Means("s", "that a gate needs from one command to the next")] = 30.0
 
 
 class FlowScenario(_Section):
     """`[flow]`: the mean discharge of the days."""
 
-    mean: Positive = 300.0
-    lowest: Positive = 100.0
-    highest: Positive = 800.0
-    seasonal: NotNegative = 0.35
-    peak_day: Annotated[int, Field(ge=1, le=366)] = 155
-    variability: NotNegative = 0.3
-    memory_days: Positive = 8.0
+    mean: Annotated[Positive, Means("m3/s", "of a usual day of the year")] = 300.0
+    lowest: Annotated[Positive, Means("m3/s", "lowest daily mean")] = 100.0
+    highest: Annotated[Positive, Means("m3/s", "highest daily mean")] = 800.0
+    seasonal: Annotated[
+        NotNegative, Means("-", "how far the high-water season lies above the rest, in logarithms")
+    ] = 0.35
+    peak_day: Annotated[int, Field(ge=1, le=366), Means("day", "of the year, on which high water peaks")] = (
+        155
+    )
+    variability: Annotated[
+        NotNegative, Means("-", "wet and dry spells: standard deviation of the logarithm")
+    ] = 0.3
+    memory_days: Annotated[Positive, Means("days", "how long a spell lasts")] = 8.0
 
     @model_validator(mode="after")
     def _ordered(self) -> "FlowScenario":
@@ -97,16 +108,20 @@ class FlowScenario(_Section):
 class ProgrammeScenario(_Section):
     """`[programme]`: what the dispatcher of the upstream dam makes of the day."""
 
-    swing: NotNegative = 110.0
-    swing_spread: NotNegative = 0.3
-    weekend: NotNegative = 0.7
-    jitter: NotNegative = 1200.0
-    corrections: NotNegative = 8.0
-    correction_memory: Positive = 600.0
-    activity: Annotated[float, Field(gt=0, le=1)] = 0.4
-    ramp: Positive = 20.0
-    quantum: Positive = 1.0
-    lowest: NotNegative = 40.0
+    swing: Annotated[NotNegative, Means("m3/s", "from the night's load to the peaks")] = 110.0
+    swing_spread: Annotated[NotNegative, Means("-", "relative, from day to day")] = 0.3
+    weekend: Annotated[NotNegative, Means("-", "share of the swing on Saturdays and Sundays")] = 0.7
+    jitter: Annotated[NotNegative, Means("s", "by which the load's corners move from day to day")] = 1200.0
+    corrections: Annotated[NotNegative, Means("m3/s", "standard deviation of the load-following on top")] = (
+        8.0
+    )
+    correction_memory: Annotated[Positive, Means("s", "over which it forgets")] = 600.0
+    activity: Annotated[
+        float, Field(gt=0, le=1), Means("-", "share of samples on which the dispatcher acts")
+    ] = 0.4
+    ramp: Annotated[Positive, Means("m3/s", "largest move from one sample to the next")] = 20.0
+    quantum: Annotated[Positive, Means("m3/s", "step of the commands")] = 1.0
+    lowest: Annotated[NotNegative, Means("m3/s", "smallest command")] = 40.0
 
 
 class OperatorsScenario(_Section):
@@ -137,30 +152,38 @@ class OperatorsScenario(_Section):
 class LevelScenario(_Section):
     """`[level]`: the level aimed at, and the gauge."""
 
-    set_point: Annotated[float, Field(allow_inf_nan=False)] = 130.0
-    drawdown: NotNegative = 0.2
-    drawdown_from: Positive = 400.0
-    noise: NotNegative = 0.003
-    quantum: NotNegative = 0.01
-    set_points_per_week: NotNegative = 0.0
-    set_point_step: NotNegative = 0.05
-    gaps_per_day: NotNegative = 0.0
-    gap_length: Positive = 300.0
+    set_point: Annotated[float, Field(allow_inf_nan=False), Means("m", "level aimed at")] = 130.0
+    drawdown: Annotated[
+        NotNegative, Means("m per 100 m3/s", "how much lower it is for flow above `drawdown_from`")
+    ] = 0.2
+    drawdown_from: Annotated[
+        Positive, Means("m3/s", "mean flow of the day from which the level is drawn down")
+    ] = 400.0
+    noise: Annotated[NotNegative, Means("m", "standard deviation of the gauge's white noise")] = 0.003
+    quantum: Annotated[NotNegative, Means("m", "step of the gauge")] = 0.01
+    set_points_per_week: Annotated[NotNegative, Means("1/week", "how often another level is asked for")] = 0.0
+    set_point_step: Annotated[
+        NotNegative, Means("m", "standard deviation of these levels about the set-point")
+    ] = 0.05
+    gaps_per_day: Annotated[NotNegative, Means("1/day", "how often the gauge falls silent")] = 0.0
+    gap_length: Annotated[Positive, Means("s", "mean length of a silence")] = 300.0
 
 
 class WeatherScenario(_Section):
     """`[weather]`: a slow inflow that no log holds, an AR(1)."""
 
-    inflow: NotNegative = 2.0
-    memory: Positive = 21_600.0
-    place: Share = 1.0
+    inflow: Annotated[NotNegative, Means("m3/s", "standard deviation")] = 2.0
+    memory: Annotated[Positive, Means("s", "over which it forgets")] = 21_600.0
+    place: Annotated[Share, Means("-", "where it enters: 0 at the upstream dam, 1 at the downstream one")] = (
+        1.0
+    )
 
 
 class OutputScenario(_Section):
     """`[output]`: the daily logs."""
 
-    format: Format = "parquet"
-    layout: Layout = "day"
+    format: Annotated[Format, Means("-", "of the files")] = "parquet"
+    layout: Annotated[Layout, Means("-", "a file a day, or a file a month")] = "day"
 
 
 def _an_effect(table: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
@@ -179,12 +202,12 @@ class Scenario(_Section):
     fed by the outflow of the one before.
     """
 
-    name: str = Field("simulated", pattern=NAME, max_length=80)
-    first_day: dt.date = dt.date(2008, 1, 1)
-    days: Annotated[int, Field(ge=1, le=40_000)] = 366
-    missing_days: Annotated[int, Field(ge=0)] = 0
-    utc_offset: str = "+01:00"
-    seed: Annotated[int, Field(ge=0)] = 0
+    name: Annotated[str, Means("-", "of the scenario")] = Field("simulated", pattern=NAME, max_length=80)
+    first_day: Annotated[dt.date, Means("-", "date of the first day")] = dt.date(2008, 1, 1)
+    days: Annotated[int, Field(ge=1, le=40_000), Means("days", "length of the season")] = 366
+    missing_days: Annotated[int, Field(ge=0), Means("days", "without a log, drawn from the seed")] = 0
+    utc_offset: Annotated[str, Means("-", "of local time, the same all year")] = "+01:00"
+    seed: Annotated[int, Field(ge=0), Means("-", "the same seed gives the same season")] = 0
     reach: ReachScenario = ReachScenario()
     flow: FlowScenario = FlowScenario()
     programme: ProgrammeScenario = ProgrammeScenario()
@@ -193,9 +216,17 @@ class Scenario(_Section):
     weather: WeatherScenario = WeatherScenario()
     output: OutputScenario = OutputScenario()
     channel: ChannelScenario | None = None
-    effects_file: Path | None = None
-    effects: tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...] = ()
-    cascade: tuple[dict[str, Any], ...] = ()
+    effects_file: Annotated[
+        Path | None, Means("-", "a Python file with effects of yours, beside the scenario")
+    ] = None
+    effects: Annotated[
+        tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...],
+        Means("-", "tables `[[effects]]`: what is hidden, see the effects"),
+    ] = ()
+    cascade: Annotated[
+        tuple[dict[str, Any], ...],
+        Means("-", "tables `[[cascade]]`: what differs from reach to reach, each fed by the one before"),
+    ] = ()
 
     @field_validator("utc_offset")
     @classmethod

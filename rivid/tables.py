@@ -51,6 +51,40 @@ DELAYS = pa.schema(
 )
 """A row per day and estimator: delays.csv and delays.parquet."""
 
+MEANINGS: dict[str, tuple[str, str]] = {
+    "date": ("", "the day; of a data set of several days, the last"),
+    "reach": ("", "its name"),
+    "estimator": ("", "who answers"),
+    "status": ("", "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`"),
+    "delay_samples": ("samples", "the delay d; the level first moves at sample d + 1"),
+    "delay_s": ("s", "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s"),
+    "at_bound": ("", "the delay is the shortest or longest tried, or lies outside"),
+    "prior_only": ("", "the data do not single this delay out; empty where the estimator cannot tell"),
+    "probability": ("", "`posterior`: that the likeliest delay is right"),
+    "delay_low": ("samples", "`posterior`: shortest of the fewest delays that together hold 90 %"),
+    "delay_high": ("samples", "`posterior`: longest of them"),
+    "t50_samples": ("samples", "rivers: the lag by which half of a step has arrived"),
+    "alpha": ("(m3/s)^2", "regularisation weight, noise over roughness variance"),
+    "noise_sd": ("output unit", "sigma_w, standard deviation of the noise"),
+    "roughness_sd": ("output unit per m3/s", "sigma_hD, of the response's second differences"),
+    "output_unit": ("", "`m` for a level, `m3/s` for a discharge"),
+    "criterion": ("", "the least criterion: that of the delay"),
+    "iterations": ("", "rounds of Table VI; 0 where there are none"),
+    "condition": ("", "condition number of U'U; the paper's days have 2e4 to 1e5"),
+    "n_samples": ("samples", "of the data set"),
+    "n_filled": ("samples", "of these, that bridge a gap"),
+    "mean_inflow_m3s": ("m3/s", "mean inflow"),
+    "mean_level_m": ("m", "mean level; empty for a river"),
+    "froude": ("", "Froude number (6) at the mean inflow"),
+    "bound_gravity_s": ("s", "travel time of a gravity wave (5): the fastest"),
+    "bound_kinematic_s": ("s", "travel time of a kinematic wave (5): the slowest"),
+    "message": ("", "why there is no answer, and what the reader should know"),
+    "lag": ("samples", "fir.parquet: from 0"),
+    "value": ("output unit per m3/s", "fir.parquet: the impulse response at this lag"),
+    "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
+}
+"""Unit and meaning of each column of the :data:`TABLES`; in Markdown."""
+
 SEGMENT = pa.schema(
     [
         ("key", pa.string()),

@@ -48,6 +48,30 @@ FLEET = pa.schema(
 )
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
+MEANINGS: dict[str, tuple[str, str]] = {
+    "reach": ("", "its name: that of its directory of logs"),
+    "code": ("", "exit code that its run alone would have"),
+    "error": ("", "why it could not be run; empty otherwise"),
+    "data_sets": ("", "data sets of its logs"),
+    "failures": ("", "of these, that failed"),
+    "bad_files": ("", "files that are no logs"),
+    "first": ("", "first day of its record"),
+    "last": ("", "last day of its record"),
+    "estimator": ("", "whose answers the band is of"),
+    "quantity": ("", "`delay`, or `t50` of a river"),
+    "sample_time_s": ("s", "T_s"),
+    "answered_last_week": ("days", "of the last seven, with an answer"),
+    "days_last_week": ("days", "of the last seven, with a row"),
+    "median": ("samples", "of the 365 days before the last week"),
+    "band_low": ("samples", "below it lies a twentieth of that year's days"),
+    "band_high": ("samples", "above it lies a twentieth"),
+    "median_last_week": ("samples", "of the last seven days"),
+    "above_last_week": ("days", "of the last seven above the band"),
+    "below_last_week": ("days", "of the last seven below the band"),
+    "left_band": ("", "so many lie outside that chance does not explain it"),
+}
+"""Unit and meaning of each column of :data:`FLEET`."""
+
 
 def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, Any]:
     """Write the files of the fleet.

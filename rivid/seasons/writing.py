@@ -33,6 +33,20 @@ SCHEMA = pa.schema(
 )
 """season.csv and season.parquet: a row per calendar day."""
 
+MEANINGS: dict[str, tuple[str, str]] = {
+    "date": ("", "the calendar day, with a log or without"),
+    "reach": ("", "its name"),
+    "estimator": ("", f"`{NAME}`"),
+    "delay_samples": ("samples", "likeliest delay, the days joined; empty where it is not probable enough"),
+    "delay_s": ("s", "the travel time, of a river t50"),
+    "probability": ("", "that this delay is right"),
+    "delay_low": ("samples", "shortest delay of the 90 % set"),
+    "delay_high": ("samples", "longest delay of the 90 % set"),
+    "observed": ("", "the day had probabilities of its own"),
+    "direction": ("", "`forward`: from the days before; `both`: from all days"),
+}
+"""Unit and meaning of each column of :data:`SCHEMA`."""
+
 LAW_SCHEMA = pa.schema(
     [
         *((f"{name}_m3s", pa.float64()) for name in ("discharge_low", "discharge_high", "discharge")),
@@ -42,6 +56,20 @@ LAW_SCHEMA = pa.schema(
     ]
 )
 """delay_law.csv: a row per class of discharge."""
+
+LAW_MEANINGS: dict[str, tuple[str, str]] = {
+    "discharge_low_m3s": ("m3/s", "lower edge of the class"),
+    "discharge_high_m3s": ("m3/s", "upper edge of the class"),
+    "discharge_m3s": ("m3/s", "median discharge of its days"),
+    "delay_s": ("s", "travel time by the law; of a river t50"),
+    "delay_low_s": ("s", "lower end of the law's 90 % interval"),
+    "delay_high_s": ("s", "upper end of it"),
+    "day_low_s": ("s", "lower end of the 90 % interval of a single day"),
+    "day_high_s": ("s", "upper end of it"),
+    "observed_s": ("s", "median of the days' own answers"),
+    "n": ("days", "in the class"),
+}
+"""Unit and meaning of each column of :data:`LAW_SCHEMA`."""
 
 
 def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> None:

@@ -18,6 +18,17 @@ BAND = 1.959964
 FLOWS = ("w_m3s", "low", "high", "w_before_m3s", "low_before", "high_before")
 """Columns of unexplained_inflow.parquet after `time`."""
 
+MEANINGS: dict[str, tuple[str, str]] = {
+    "time": ("", "local wall time, as the days of the logs are"),
+    "w_m3s": ("m3/s", "inflow that no log explains, with the named effects in"),
+    "low": ("m3/s", "lower end of its 95 % band"),
+    "high": ("m3/s", "upper end of it"),
+    "w_before_m3s": ("m3/s", "the same without the named effects"),
+    "low_before": ("m3/s", "lower end of its 95 % band"),
+    "high_before": ("m3/s", "upper end of it"),
+}
+"""Unit and meaning of each column of unexplained_inflow.parquet."""
+
 
 def write_diagnosis(
     out: Path,
