@@ -22,7 +22,7 @@ from rivid.preload import DRAWING, cores, warm
 from rivid.rows import Rows, hash_of
 from rivid.store import Store, digest
 from rivid.tables import SCHEMA_VERSION, TABLES
-from rivid.workers import Engine, Here, processes, run_batches
+from rivid.workers import Engine, Here, Processes, processes, run_batches
 
 BATCH_DAYS = 128
 """Days of a batch at most: small enough to share out, large enough to be worth a file."""
@@ -109,7 +109,8 @@ def run(
     progress : callable, optional
         ``progress(total)`` gives a context manager whose value is called with each number of days done.
     engine : Engine, optional
-        What executes batches and draws; by default as many processes as pay off.
+        What executes batches; by default as many processes as pay off. They draw too; for a cluster
+        processes of this machine do.
 
     Returns
     -------
@@ -254,7 +255,7 @@ def _summarise(
 
 def _draw(out: Path, now: dict[str, Any], engine: Engine | None, painters: int) -> list[Path]:
     """Figures and report; gives the files written."""
-    if engine is not None:
+    if isinstance(engine, Here | Processes):
         return draw_here(out, now) if isinstance(engine, Here) else draw_with(engine, out, now)
     with processes(painters, DRAWING) as painting:
         return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)

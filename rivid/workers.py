@@ -7,15 +7,16 @@ day that kills is alone and failed.
 """
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context
 from pathlib import Path
+from platform import node
 from typing import Any, Protocol
 
 from rivid.batch import Batch, estimate_batch, failed_batch
+from rivid.errors import RividError
 from rivid.preload import ESTIMATING, begin, warm
 from rivid.rows import write_segment
 
@@ -31,8 +32,10 @@ class Engine(Protocol):
     workers again. Any other exception is the task's own.
     """
 
-    slots: int
-    """Tasks that run at a time."""
+    @property
+    def slots(self) -> int:
+        """Tasks that run at a time."""
+        ...
 
     died: tuple[type[BaseException], ...]
     """What says that a worker died."""
@@ -135,45 +138,88 @@ def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractCont
     return Processes(workers, modules) if workers > 1 else nullcontext(Here())
 
 
+def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:
+    """Have tasks executed, a few ahead of their turn; give them as they come back.
+
+    Parameters
+    ----------
+    tasks : iterable of (function, argument, ...)
+        Taken as workers have room for them.
+    engine : Engine
+
+    Yields
+    ------
+    task : tuple
+    answer
+        None where it was lost.
+    lost : bool
+        A worker died during the task, perhaps of it.
+    """
+    coming, under_way = iter(tasks), dict[Future[Any], tuple[Any, ...]]()
+    while True:
+        while len(under_way) < IN_FLIGHT * engine.slots and (task := next(coming, None)) is not None:
+            under_way[engine.submit(*task)] = task
+        if not under_way:
+            return
+        finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        lost = []
+        while finished:
+            for future in finished:
+                task = under_way.pop(future)
+                try:
+                    answer = future.result()
+                except engine.died:
+                    lost.append(task)
+                else:
+                    yield task, answer, False
+            finished = set()
+            if lost:  # with a pool all that was under way is lost too: known before the next is handed out
+                engine.renew()
+                finished = {future for future in under_way if future.done()}
+        for task in lost:
+            yield task, None, True
+
+
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
     """Estimate batches and write their segments.
 
     Parameters
     ----------
     batches : iterable of Batch
+        Taken as workers have room for them.
     segments : Path
         Directory of the segments; every worker of the engine must see it.
     engine : Engine
     done : callable
         Called with the number of windows of each batch that is finished.
+
+    Raises
+    ------
+    RividError
+        Where a worker does not see DATA_DIR or OUT.
     """
-    waiting = deque(batches)
-    while waiting:
-        for suspect in _drain(waiting, segments, engine, done):
-            _alone(suspect, segments, engine, done)
+    for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
+        if lost:
+            _alone(batch, segments, engine, done)
+        else:
+            done(len(batch.windows))
 
 
 def work(batch: Batch, segments: Path) -> None:
-    """What a worker does with a batch."""
+    """What a worker does with a batch.
+
+    Raises
+    ------
+    RividError
+        Where it does not see the logs' directory or that of the segments: a lost disk is no failed day.
+    """
+    for place in (batch.root, segments):
+        if not place.exists():
+            raise RividError(
+                f"a worker on {node()} does not see {place}: DATA_DIR and OUT must be there, under these "
+                "paths, on every machine that works; what is done is kept"
+            )
     write_segment(segments, estimate_batch(batch))
-
-
-def _drain(waiting: deque[Batch], segments: Path, engine: Engine, done: Done) -> list[Batch]:
-    """Work until nothing waits, or until a worker dies; gives the batches that were then handed out."""
-    under_way: dict[Future[None], Batch] = {}
-    try:
-        while waiting or under_way:
-            while waiting and len(under_way) < IN_FLIGHT * engine.slots:
-                under_way[engine.submit(work, waiting[0], segments)] = waiting[0]
-                waiting.popleft()
-            finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-                done(len(under_way.pop(future).windows))
-    except engine.died:
-        engine.renew()
-        return list(under_way.values())
-    return []
 
 
 def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:

@@ -22,7 +22,7 @@ ORDER = [
     {"diagnosis", "store", "merge", "report", "check", "record"},
     {"batch", "api"},
     {"workers", "plan"},
-    {"drawing"},
+    {"cluster", "drawing"},
     {"run"},
     {"fleet"},
     {"cli"},

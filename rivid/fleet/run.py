@@ -4,9 +4,7 @@ No reach waits for another, and what one of them lacks is its own outcome. This 
 """
 
 import traceback
-from collections import deque
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +20,7 @@ from rivid.plan import Options
 from rivid.preload import DRAWING, ESTIMATING, cores
 from rivid.run import ONE_PROCESS_BELOW, TooManyError, run
 from rivid.store import Store
-from rivid.workers import IN_FLIGHT, Engine, Here, processes
+from rivid.workers import Engine, Here, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
 """A reach with more new days than this is shared out, where workers would otherwise wait for it."""
@@ -116,32 +114,24 @@ def _refuse_places(data_dir: Path, out: Path) -> None:
         )
 
 
-def _run(tasks: Sequence[Task], engine: Engine) -> "Any":
+def _run(tasks: Sequence[Task], engine: Engine) -> Iterator[Outcome]:
     """Outcomes as they come."""
-    waiting, left_over = deque(tasks), []
-    while waiting:
-        under_way: dict[Future[Any], Task] = {}
-        try:
-            while waiting or under_way:
-                while waiting and len(under_way) < IN_FLIGHT * engine.slots:
-                    last = 1 < engine.slots and len(waiting) < engine.slots
-                    under_way[engine.submit(run_reach, waiting[0], last)] = waiting[0]
-                    waiting.popleft()
-                finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    outcome = future.result()
-                    task = under_way.pop(future)
-                    if outcome is None:
-                        left_over.append(task)
-                    else:
-                        yield outcome
-        except engine.died:
-            engine.renew()
-            for task in under_way.values():  # one of them killed its worker: each again, by itself
-                with engine.one() as single:
-                    yield run_reach(task, engine=single)
+    left_over = []
+    last = (1 < engine.slots and len(tasks) - place < engine.slots for place in range(len(tasks)))
+    for (_, task, _), outcome, lost in each(
+        ((run_reach, task, is_last) for task, is_last in zip(tasks, last, strict=True)), engine
+    ):
+        if lost:  # one of those under way killed its worker: each again, by itself
+            with engine.one() as single:
+                outcome = run_reach(task, engine=single)
+        if outcome is None:
+            left_over.append(task)
+        else:
+            yield outcome
     for task in left_over:
-        yield run_reach(task, engine=engine)
+        outcome = run_reach(task, engine=engine)
+        assert outcome is not None  # it may not decline
+        yield outcome
 
 
 def run_reach(task: Task, may_decline: bool = False, engine: Engine | None = None) -> Outcome | None:
