@@ -100,7 +100,7 @@ class RunConfig(Section):
     ] = 1e-4
     # where, not what: the command line reads it, relative to the file; nothing that is estimated hangs on it
     out: Annotated[
-        Annotated[str, Field(pattern=r"^[^\x00]+$", max_length=4096)] | None,
+        Annotated[str, Field(max_length=4096)] | None,
         Means("-", "directory of the results, relative to the configuration; `--out` goes over it"),
     ] = Field(None, exclude=True)
 
@@ -108,6 +108,13 @@ class RunConfig(Section):
     @classmethod
     def _no_repeats(cls, value: list[str]) -> list[str]:
         return list(dict.fromkeys(value))
+
+    @field_validator("out")
+    @classmethod
+    def _is_a_path(cls, value: str | None) -> str | None:
+        if value is not None and (not value.strip() or "\0" in value):
+            raise ValueError("expected the path of a directory, relative to this file")
+        return value
 
 
 class DiagnoseConfig(Section):

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,7 +75,12 @@ class Reach:
         return parse(raw, Config, self.source)
 
 
-def find_fleet(data_dir: Path, configs: Path | None, estimators: Sequence[str] = ()) -> list[Reach] | None:
+def find_fleet(
+    data_dir: Path,
+    configs: Path | None,
+    estimators: Sequence[str] = (),
+    beside: Callable[[Path], Path | None] | None = None,
+) -> list[Reach] | None:
     """The reaches of a fleet, by name; None where DATA_DIR is that of a single reach.
 
     DATA_DIR is a fleet's where it holds directories of logs and no log itself, or where `configs` is a
@@ -88,6 +93,9 @@ def find_fleet(data_dir: Path, configs: Path | None, estimators: Sequence[str] =
     configs : Path, optional
     estimators : sequence of str
         Taken in place of the configured ones.
+    beside : callable, optional
+        Gives the configuration in the directory of a reach's logs, or None; its keys go over the shared ones.
+        May raise ConfigError: a fault of that reach.
 
     Returns
     -------
@@ -113,7 +121,8 @@ def find_fleet(data_dir: Path, configs: Path | None, estimators: Sequence[str] =
     reaches = []
     for name, path, holds in folders:
         if holds or name in own:
-            reaches.append(_reach(name, path, shared, own.pop(name, None), configs, data_dir, estimators))
+            mine = own.pop(name, None)
+            reaches.append(_reach(name, path, shared, mine, configs, data_dir, estimators, beside))
     for name, path in own.items():
         missing = f"{path} is of a reach without directory of logs: {data_dir / name} does not exist"
         reaches.append(Reach(name, data_dir / name, {}, str(path), missing, NoDataError.exit_code))
@@ -180,11 +189,15 @@ def _reach(
     configs: Path | None,
     data_dir: Path,
     estimators: Sequence[str],
+    beside: Callable[[Path], Path | None] | None,
 ) -> Reach:
-    source = str(own or configs or "the defaults")
     fault = _fault(name, path, data_dir)
     raw: dict[str, Any] = {}
+    source = str(own or configs or "the defaults")
     try:
+        if beside is not None and not fault:  # not through a link that leads elsewhere
+            own = own or beside(path)
+            source = str(own or source)
         raw = merged(shared, _read(own) if own else {})
     except RividError as error:
         fault = fault or str(error)

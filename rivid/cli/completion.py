@@ -1,0 +1,39 @@
+"""``rivid completion``."""
+
+import click
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+@click.command("completion", short_help="The script that completes commands and options in a shell.")
+@click.argument("shell", type=click.Choice(SHELLS))
+def command(shell: str) -> int:
+    """Print the script that completes commands, options and their values with Tab.
+
+    Where to put it stands in its first lines: a file that the shell reads when it starts.
+
+    \b
+    Examples:
+      rivid completion bash > rivid-completion.bash
+      rivid completion zsh > _rivid
+      rivid completion fish > rivid.fish
+    """
+    from click.shell_completion import ShellComplete, get_completion_class
+
+    from rivid.cli import cli
+
+    kind = get_completion_class(shell)
+    assert kind is not None
+    places = {
+        "bash": "~/.local/share/bash-completion/completions/rivid, or put into ~/.bashrc:\n"
+        '#   eval "$(rivid completion bash)"',
+        "zsh": "a file _rivid in a directory of $fpath, or put into ~/.zshrc after compinit:\n"
+        '#   eval "$(rivid completion zsh)"',
+        "fish": "~/.config/fish/completions/rivid.fish",
+    }
+    # not kind.source: that of bash asks the bash of PATH for its version, and says so on stderr
+    script = ShellComplete.source(kind(cli, {}, "rivid", "_RIVID_COMPLETE")).strip()
+    lines = script.splitlines()
+    head = [lines.pop(0)] if lines[0].startswith("#compdef") else []  # zsh wants it first
+    click.echo("\n".join([*head, f"# Completion of rivid for {shell}. Save it as {places[shell]}", *lines]))
+    return 0

@@ -1,0 +1,120 @@
+"""Options and arguments that several commands have: one name, one wording, one order.
+
+The order in a command: config, out, what is its own, from, to, workers, dry-run, json, quiet, verbose.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+Decorator = Callable[[Decorated], Decorated]
+
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+DIRECTORY = click.Path(path_type=Path, file_okay=False)
+FOUND = "default: rivid.toml in DATA_DIR or above it, else Table I."
+
+
+class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later versions of click
+    """A choice that names the nearest of its values to a mistyped one."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value, or a usage error."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            error.message += nearest(str(value), [str(one) for one in self.choices])
+            raise
+
+
+class _Date(click.DateTime):
+    """A day, as 2008-03-14."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The day at midnight, or a usage error."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(f"{value!r} came, a date like 2008-03-14 is expected.", param, ctx)
+
+
+DATE = _Date(["%Y-%m-%d"])
+
+
+def nearest(came: str, names: "list[str]") -> str:
+    """" Did you mean ...?" for the nearest of the names, or nothing.
+
+    Examples
+    --------
+    >>> nearest("rnu", ["run", "check"])
+    " Did you mean 'run'?"
+    >>> nearest("xyz", ["run", "check"])
+    ''
+    """
+    import difflib
+
+    close = difflib.get_close_matches(came, names, 1)
+    return f" Did you mean {close[0]!r}?" if close else ""
+
+
+def data_dir() -> Decorator[Any]:
+    """DATA_DIR, the logs."""
+    return click.argument("data_dir", type=PATH)
+
+
+def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: Any) -> Decorator[Any]:
+    """--config, -c."""
+    return click.option("--config", "-c", type=more.pop("type", FILE), metavar="FILE", help=text, **more)
+
+
+def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator[Any]:
+    """--out, -o."""
+    return click.option("--out", "-o", type=DIRECTORY, metavar="DIR", help=text)
+
+
+def days(verb: str) -> Decorator[Any]:
+    """--from and --to."""
+
+    def both(command: Any) -> Any:
+        for name, target, word in (("--to", "last", "Last"), ("--from", "first", "First")):
+            command = click.option(name, target, type=DATE, metavar="DATE", help=f"{word} day to {verb}.")(
+                command
+            )
+        return command
+
+    return both
+
+
+def workers(text: str = "Processes; default: as many as pay off.") -> Decorator[Any]:
+    """--workers."""
+    return click.option("--workers", type=click.IntRange(1, 512), metavar="N", help=text)
+
+
+def dry_run(text: str = "Say what would be done, and stop.") -> Decorator[Any]:
+    """--dry-run."""
+    return click.option("--dry-run", is_flag=True, help=text)
+
+
+def as_json(text: str = "One JSON object on stdout.") -> Decorator[Any]:
+    """--json."""
+    return click.option("--json", "as_json", is_flag=True, help=text)
+
+
+def talk() -> Decorator[Any]:
+    """--quiet and --verbose."""
+
+    def both(command: Any) -> Any:
+        command = click.option(
+            "--verbose", "-v", is_flag=True, help="Say more, on stderr: files, versions, time by phase."
+        )(command)
+        return click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")(command)
+
+    return both
+
+
+def today() -> Decorator[Any]:
+    """--today, for tests."""
+    return click.option("--today", type=DATE, metavar="DATE", hidden=True, help="Take DATE for today.")
