@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
     from rivid.fleet.outcome import Outcome
     from rivid.plan import Options
+    from rivid.workers import Engine
 
 MOST_LINES = 20
 """Reaches that are named on the terminal; the page has all of them."""
@@ -26,6 +27,7 @@ def run_all(
     as_json: bool,
     quiet: bool,
     progress: Callable[[int], Any] | None,
+    engine: "Engine | None" = None,
 ) -> int:
     """Run a fleet, or a shard of it; the exit code."""
     from rivid.fleet.outcome import kept, worst
@@ -35,7 +37,7 @@ def run_all(
         if as_json:
             click.echo(json.dumps(outcome.to_json()))
 
-    outcomes = run_fleet(data_dir, reaches, out, options, progress, tell=tell)
+    outcomes = run_fleet(data_dir, reaches, out, options, progress, engine, tell)
     for outcome in outcomes:
         if outcome.error:
             click.echo(f"rivid: {outcome.reach}: {outcome.error}", err=True)

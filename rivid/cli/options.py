@@ -5,12 +5,11 @@ The order in a command: config, out, what is its own, from, to, workers, dry-run
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
-Decorator = Callable[[Decorated], Decorated]
+Decorator = Callable[[Any], Any]
 
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -26,8 +25,7 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            error.message += nearest(str(value), [str(one) for one in self.choices])
-            raise
+            self.fail(f"{error.message}{nearest(str(value), list(map(str, self.choices)))}", param, ctx)
 
 
 class _Date(click.DateTime):
@@ -45,7 +43,7 @@ DATE = _Date(["%Y-%m-%d"])
 
 
 def nearest(came: str, names: "list[str]") -> str:
-    """" Did you mean ...?" for the nearest of the names, or nothing.
+    """ " Did you mean ...?" for the nearest of the names, or nothing.
 
     Examples
     --------
@@ -60,22 +58,22 @@ def nearest(came: str, names: "list[str]") -> str:
     return f" Did you mean {close[0]!r}?" if close else ""
 
 
-def data_dir() -> Decorator[Any]:
+def data_dir() -> Decorator:
     """DATA_DIR, the logs."""
     return click.argument("data_dir", type=PATH)
 
 
-def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: Any) -> Decorator[Any]:
+def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: Any) -> Decorator:
     """--config, -c."""
     return click.option("--config", "-c", type=more.pop("type", FILE), metavar="FILE", help=text, **more)
 
 
-def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator[Any]:
+def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator:
     """--out, -o."""
     return click.option("--out", "-o", type=DIRECTORY, metavar="DIR", help=text)
 
 
-def days(verb: str) -> Decorator[Any]:
+def days(verb: str) -> Decorator:
     """--from and --to."""
 
     def both(command: Any) -> Any:
@@ -88,33 +86,36 @@ def days(verb: str) -> Decorator[Any]:
     return both
 
 
-def workers(text: str = "Processes; default: as many as pay off.") -> Decorator[Any]:
+def workers(text: str = "Processes; default: as many as pay off.") -> Decorator:
     """--workers."""
     return click.option("--workers", type=click.IntRange(1, 512), metavar="N", help=text)
 
 
-def dry_run(text: str = "Say what would be done, and stop.") -> Decorator[Any]:
+def dry_run(text: str = "Say what would be done, and stop.") -> Decorator:
     """--dry-run."""
     return click.option("--dry-run", is_flag=True, help=text)
 
 
-def as_json(text: str = "One JSON object on stdout.") -> Decorator[Any]:
+def as_json(text: str = "One JSON object on stdout.") -> Decorator:
     """--json."""
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
-def talk() -> Decorator[Any]:
+def talk() -> Decorator:
     """--quiet and --verbose."""
 
     def both(command: Any) -> Any:
         command = click.option(
             "--verbose", "-v", is_flag=True, help="Say more, on stderr: files, versions, time by phase."
         )(command)
-        return click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")(command)
+        command = click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")(
+            command
+        )
+        return command
 
     return both
 
 
-def today() -> Decorator[Any]:
+def today() -> Decorator:
     """--today, for tests."""
     return click.option("--today", type=DATE, metavar="DATE", hidden=True, help="Take DATE for today.")

@@ -8,54 +8,64 @@ from typing import Any
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, complain
 from rivid.core.settings import ESTIMATORS
-
-_DATE = click.DateTime(["%Y-%m-%d"])
 
 
 @click.command("run", short_help="Estimate every day of DATA_DIR that is new or changed.")
-@click.argument("data_dir", type=click.Path(path_type=Path))
-@click.option(
-    "--config", "-c", type=click.Path(path_type=Path), help="Configuration (TOML); default: Table I."
+@shared.data_dir()
+@shared.config(
+    f"The reach and its settings (TOML), or a fleet's directory of them; {shared.FOUND}", type=shared.PATH
 )
+@shared.out()
 @click.option(
-    "--out", "-o", type=click.Path(path_type=Path), default="out", show_default=True, help="Results."
+    "--estimator",
+    "estimators",
+    multiple=True,
+    type=shared.OneOf(ESTIMATORS),
+    metavar="NAME",
+    help=f"Ask this one, in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(1, 512),
-    help="Processes that estimate and draw; default: as many as pay off.",
-)
-@click.option("--estimator", "estimators", multiple=True, type=click.Choice(ESTIMATORS), help="Repeatable.")
-@click.option("--from", "first", type=_DATE, metavar="DATE", help="First day to estimate.")
-@click.option("--to", "last", type=_DATE, metavar="DATE", help="Last day to estimate.")
 @click.option("--force", is_flag=True, help="Estimate again what is done already.")
 @click.option("--verify", is_flag=True, help="Hash every file, also where size and time are unchanged.")
 @click.option("--strict", is_flag=True, help="Exit 3 for any failed day, also one that had failed before.")
 @click.option("--no-figures", is_flag=True, help="Tables only.")
 @click.option("--shard", metavar="I/N", help="Do the I-th of N parts; a run without --shard merges them.")
-@click.option("--dry-run", is_flag=True, help="Say what would be done, and stop.")
+@shared.days("estimate")
+@shared.workers("Processes that estimate and draw; default: as many as pay off.")
 @click.option(
-    "--json", "as_json", is_flag=True, help="A JSON line per day, and one for the whole, on stdout."
+    "--engine",
+    type=shared.OneOf(["processes", "dask"]),
+    metavar="NAME",
+    help="Who works: processes or dask; default: processes.",
 )
-@click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")
-@click.option("--today", type=_DATE, metavar="DATE", hidden=True, help="Take DATE for today.")
+@click.option(
+    "--scheduler", metavar="URL", help="A standing Dask scheduler, or its scheduler file; implies dask."
+)
+@shared.dry_run()
+@shared.as_json("A JSON line per day, and one for the whole, on stdout.")
+@shared.talk()
+@shared.today()
 def command(
     data_dir: Path,
     config: Path | None,
-    out: Path,
-    workers: int | None,
+    out: Path | None,
     estimators: tuple[str, ...],
-    first: dt.datetime | None,
-    last: dt.datetime | None,
     force: bool,
     verify: bool,
     strict: bool,
     no_figures: bool,
     shard: str | None,
+    first: dt.datetime | None,
+    last: dt.datetime | None,
+    workers: int | None,
+    engine: str | None,
+    scheduler: str | None,
     dry_run: bool,
     as_json: bool,
     quiet: bool,
+    verbose: bool,
     today: dt.datetime | None,
 ) -> int:
     """Estimate every day of DATA_DIR that is new or changed.
@@ -65,7 +75,8 @@ def command(
 
     A DATA_DIR without logs that holds directories of logs is a fleet's: each is a reach, run into
     OUT/<reach>, and fleet.html speaks of all of them. The configuration is then a file for all, or a
-    directory with a <reach>.toml for each over a defaults.toml.
+    directory with a <reach>.toml for each over a defaults.toml; without --config, DATA_DIR/<reach>/rivid.toml
+    stands over the rivid.toml of DATA_DIR or above it, key by key.
 
     --shard does one part of N: every N-th block of days of a reach, every N-th reach of a fleet. Parts run
     at the same time, on any machines that see OUT. The same command without --shard merges them; of a
@@ -74,15 +85,29 @@ def command(
     \b
     Examples:
       rivid run sample_data/basse_isere --config configs/basse_isere.toml
-      rivid run logs --config reach.toml --out results --quiet     (cron)
-      rivid run fleet_logs --config configs/fleet --out out --shard 3/16
+      rivid run sample_data/basse_isere_csv --estimator posterior --out out/week
+      rivid run sample_data --config configs/fleet --out out/fleet --shard 1/3
+
+    \b
+    Each morning, from cron, with a rivid.toml that has [run] out:
+      15 6 * * *  rivid run /srv/reach/logs --quiet
     """
+    from rivid.cli.found import find, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.preload import DRAWING, cores, warm
     from rivid.shard import Shard
 
+    on_dask = _on_dask(engine, scheduler, workers)
+    tell = Teller(quiet, verbose)
+    given, config = config, config or find(data_dir)
+    if config and not given:
+        tell.note(f"configuration: {config}")
+    place = results(out, config, data_dir)
     part = Shard.parse(shard) if shard else None
-    if not (no_figures or dry_run or part or (out / "report.html").exists()) and (workers or cores()) > 1:
+    if (
+        not (on_dask or no_figures or dry_run or part or (place / "report.html").exists())
+        and (workers or cores()) > 1
+    ):
         if holds_logs(data_dir):
             warm(DRAWING)  # while this process imports, reads and estimates
 
@@ -96,8 +121,10 @@ def command(
     spare_pandas()
     gc.freeze()
     gc.enable()
+    tell.begin(("logs", data_dir), ("settings", config or "Table I"), ("results", place))
+    tell.phase("starting")
     if dry_run and as_json:
-        raise click.UsageError("--dry-run has no JSON: leave out one of the two")
+        raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
     options = Options(
         workers=workers,
         first=first.date() if first else None,
@@ -108,14 +135,16 @@ def command(
         today=today.date() if today else None,
         shard=part,
     )
-    reaches = find_fleet(data_dir, config, estimators)
+    reaches = find_fleet(data_dir, config, estimators, None if given else own)
     if reaches is not None:
         if dry_run:
-            return say_plan(reaches, out)
-        bar = None if quiet or as_json else _progress
-        return run_all(
-            data_dir, reaches, out, options, strict=strict, as_json=as_json, quiet=quiet, progress=bar
-        )
+            return say_plan(reaches, place)
+        bar = tell.timed(None if quiet or as_json else _progress)
+        with _engine(on_dask, scheduler, workers) as executing:
+            return run_all(
+                data_dir, reaches, place, options,
+                strict=strict, as_json=as_json, quiet=quiet, progress=bar, engine=executing,
+            )  # fmt: skip
     settings = load_config(config)
     unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
     if estimators:
@@ -123,21 +152,22 @@ def command(
         raw["run"]["estimators"] = list(estimators)
         settings = parse(raw, type(settings), "--estimator")
     if dry_run:
-        return _dry_run(make_plan(data_dir, settings, options), out, settings)
-    summary = run(data_dir, out, settings, options, None if quiet or as_json else _progress)
+        return _dry_run(make_plan(data_dir, settings, options), place, settings)
+    with _engine(on_dask, scheduler, workers) as executing:
+        bar = tell.timed(None if quiet or as_json else _progress)
+        summary = run(data_dir, place, settings, options, bar, executing)
+    tell.phase("bringing tables, figures and report up to date")
     if as_json:
         _print_json(summary, with_days=shard is None)
     for path, reason in summary.bad_files:
-        click.echo(f"rivid: {path}: {reason}", err=True)
+        complain(f"{path}: {reason}")
     if summary.dropped:
-        click.echo(
-            f"rivid: {summary.dropped} days of earlier runs have no log any more: dropped from OUT", err=True
-        )
+        complain(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
     for name in summary.damaged:
-        click.echo(f"rivid: damaged, its days are computed again: {name}", err=True)
-    if config and unsaid and not quiet:
+        complain(f"damaged, its days are computed again: {name}")
+    if config and unsaid:
         words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
-        click.echo(f"rivid: {words}", err=True)
+        tell.note(words)
     if part and not as_json and not quiet:
         click.echo(
             f"shard {part}: {len(summary.asked_keys):,} of {summary.windows:,} data sets, "
@@ -153,6 +183,26 @@ def command(
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
     return 3 if summary.new_failures or summary.new_bad_files else 0
+
+
+def _on_dask(engine: str | None, scheduler: str | None, workers: int | None) -> bool:
+    if scheduler and engine == "processes":
+        raise click.UsageError("--scheduler is for --engine dask: leave out one of the two")
+    if scheduler and workers:
+        raise click.UsageError("the workers are the scheduler's: leave out --workers or --scheduler")
+    return engine == "dask" or scheduler is not None
+
+
+def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
+    """A Dask cluster, or nothing: a run takes processes as they pay off."""
+    from contextlib import nullcontext
+
+    if not on_dask:
+        return nullcontext()
+    from rivid.cluster import Dask
+    from rivid.preload import cores
+
+    return Dask(scheduler, workers or cores())
 
 
 def _dry_run(planned: Any, out: Path, settings: Any) -> int:
