@@ -1,0 +1,98 @@
+"""The results contract, the effects and the exit codes, from their homes in the package."""
+
+import inspect
+
+import pyarrow as pa
+from markup import code, table
+
+from rivid import tables
+from rivid.cli.effects import TITLES, example
+from rivid.diagnosis.telling import writing as diagnosis
+from rivid.effects import CATALOGUE, FAMILIES, Effect
+from rivid.errors import EXIT_CODES
+from rivid.fleet import report as fleet
+from rivid.seasons import writing as season
+
+TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": "true or false",
+         "date32[day]": "date", "timestamp[ms]": "time"}  # fmt: skip
+KEYS = ("date", "reach", "estimator")
+_INT, _FLOAT = pa.int64(), pa.float64()
+
+
+def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
+    """Every table by name: its columns, and what they mean."""
+    keys = [tables.DELAYS.field(name) for name in KEYS]
+    curve = tables.MEANINGS | {
+        "delay_samples": ("samples", "a delay that was tried"),
+        "criterion": ("", "its criterion; of `posterior` its probability, of CUSUM its g at lag d + 1"),
+        "probability": ("", "that this is the delay"),
+    }
+    flows = pa.schema([("time", pa.timestamp("ms")), *((name, _FLOAT) for name in diagnosis.FLOWS)])
+    return {
+        "delays.csv, delays.parquet": (tables.DELAYS, tables.MEANINGS),
+        "fir.parquet": (
+            pa.schema([*keys, ("lag", _INT), ("value", _FLOAT), ("sd", _FLOAT)]), tables.MEANINGS),
+        "criterion.parquet": (
+            pa.schema([*keys, ("delay_samples", _INT), ("criterion", _FLOAT)]), curve),
+        "posterior.parquet": (
+            pa.schema([*keys, ("delay_samples", _INT), ("probability", _FLOAT)]), curve),
+        "season.csv, season.parquet": (season.SCHEMA, season.MEANINGS),
+        "delay_law.csv": (season.LAW_SCHEMA, season.LAW_MEANINGS),
+        "fleet.csv, fleet.parquet": (fleet.FLEET, fleet.MEANINGS),
+        "unexplained_inflow.parquet": (flows, diagnosis.MEANINGS),
+    }  # fmt: skip
+
+
+def results(names: tuple[str, ...] = ()) -> str:
+    """The columns of the tables, or of those of these names."""
+    parts = []
+    for name, (schema, meanings) in schemas().items():
+        if names and name not in names:
+            continue
+        rows = [
+            [code(f.name), TYPES[str(f.type)], meanings[f.name][0],
+             meanings[f.name][1].removeprefix("fir.parquet: ")] for f in schema
+        ]  # fmt: skip
+        heading = " and ".join(code(one) for one in name.split(", "))
+        parts.append(f"## {heading}\n\n{table(['column', 'type', 'unit', 'meaning'], rows)}")
+    return "\n".join(parts)
+
+
+def exits() -> str:
+    """What the command line returns."""
+    rows = ([code(str(number)), *said] for number, said in EXIT_CODES.items())
+    return table(["code", "meaning", "what to do"], rows)
+
+
+def effects() -> str:
+    """The catalogue."""
+    parts = []
+    for family in FAMILIES:
+        parts.append(f"## {TITLES[family]}\n")
+        parts += [effect(one) for one in CATALOGUE.values() if one.family == family]
+    return "\n".join(parts)
+
+
+def effect(one: type[Effect]) -> str:
+    """One effect: what it is, its equation, its parameters, what it looks like, and a table for a scenario."""
+    usual = one.defaults()
+    rows = []
+    for key, said in one.parameters().items():
+        value = usual[key]
+        shown = code(str(list(value)) if isinstance(value, tuple) else f"{value:g}")
+        many = "; or a list" if said.many and value != () else ""
+        unit = "" if said.unit == "-" else said.unit
+        rows.append([code(key), unit, shown, f"{said.low:g} to {said.high:g}", said.meaning + many])
+    when = "May be limited to dates and hours." if one.windowed else "Always there: takes no dates and hours."
+    heads = ["parameter", "unit", "usual", "limits", "meaning"]
+    return "\n".join(
+        [f"### `{one.name}`\n", one.sentence, "", *(f"{text}\n" for text in _paragraphs(one)),
+         table(heads, rows), f"{when} **Looks like:** {one.looks}\n", "```toml", example(one), "```\n"]
+    )  # fmt: skip
+
+
+def _paragraphs(one: type[Effect]) -> list[str]:
+    said = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0]
+    if said.startswith(f"{one.__name__}("):  # by dataclass, for want of any
+        return []
+    return [text.replace("``", "`") for text in said.split("\n\n") if text]
