@@ -84,8 +84,15 @@ class DiagnosisResult:
         """What the reader must know."""
         return self.answer.notes
 
-    def write(self, out: Path | str) -> Path:
+    def write(self, out: Path | str, *, pictures: bool = True) -> Path:
         """Write what `rivid diagnose` writes: page, pictures, JSON, unexplained inflow, augmented model.
+
+        Parameters
+        ----------
+        out : Path or str
+            A directory; it is made where there is none.
+        pictures : bool
+            Draw them.
 
         Returns
         -------
@@ -102,7 +109,7 @@ class DiagnosisResult:
         from rivid.diagnosis.telling.writing import write_diagnosis
 
         page = write_diagnosis(
-            Path(out), self.answer, self.evidence, reach=self.config.reach.name,
+            Path(out), self.answer, self.evidence, draw=pictures, reach=self.config.reach.name,
             classes=library_of(self.config),
         )  # fmt: skip
         if self.evidence is not None:

@@ -4,18 +4,22 @@ from pathlib import Path
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, fitted, wrapped
+
 
 @click.command("bounds", short_help="Travel-time bounds of the reach, and what they propose.")
-@click.option(
-    "--config", "-c", type=click.Path(path_type=Path), help="Configuration (TOML); default: Table I."
-)
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
-def command(config: Path | None, as_json: bool) -> int:
+@click.argument("data_dir", type=shared.PATH, default=".")
+@shared.config()
+@shared.as_json()
+def command(data_dir: Path, config: Path | None, as_json: bool) -> int:
     """Travel-time bounds of the reach (section II), and the delays they propose.
+
+    DATA_DIR, by default this directory, is where rivid.toml is looked for; no log is read.
 
     \b
     Examples:
-      rivid bounds                                    the reach of Table I
+      rivid bounds
       rivid bounds --config configs/glen_canyon.toml
     """
     import json
@@ -23,10 +27,11 @@ def command(config: Path | None, as_json: bool) -> int:
 
     import numpy as np
 
+    from rivid.cli.found import configuration
     from rivid.config import load_config
     from rivid.core.hydraulics import propose_delays, travel_bounds
 
-    reach = load_config(config).reach
+    reach = load_config(configuration(config, data_dir, Teller())).reach
     low, high = reach.discharge_range
     T_s = reach.sample_time
     shape = {"length": reach.length, "width": reach.width, "depth": reach.depth}
@@ -36,18 +41,19 @@ def command(config: Path | None, as_json: bool) -> int:
         table = {name: values.tolist() for name, values in asdict(bounds).items()}
         click.echo(json.dumps({"reach": reach.name, "bounds": table, "proposal": asdict(proposal)}))
         return 0
-    click.echo(f"{reach.name}: {reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; "
-               f"T_s = {T_s:g} s\n")  # fmt: skip
+    size = f"{reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; T_s = {T_s:g} s"
+    click.echo(wrapped(f"{fitted(reach.name)}: {size}") + "\n")
     click.echo("discharge  velocity  Froude    gravity wave        kinematic wave")
     click.echo("     m3/s       m/s       -      min  samples        min  samples")
     for Q, v, F, g, k in zip(
         bounds.discharge, bounds.velocity, bounds.froude, bounds.gravity, bounds.kinematic, strict=True
     ):
         click.echo(f"{Q:9.0f} {v:9.2f} {F:7.3f} {g / 60:8.1f} {g / T_s:8.1f} {k / 60:10.1f} {k / T_s:8.1f}")
-    click.echo(
-        f"\nThe first sign of an inflow arrives with the {proposal.wave} wave; a travel time of n samples\n"
-        "is a delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for [jmap]:\n"
+    said = (
+        f"The first sign of an inflow arrives with the {proposal.wave} wave; a travel time of n samples is a "
+        "delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for [jmap]:"
     )
+    click.echo(f"\n{wrapped(said, hanging=0)}\n")
     click.echo(f"d_min = {proposal.d_min}\nd_max = {proposal.d_max}\norder = {proposal.order}")
     click.echo(f"sigma_d = {proposal.delay_scale:g}")
     return 0

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import wrapped as _wrapped
+
 if TYPE_CHECKING:
     from rivid.effects import Effect
 
-WIDTH = 80
 TITLES = {
     "flow": "Flows that the logs do not hold, and storage",
     "timing": "Timing: what comes earlier, later or smoother than logged",
@@ -23,16 +25,20 @@ WINDOW = (
 )
 
 
+def _names(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
+    """The effects, for the shell: read from their modules, as importing these takes longer than one waits."""
+    import re
+
+    modules = sorted(Path(__file__).parents[1].joinpath("effects").glob("*.py"))
+    found = (re.findall(r'^    name = "(\w+)"', path.read_text(encoding="utf-8"), re.M) for path in modules)
+    return [name for names in found for name in names if name.startswith(typed)]
+
+
 @click.command("effects", short_help="What a simulation may lack: the catalogue of effects.")
-@click.argument("name", required=False)
-@click.option("--json", "as_json", is_flag=True, help="As JSON.")
-@click.option(
-    "--effects-file",
-    type=click.Path(path_type=Path),
-    metavar="PATH",
-    help="A Python file with effects of yours.",
-)
-def command(name: str | None, as_json: bool, effects_file: Path | None) -> int:
+@click.argument("name", required=False, shell_complete=_names)
+@click.option("--effects-file", type=shared.FILE, metavar="FILE", help="A Python file with effects of yours.")
+@shared.as_json("The catalogue, or that effect, as JSON on stdout.")
+def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     """The catalogue of effects: parameters, units, limits, and what each looks like.
 
     With NAME, that effect in full, with an example for a scenario.
@@ -41,14 +47,15 @@ def command(name: str | None, as_json: bool, effects_file: Path | None) -> int:
     Examples:
       rivid effects
       rivid effects side_storage
-      rivid effects --effects-file my_effects.py --json
+      rivid effects hunting_governor --effects-file configs/scenarios/outside/hunting.py
     """
     from rivid.effects import FAMILIES, effect_classes
     from rivid.errors import ConfigError
 
     classes = effect_classes(effects_file)
     if name is not None and name not in classes:
-        raise ConfigError(f"no effect is called {name!r}: expected one of {', '.join(classes)}")
+        near = shared.nearest(name, list(classes)).strip() or f"There are {', '.join(classes)}."
+        raise ConfigError(f"no effect is called {name!r}. {near} `rivid effects` lists them.")
     if as_json:
         shown = [_record(one) for one in classes.values()]
         click.echo(json.dumps(shown if name is None else _record(classes[name]), indent=1))
@@ -62,13 +69,6 @@ def command(name: str | None, as_json: bool, effects_file: Path | None) -> int:
                     click.echo(_entry(one))
         click.echo(_wrapped("`rivid effects NAME` says more of one, with an example for a scenario."))
     return 0
-
-
-def _wrapped(text: str, indent: int = 0, hanging: int = 0) -> str:
-    return textwrap.fill(
-        text, WIDTH, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
-        break_on_hyphens=False,
-    )  # fmt: skip
 
 
 def _entry(one: "type[Effect]") -> str:

@@ -8,35 +8,47 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller
+
 if TYPE_CHECKING:
     from rivid.figures.paper.cascade import CascadeReach
 
-PATH = click.Path(path_type=Path)
 CASCADE = Path("configs", "scenarios", "cascade.toml")
 """The cascade of Fig. 19 where none is given, here or beside the package."""
 
 
 @click.command("figures", short_help="Redraw figures and report from stored results.")
-@click.argument("out", type=PATH)
+@shared.results()
 @click.option(
     "--day",
-    type=click.DateTime(["%Y-%m-%d"]),
+    type=shared.DATE,
     metavar="DATE",
     help="The day whose impulse responses are shown; a typical one by default.",
 )
 @click.option("--paper", is_flag=True, help="Draw the paper's figures instead, into OUT/paper.")
 @click.option(
-    "--logs", type=PATH, metavar="DATA_DIR", help="With --paper: the run's logs, where they have been moved."
+    "--logs",
+    type=shared.PATH,
+    metavar="DATA_DIR",
+    help="With --paper: the run's logs, where they have been moved.",
 )
 @click.option(
     "--cascade",
-    type=PATH,
+    type=shared.PATH,
     multiple=True,
     metavar="PATH",
     help="With --paper, for Fig. 19: a scenario to simulate, or OUT of a reach's run. Repeatable.",
 )
+@shared.talk()
 def command(
-    out: Path, day: dt.datetime | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...]
+    out: Path,
+    day: dt.datetime | None,
+    paper: bool,
+    logs: Path | None,
+    cascade: tuple[Path, ...],
+    quiet: bool,
+    verbose: bool,
 ) -> int:
     """Redraw the figures and the report of a finished run.
 
@@ -46,15 +58,17 @@ def command(
 
     \b
     Examples:
-      rivid figures out
+      rivid run sample_data/basse_isere --config configs/basse_isere.toml
       rivid figures out --day 2008-03-14
       rivid figures out --paper
-      rivid figures out/middle --paper --cascade out/upper --cascade out/middle --cascade out/lower
+      rivid figures out --paper --cascade configs/scenarios/cascade.toml
     """
+    tell = Teller(quiet, verbose)
     if not paper and (logs or cascade):
-        raise click.UsageError("--logs and --cascade go with --paper")
+        raise click.UsageError("--logs and --cascade say what --paper draws: add --paper, or leave them out.")
+    tell.begin(("results", out), ("logs", logs))
     if paper:
-        return _paper(out, day.date() if day else None, logs, cascade)
+        return _paper(out, day.date() if day else None, logs, cascade, tell)
     import json
 
     from rivid.figures import draw_all
@@ -62,16 +76,20 @@ def command(
     from rivid.results import load_results
     from rivid.store import Store
 
+    tell.phase("starting")
     results = load_results(out)  # before the lock, which would make the directory
+    tell.phase("reading the results")
     with Store(out):
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
         figures = draw_all(results, out, day=day.date() if day else None)
         page = write_report(results, figures, out, summary=summary)
-    click.echo(f"{len(figures)} figures in {out / 'figures'}; report: {page}")
+    tell.phase("figures and report")
+    if not quiet:
+        click.echo(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
     return 0
 
 
-def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...]) -> int:
+def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], tell: Teller) -> int:
     from rivid.figures.paper import STEPS, draw_paper
     from rivid.figures.paper.cascade import of_year
     from rivid.figures.paper.estimates import estimate
@@ -79,11 +97,14 @@ def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Pat
     from rivid.store import Store
 
     given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
-    with _progress(STEPS + 2 + max(len(given), 1)) as step:
+    tell.phase("starting")
+    with _progress(STEPS + 2 + max(len(given), 1), tell.quiet) as step:
         year = read_run(out, logs)
         step("reading the logs")
+        tell.phase("reading the logs")
         estimates = estimate(year)
         step("estimating")
+        tell.phase("estimating")
         reaches: list[CascadeReach] = []
         for path in given:
             step(f"cascade: {path}")
@@ -91,16 +112,16 @@ def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Pat
         if not reaches:
             step("cascade")
             reaches = [of_year(year)]
-            click.echo(
-                f"rivid: no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone", err=True
-            )
+            tell.note(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
+        tell.phase("the cascade")
         with Store(out):
             figures = draw_paper(
                 year, estimates, reaches, out / "paper", day=day, progress=lambda: step("drawing")
             )
-    click.echo(
-        f"{len(figures)} figures of the paper in {out / 'paper'}; page: {out / 'paper' / 'index.html'}"
-    )
+    tell.phase("drawing")
+    if not tell.quiet:
+        page = out / "paper" / "index.html"
+        click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0
 
 
@@ -128,11 +149,11 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[str], Any]]:
+def _progress(total: int, quiet: bool) -> Iterator[Callable[[str], Any]]:
     """A progress bar on a terminal, silence elsewhere; it is called before each step with what comes."""
     import sys
 
-    if not sys.stderr.isatty():
+    if quiet or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.console import Console

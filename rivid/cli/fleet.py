@@ -4,12 +4,15 @@ from pathlib import Path
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller
+
 
 @click.command("fleet", short_help="Say what is to be said of all reaches together.")
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="fleet.json on stdout, in one line.")
-@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
-def command(out: Path, as_json: bool, quiet: bool) -> int:
+@shared.results()
+@shared.as_json("fleet.json on stdout, in one line.")
+@shared.talk()
+def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 
     OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
@@ -19,9 +22,9 @@ def command(out: Path, as_json: bool, quiet: bool) -> int:
 
     \b
     Examples:
-      rivid run fleet_logs --config configs/fleet --out out --shard 1/2
-      rivid run fleet_logs --config configs/fleet --out out --shard 2/2
-      rivid fleet out
+      rivid run sample_data --config configs/fleet --out out/fleet --shard 1/2
+      rivid run sample_data --config configs/fleet --out out/fleet --shard 2/2
+      rivid fleet out/fleet
     """
     from rivid.cli.fleet_run import report
     from rivid.fleet.outcome import worst
@@ -29,8 +32,13 @@ def command(out: Path, as_json: bool, quiet: bool) -> int:
     from rivid.lean import spare_pandas
     from rivid.store import Store
 
+    tell = Teller(quiet, verbose)
     spare_pandas()
+    tell.begin(("results", out))
+    tell.phase("starting")
     outcomes = fleet_of(out)
+    tell.phase(f"reading what {len(outcomes):,} reaches have left")
     with Store(out):
         report(out, outcomes, out.resolve().name, as_json=as_json, quiet=quiet)
+    tell.phase("report")
     return worst(outcome.code for outcome in outcomes)

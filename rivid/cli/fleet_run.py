@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rivid.cli.telling import complain, wrapped
+
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
     from rivid.fleet.outcome import Outcome
@@ -40,7 +42,7 @@ def run_all(
     outcomes = run_fleet(data_dir, reaches, out, options, progress, engine, tell)
     for outcome in outcomes:
         if outcome.error:
-            click.echo(f"rivid: {outcome.reach}: {outcome.error}", err=True)
+            complain(f"{outcome.reach}: {outcome.error}")
     codes = [3 if strict and o.code == 0 and (o.failures or o.bad_files) else o.code for o in outcomes]
     if options.shard:
         if as_json:
@@ -84,7 +86,8 @@ def _say(told: dict[str, Any], outcomes: "Sequence[Outcome]", out: Path) -> None
     ):
         names = told[kind]
         some = ", ".join(names[:MOST_LINES]) + (", ..." if len(names) > MOST_LINES else "")
-        click.echo(f"  {len(names):,} {words}" + (f": {some}" if names and kind != "changed" else ""))
+        said = f"{len(names):,} {words}" + (f": {some}" if names and kind != "changed" else "")
+        click.echo(click.style(wrapped(said, 2), fg="red" if names and kind == "failing" else None))
     click.echo(f"report: {out / 'fleet.html'}")
 
 
@@ -97,11 +100,10 @@ def say_plan(reaches: "Sequence[Reach]", out: Path) -> int:
         try:
             config = reach.config()
         except RividError as error:
-            click.echo(f"  {reach.name}: {error}")
+            click.echo(wrapped(f"{reach.name}: {error}", 2))
             code = max(code, error.exit_code if error.exit_code == 2 else 0)
         else:
-            click.echo(
-                f"  {reach.name}: {', '.join(config.run.estimators)}; results would go to {out / reach.name}"
-            )
-    click.echo(f"{len(reaches)} reaches")
+            names = ", ".join(config.run.estimators)
+            click.echo(wrapped(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
+    click.echo(f"{len(reaches):,} reaches")
     return code

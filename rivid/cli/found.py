@@ -9,11 +9,39 @@ import os
 import stat
 from pathlib import Path
 
+from rivid.cli.telling import Teller
 from rivid.errors import ConfigError
 
 NAME = "rivid.toml"
 DEFAULT_OUT = Path("out")
 """Results, where nothing says otherwise."""
+
+
+def configuration(given: Path | None, data_dir: Path, tell: Teller) -> Path | None:
+    """--config, or the rivid.toml that is found, with a word about it; None: the defaults.
+
+    Parameters
+    ----------
+    given : Path or None
+        --config: it wins.
+    data_dir : Path
+    tell : Teller
+
+    Returns
+    -------
+    Path or None
+
+    Raises
+    ------
+    ConfigError
+        As :func:`find`.
+    """
+    if given is not None:
+        return given
+    path = find(data_dir)
+    if path is not None:
+        tell.note(f"configuration: {path}")
+    return path
 
 
 def find(data_dir: Path) -> Path | None:

@@ -6,54 +6,58 @@ from typing import Any
 
 import click
 
-_DATE = click.DateTime(["%Y-%m-%d"])
-_PATH = click.Path(path_type=Path)
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, complain, wrapped
 
 
 @click.command("ingest", short_help="Make daily logs of foreign exports.")
-@click.argument(
-    "exports", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False)
-)
-@click.option("--config", "-c", type=_PATH, required=True, help="What the exports look like: [input] (TOML).")
-@click.option("--out", "-o", type=_PATH, required=True, metavar="DATA_DIR", help="Where the daily logs go.")
+@shared.exports()
+@shared.config("What the exports look like: [input] (TOML).", required=True)
+@shared.logs_out()
 @click.option(
-    "--format", "form", type=click.Choice(["csv", "csv.gz", "parquet"]), default="csv", show_default=True,
-    help="Of the daily logs.",
+    "--format", "form", type=shared.OneOf(["csv", "csv.gz", "parquet"]), default="csv", show_default=True,
+    metavar="NAME", help="Of the daily logs: csv, csv.gz or parquet.",
 )  # fmt: skip
-@click.option("--from", "first", type=_DATE, metavar="DATE", help="First day to write.")
-@click.option("--to", "last", type=_DATE, metavar="DATE", help="Last day to write.")
+@click.option(
+    "--run-config", type=shared.FILE, metavar="FILE",
+    help="Where the configuration for `rivid run` goes; default: <DATA_DIR>_run.toml. As "
+    "<DATA_DIR>/rivid.toml it is found without --config.",
+)  # fmt: skip
 @click.option("--force", is_flag=True, help="Overwrite logs that are there and differ.")
-@click.option("--dry-run", is_flag=True, help="Count, and write nothing.")
-@click.option(
-    "--run-config", type=_PATH, metavar="FILE",
-    help="Where the configuration for `rivid run` goes; default: <DATA_DIR>_run.toml.",
-)  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
-@click.option("--today", type=_DATE, metavar="DATE", hidden=True, help="Take DATE for today.")
+@shared.days("write")
+@shared.dry_run("Count, and write nothing.")
+@shared.as_json()
+@shared.talk()
+@shared.today()
 def command(
     exports: tuple[Path, ...],
     config: Path,
     out: Path,
     form: Any,
+    run_config: Path | None,
+    force: bool,
     first: dt.datetime | None,
     last: dt.datetime | None,
-    force: bool,
     dry_run: bool,
-    run_config: Path | None,
     as_json: bool,
+    quiet: bool,
+    verbose: bool,
     today: dt.datetime | None,
 ) -> int:
     """Make daily logs of EXPORTS, files of one dialect, long or wide, of any number of days.
 
     Only what the configuration declares is applied, every value that is dropped is counted, and a day that
     `rivid run` could not use is refused. Nothing is overwritten unless it is identical, or --force is given.
+    --config is always asked for: exports and the logs made of them do not look alike.
+
     Exit code: 0 all well, 2 not as declared, 3 days refused, 10 no data.
 
     \b
     Examples:
-      rivid sniff export.csv --time-zone Europe/Paris > export.toml
-      rivid ingest export.csv --config export.toml --out logs
-      rivid run logs --config logs_run.toml
+      rivid sniff tests/data/exports/historian/historian.csv
+      rivid ingest tests/data/exports/historian/historian.csv \\
+        --config tests/data/exports/historian/config.toml --out out/logs
+      rivid run out/logs --config out/logs_run.toml --out out/ingested
     """
     import json
 
@@ -61,6 +65,9 @@ def command(
     from rivid.errors import ConfigError
     from rivid.logs.ingest.work import Wish, ingest, run_config_beside
 
+    tell = Teller(quiet, verbose)
+    tell.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
+    tell.phase("starting")
     target = run_config or run_config_beside(out)
     if target.resolve() == config.resolve():
         raise ConfigError(f"{target} is the --config itself: choose another --run-config")
@@ -74,25 +81,34 @@ def command(
         run_config=target,
     )
     outcome = ingest(exports, out, load_config(config), wish)
+    tell.phase(f"reading, judging and writing {len(outcome.days):,} days")
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))
+    elif quiet:
+        _print_days(outcome)
     else:
         _print(outcome, out, dry_run)
     if outcome.exit_code == 10:
-        click.echo("rivid: no day in the exports is asked for", err=True)
+        came = f"from {first.date() if first else 'the first'} to {last.date() if last else 'the last'}"
+        complain(f"no day of the exports lies {came}: look at --from and --to")
     return outcome.exit_code
 
 
-def _print(outcome: Any, out: Path, dry_run: bool) -> None:
+def _print_days(outcome: Any) -> None:
+    """The days that were not written, and why."""
     for day in outcome.days:
         if day.reason:
-            click.echo(f"{day.date}  {day.status:8s}  {day.reason}")
+            click.echo(wrapped(f"{day.date}  {day.status:8s}  {day.reason}", 0, 22))
+
+
+def _print(outcome: Any, out: Path, dry_run: bool) -> None:
+    _print_days(outcome)
     for note in outcome.notes:
-        click.echo(note)
+        click.echo(wrapped(note))
     ledger = outcome.ledger
     if ledger.flags:
         flags = ", ".join(f"{flag or 'none'} {count:,d}" for flag, count in ledger.flags.most_common(12))
-        click.echo(f"flags of values that were dropped: {flags}")
+        click.echo(wrapped(f"flags of values that were dropped: {flags}"))
     click.echo()
     for line in ledger.lines():
         click.echo(line)

@@ -63,6 +63,17 @@ def data_dir() -> Decorator:
     return click.argument("data_dir", type=PATH)
 
 
+def exports() -> Decorator:
+    """EXPORTS, files from elsewhere."""
+    kind = click.Path(path_type=Path, exists=True, dir_okay=False)
+    return click.argument("exports", nargs=-1, required=True, type=kind)
+
+
+def results() -> Decorator:
+    """OUT, what a run has written."""
+    return click.argument("out", type=DIRECTORY)
+
+
 def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: Any) -> Decorator:
     """--config, -c."""
     return click.option("--config", "-c", type=more.pop("type", FILE), metavar="FILE", help=text, **more)
@@ -71,6 +82,13 @@ def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: An
 def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator:
     """--out, -o."""
     return click.option("--out", "-o", type=DIRECTORY, metavar="DIR", help=text)
+
+
+def logs_out() -> Decorator:
+    """--out, -o, of commands that write logs."""
+    return click.option(
+        "--out", "-o", type=DIRECTORY, required=True, metavar="DATA_DIR", help="Where the daily logs go."
+    )
 
 
 def days(verb: str) -> Decorator:

@@ -92,16 +92,14 @@ def command(
     Each morning, from cron, with a rivid.toml that has [run] out:
       15 6 * * *  rivid run /srv/reach/logs --quiet
     """
-    from rivid.cli.found import find, own, results
+    from rivid.cli.found import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.preload import DRAWING, cores, warm
     from rivid.shard import Shard
 
     on_dask = _on_dask(engine, scheduler, workers)
     tell = Teller(quiet, verbose)
-    given, config = config, config or find(data_dir)
-    if config and not given:
-        tell.note(f"configuration: {config}")
+    given, config = config, configuration(config, data_dir, tell)
     place = results(out, config, data_dir)
     part = Shard.parse(shard) if shard else None
     if (

@@ -5,18 +5,28 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, fitted, wrapped
+
 if TYPE_CHECKING:
     from rivid.core.law.delay_law import DelayLaw
     from rivid.seasons.days import SeasonDays
     from rivid.seasons.joined import Joined
 
 
+def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
+    """The reaches in OUT, for the shell."""
+    out = context.params.get("out")
+    names = sorted(path.parent.name for path in out.glob("*/run.json")) if out else []
+    return [name for name in names if name.startswith(typed)]
+
+
 @click.command("season", short_help="Join the days of a run; the law of delay and discharge.")
-@click.argument("out", type=click.Path(path_type=Path))
+@shared.results()
 @click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study of a pool.")
-@click.option("--reach", metavar="NAME", help="The reach, where OUT is a fleet's.")
-@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
-def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
+@click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")
+@shared.talk()
+def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose: bool) -> int:
     """Join the days of a finished run that asked for `posterior`.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. Writes season.csv and
@@ -26,9 +36,13 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
 
     \b
     Examples:
-      rivid season out
-      rivid season out --both-ways
-      rivid season fleet_out --reach upper
+      rivid run sample_data/basse_isere -c configs/posterior.toml -o out/sure
+      rivid season out/sure
+      rivid season out/sure --both-ways
+
+    \b
+    Of one reach of a fleet:
+      rivid season out/fleet --reach basse_isere
     """
     from rivid import record
     from rivid.errors import NoDataError
@@ -38,16 +52,21 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
     from rivid.seasons.writing import write_season
     from rivid.store import Store
 
+    tell = Teller(quiet, verbose)
     spare_pandas()
     out = _of_reach(out, reach)
     if not record.last(out):  # before the lock, which would make the directory
         raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
+    tell.begin(("results", out))
+    tell.phase("starting")
     with Store(out):
         run = record.last(out)
         if not run.get("outputs"):
             raise NoDataError(f"the last run into {out} did not finish: run it again")
         days = read_days(out, run)
+        tell.phase(f"reading {len(days.dates):,} days")
         joined, law = join(days, both_ways), law_of(days)
+        tell.phase("joining them, and the law")
         write_season(days, joined, law, out)
         from rivid.figures import law as law_figure
         from rivid.figures import season as season_figure
@@ -56,6 +75,7 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool) -> int:
         with style.styled():
             season_figure.draw(days, joined, out / "figures")
             law_figure.draw(days, law, out / "figures")
+    tell.phase("tables and figures")
     if not quiet:
         _print(days, joined, law)
         click.echo(f"\nseason.csv, delay_law.csv and figures: {out}")
@@ -98,14 +118,14 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
         ),
         ("related", f"days have to do with each other with probability {joined.related:.2f}"),
     ]
-    click.echo(f"{days.reach}: posterior-season, {way}")
+    click.echo(f"{fitted(days.reach)}: posterior-season, {way}")
     for name, text in rows if unseen else [rows[0], *rows[2:]]:
-        click.echo(f"  {name:9s} {text}")
+        click.echo(wrapped(f"{name:9s} {text}", 2, 10))
     if days.river:
         click.echo("  note      a river's days alone are as good: joined, t50 is coarser")
     click.echo()
     if law.status != "ok":
-        click.echo(f"no law: {law.message}")
+        click.echo(wrapped(f"no law: {law.message}"))
         return
     what = "t50" if days.river else "T"
     click.echo(

@@ -5,20 +5,26 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, wrapped
+
 if TYPE_CHECKING:
     from rivid.simulation import Season
 
-PATH = click.Path(path_type=Path)
-
 
 @click.command("simulate", short_help="Make daily logs of a simulated reach, and their truth.")
-@click.argument("scenario", type=PATH)
-@click.option("--out", "-o", type=PATH, required=True, metavar="DATA_DIR", help="Where the daily logs go.")
-@click.option("--seed", type=click.IntRange(min=0), help="Another season; default: the scenario's seed.")
+@click.argument("scenario", type=shared.PATH)
+@shared.logs_out()
 @click.option(
-    "--truth", type=PATH, metavar="FILE", help="Where the truth goes; default: <DATA_DIR>_truth.json."
+    "--seed", type=click.IntRange(min=0), metavar="N", help="Another season; default: the scenario's seed."
 )
-def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> int:
+@click.option(
+    "--truth", type=shared.FILE, metavar="FILE", help="Where the truth goes; default: <DATA_DIR>_truth.json."
+)
+@shared.talk()
+def command(
+    scenario: Path, out: Path, seed: int | None, truth: Path | None, quiet: bool, verbose: bool
+) -> int:
     """Make daily logs of a simulated reach, and apart from them the truth.
 
     SCENARIO is a TOML file. The same scenario and seed give the same files. The truth is two files: the
@@ -27,14 +33,16 @@ def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> 
 
     \b
     Examples:
-      rivid simulate configs/scenarios/basse_isere.toml --out simulated
-      rivid simulate configs/scenarios/effects/leakage.toml --out leak --seed 7
-      rivid simulate configs/scenarios/cascade.toml --out cascade
+      rivid simulate configs/scenarios/basse_isere.toml --out out/logs
+      rivid simulate configs/scenarios/effects/leakage.toml -o out/leak --seed 7
+      rivid simulate configs/scenarios/cascade.toml --out out/cascade
     """
     from rivid.errors import ConfigError
     from rivid.scenario import load_scenario
     from rivid.simulation import simulate_cascade
 
+    tell = Teller(quiet, verbose)
+    tell.begin(("scenario", scenario), ("logs to", out))
     said = load_scenario(scenario)
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
@@ -43,7 +51,9 @@ def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> 
     if truth.suffix == ".parquet":
         raise ConfigError(f"--truth {truth}: expected a .json; what the water did goes beside it as .parquet")
     several = bool(said.cascade)
+    tell.phase("starting")
     seasons = simulate_cascade(said, seed)
+    tell.phase("simulating")
     names = [season.scenario.reach.name for season in seasons]
     places = [
         (out / name, truth.with_stem(f"{truth.stem}_{name}")) if several else (out, truth) for name in names
@@ -51,7 +61,10 @@ def command(scenario: Path, out: Path, seed: int | None, truth: Path | None) -> 
     for season, (logs, _) in zip(seasons, places, strict=True):
         _refuse_other_logs(season, logs)
     for season, (logs, beside) in zip(seasons, places, strict=True):
-        click.echo(_write(season, logs, beside))
+        lines = _write(season, logs, beside)
+        if not quiet:
+            click.echo("\n".join(wrapped(line) for line in lines))
+    tell.phase("writing logs and truth")
     return 0
 
 
@@ -73,7 +86,7 @@ def _refuse_other_logs(season: "Season", logs: Path) -> None:
         )
 
 
-def _write(season: "Season", logs: Path, truth: Path) -> str:
+def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
     """Write logs and truth; a few lines about them."""
     from rivid.logs.write import write_days
     from rivid.simulation import observables
@@ -91,7 +104,7 @@ def _write(season: "Season", logs: Path, truth: Path) -> str:
     seen = observables(season)
     delays = ", ".join(f"{d} on {n} days" for d, n in seen.delays.items())
     hidden = ", ".join(effect.name for effect in season.effects)
-    lines = [
+    return [
         f"{said.name}, {said.reach.name}, seed {season.seed}: {seen.days} days from {season.dates[0]} "
         f"to {season.dates[-1]}",
         f"discharge {seen.discharge_lowest:.0f} to {seen.discharge_highest:.0f} m3/s; over a day the inflow "
@@ -100,4 +113,3 @@ def _write(season: "Season", logs: Path, truth: Path) -> str:
         *([f"planted: {hidden}"] if hidden else []),
         f"{len(files)} files in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
     ]
-    return "\n".join(lines)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import click
 
+from rivid.cli import options as shared
+
 
 @click.command("sniff", short_help="Propose an [input] block for a foreign export.")
-@click.argument(
-    "exports", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False)
-)
+@shared.exports()
 @click.option("--time-zone", metavar="NAME", help="Zone of its clock, as Europe/Paris.")
 def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
     """Propose an [input] block for EXPORTS, one file from elsewhere, or several of one dialect.
@@ -16,8 +16,9 @@ def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
     What the files alone do not tell is said in comments.
 
     \b
-    Example:
-      rivid sniff export.csv --time-zone Europe/Paris > reach.toml
+    Examples:
+      rivid sniff sample_data/glen_canyon/2024-05-01.csv
+      rivid sniff tests/data/exports/french/telereleve.csv --time-zone Etc/GMT-1
     """
     from rivid.config import InputConfig, parse
     from rivid.logs.sniff import sniff

@@ -5,6 +5,7 @@ from typing import Any
 import click
 import numpy as np
 
+from rivid.cli.telling import fitted, wrapped
 from rivid.config import Config
 from rivid.figures.words import RAYLEIGH, count, delays, duration, number, probability, share
 from rivid.run import Summary
@@ -23,24 +24,26 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
     shown : str
         Name of the file in OUT to point to.
     """
-    click.echo(
-        f"{config.reach.name}: {count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
+    said = (
+        f"{count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
         f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
     )
+    click.echo(click.style(wrapped(f"{fitted(config.reach.name)}: {said}"), bold=True))
     names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
     width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
     for name, counts in summary.counts.items():
         rows = summary.rows.filter(names == name)
         numbers = _numbers(name, rows, config)
         first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *numbers]
-        click.echo(f"  {name:<{width}}  {first}")
+        click.echo(wrapped(f"{name:<{width}}  {first}", 2, width + 4))
         for text in rest:
-            click.echo(f"  {'':<{width}}  {text}")
+            click.echo(wrapped(text, width + 4))
     told: set[str] = set()
     for row in summary.rows.select(["date", "key", "status", "message"]).to_pylist():
         if row["status"] == "failed" and row["key"] in summary.computed_keys - told:
             told.add(row["key"])  # once a day, whatever the number of its estimators
-            click.echo(f"  {row['date']} failed: {row['message']}", err=True)
+            line = wrapped(f"{row['date']} failed: {row['message']}", 2)
+            click.echo(click.style(line, fg="red"), err=True)
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 
 

@@ -1,6 +1,7 @@
 """What a command says beside its answer: on stderr, more or less of it as --quiet and --verbose ask."""
 
 import os
+import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterator
@@ -98,6 +99,30 @@ class Teller:
             self.phase(f"estimating {total:,}")
 
         return bar
+
+    @contextmanager
+    def steps(self, name: str) -> Iterator[Callable[[str], None]]:
+        """Something is called before each step with what comes; `name` is the first, which has begun.
+
+        On a terminal the line goes away when the next one comes; with --verbose each stays, timed.
+        """
+        on_terminal = sys.stderr.isatty() and not self.verbose
+        under_way = name
+
+        def step(text: str) -> None:
+            nonlocal under_way
+            if self.verbose:
+                self.phase(under_way)
+            elif not self.quiet:
+                click.echo(f"{text:<78.78}\r" if on_terminal else text, err=True, nl=not on_terminal)
+            under_way = text
+
+        try:
+            yield step
+        finally:
+            if on_terminal and not self.quiet:
+                click.echo(" " * 78 + "\r", err=True, nl=False)
+        self.phase(under_way)
 
     def begin(self, *places: tuple[str, "Path | str | None"]) -> None:
         """Versions, and the files and directories that are taken, by name."""
