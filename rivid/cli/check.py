@@ -6,15 +6,24 @@ from typing import Any
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller
+
 
 @click.command("check", short_help="Say what is wrong with the logs, without estimating.")
-@click.argument("data_dir", type=click.Path(path_type=Path))
-@click.option(
-    "--config", "-c", type=click.Path(path_type=Path), help="Configuration (TOML); default: Table I."
-)
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
-@click.option("--today", type=click.DateTime(["%Y-%m-%d"]), metavar="DATE", hidden=True)
-def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.datetime | None) -> int:
+@shared.data_dir()
+@shared.config()
+@shared.as_json()
+@shared.talk()
+@shared.today()
+def command(
+    data_dir: Path,
+    config: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    today: dt.datetime | None,
+) -> int:
     """Say what is wrong with the logs in DATA_DIR, day by day, without estimating.
 
     Exit code: 0 all fine, 3 days that cannot be used, 10 no logs.
@@ -22,22 +31,28 @@ def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.dateti
     \b
     Examples:
       rivid check sample_data/basse_isere_csv
-      rivid check exports --config reach.toml --json
+      rivid check sample_data/basse_isere --config configs/basse_isere.toml --json
     """
     import json
     from zoneinfo import ZoneInfo
 
     from rivid.check import check
+    from rivid.cli.found import configuration
     from rivid.config import load_config
 
+    tell = Teller(quiet, verbose)
+    config = configuration(config, data_dir, tell)
+    tell.begin(("logs", data_dir), ("settings", config or "Table I"))
     settings = load_config(config)
+    tell.phase("starting")
     zone = settings.input.time_zone
     # without a configured zone it is the log's own that says which day it is
     now = dt.datetime.now(ZoneInfo(zone)).date() if zone else dt.datetime.now(dt.UTC)
     report = check(data_dir, settings, today.date() if today else now)
+    tell.phase("reading and looking")
     if as_json:
         click.echo(json.dumps(report.to_json()))
-    else:
+    elif not quiet or report.exit_code:
         _print(report, settings.reach.name)
     return report.exit_code
 

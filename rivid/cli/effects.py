@@ -54,8 +54,8 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
 
     classes = effect_classes(effects_file)
     if name is not None and name not in classes:
-        near = shared.nearest(name, list(classes)).strip() or f"There are {', '.join(classes)}."
-        raise ConfigError(f"no effect is called {name!r}. {near} `rivid effects` lists them.")
+        near = shared.nearest(name, list(classes))
+        raise ConfigError(f"no effect is called {name!r}: expected one of {', '.join(classes)}.{near}")
     if as_json:
         shown = [_record(one) for one in classes.values()]
         click.echo(json.dumps(shown if name is None else _record(classes[name]), indent=1))
