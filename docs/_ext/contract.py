@@ -7,6 +7,7 @@ from markup import code, table
 
 from rivid import tables
 from rivid.cli.effects import TITLES, example
+from rivid.diagnosis.result import VERDICTS
 from rivid.diagnosis.telling import writing as diagnosis
 from rivid.effects import CATALOGUE, FAMILIES, Effect
 from rivid.errors import EXIT_CODES
@@ -62,6 +63,11 @@ def exits() -> str:
     """What the command line returns."""
     rows = ([code(str(number)), *said] for number, said in EXIT_CODES.items())
     return table(["code", "meaning", "what to do"], rows)
+
+
+def verdicts() -> str:
+    """What a diagnosis may answer."""
+    return table(["verdict", "in words"], ([code(name), said] for name, said in VERDICTS.items()))
 
 
 def effects() -> str:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 import contract
+import house
 import keys
 from sphinx.application import Sphinx
 
@@ -17,6 +18,8 @@ MADE: dict[str, Callable[[], str]] = {
     "results": contract.results,
     "effects": contract.effects,
     "exits": contract.exits,
+    "verdicts": contract.verdicts,
+    "house": house.drawing,
 }
 
 
