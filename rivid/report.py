@@ -1,6 +1,7 @@
 """report.html: one self-contained page that says what a run found, and shows it."""
 
 import base64
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,14 @@ import numpy as np
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.figures import FigureFile
-from rivid.figures.attention import SHOWN, attention
+from rivid.figures.attention import SHOWN, Attention
+from rivid.figures.glance import glance
 from rivid.figures.headline import facts, headline, leading
+from rivid.figures.lately import Lately, lately
+from rivid.figures.looking import dates_of, to_look_at
 from rivid.figures.passage import leading_response, passage
 from rivid.figures.selection import estimates_delay
+from rivid.figures.strip import sign, strip, svg
 from rivid.figures.words import (
     PROBABLE,
     UNJUDGED,
@@ -30,6 +35,17 @@ from rivid.results import EstimatorResults, Results
 
 MOST = 400
 """Rows of days to look at on the page at all; delays.csv has every one."""
+
+ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
+"""Figures of an estimator in the order in which they are read; any other comes after."""
+
+LOOKS = {
+    "sure": "the data decide",
+    "prior": "the data alone say otherwise, or nothing",
+    "doubt": "at a bound or degenerate",
+    "none": "no answer",
+}
+"""Marks of the last weeks, in the words of a legend."""
 
 
 def write_report(
@@ -69,17 +85,30 @@ def write_report(
         lstrip_blocks=True,
     )
     path = out / "report.html"
-    page = environment.get_template("report.html.j2").render(_context(results, figures, summary))
-    write_text(path, page)
+    style = environment.loader.get_source(environment, "report.css")[0]  # type: ignore[union-attr]
+    context = {**_context(results, figures, summary), **_style(style)}
+    write_text(path, environment.get_template("report.html.j2").render(context))
     return path
 
 
+def _style(text: str) -> dict[str, Any]:
+    """The style sheet, and the hash by which alone the page's policy lets a browser use it."""
+    from markupsafe import Markup
+
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
+    return {"style": Markup(text), "style_hash": f"sha256-{digest}"}
+
+
 def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[str, Any]) -> dict[str, Any]:
-    rows = attention(results)
+    recent = lately(results)
+    rows = to_look_at(results, recent)
     dates = sorted({date for e in results.estimators for date in e.dates})
     sentences = headline(results)
+    top = glance(results, recent, rows) if recent else None
+    first = top.headline if top else sentences[0]
     lead, river = leading(results), leading_response(results)
-    first = river or lead
+    speaker = river or lead
+    numbered = list(enumerate(rows[:MOST]))
     return {
         "reach": results.reach,
         "version": __version__,
@@ -93,17 +122,45 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "names": [e.estimator for e in results.estimators],
         "unjudged": any(e.estimator in UNJUDGED for e in results.estimators),
         "probable": any(e.estimator in PROBABLE for e in results.estimators),
-        "headline": sentences[0],
-        "sentences": sentences[1:],
-        "attention": rows[:SHOWN],
-        "more": rows[SHOWN:MOST],
+        "headline": first,
+        "lines": top.lines if top else (),
+        "sentences": [text for text in sentences if text != first],
+        **(_strip(results, recent, rows) if recent else {"strip": None}),
+        "most": MOST,
+        "attention": numbered[:SHOWN],
+        "more": numbered[SHOWN:],
         "unlisted": max(len(rows) - MOST, 0),
         "estimators": [_row(results, e) for e in results.estimators if e.dates],
-        "groups": _groups(figures, first.estimator if first else ""),
+        "groups": _groups(figures, speaker.estimator if speaker else ""),
         "bad_files": [(str(f), str(why)) for f, why in summary.get("bad_files") or ()][:MOST],
         "settings": _settings(summary),
         "versions": [(str(k), str(v)) for k, v in dict(summary.get("versions") or {}).items()],
     }
+
+
+def _strip(results: Results, recent: Lately, rows: Sequence[Attention]) -> dict[str, Any]:
+    """The drawing of the last weeks, its legend, and its words."""
+    name = recent.estimator.estimator
+    place = {
+        date: k
+        for k, row in reversed(list(enumerate(rows)))
+        if name in row.estimators
+        for date in dates_of(row, results)
+    }
+    drawn = strip(results, recent, place)
+    if drawn is None:
+        return {"strip": None}
+    named = LOOKS | {"sure": "t50"} if recent.passage else LOOKS
+    if name in UNJUDGED | PROBABLE and not recent.passage:
+        named = LOOKS | {"sure": "delay"}
+    looks = [(sign(look), words) for look, words in named.items() if look in drawn.looks]
+    what = "t50" if recent.passage else "Delay"
+    text = f"{what} of each day by {name}; the last week is shaded, the time is on the right."
+    if drawn.medians:
+        looks.append((sign("median"), "median of a week"))
+        if "prior" in drawn.looks:
+            text += " Medians are of the days that the data decide."
+    return {"strip": svg(drawn, text, MOST), "looks": looks, "strip_words": text}
 
 
 def _speaks(lead: EstimatorResults | None, river: EstimatorResults | None) -> list[tuple[str, str]]:
@@ -167,11 +224,16 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
     """Figures by estimator: the leading one first, those of all estimators after it, then the others."""
     names = list(dict.fromkeys(f.estimator for f in figures))
     order = sorted(names, key=lambda name: (name != lead, name != "", names.index(name)))
+
+    def read(file: FigureFile) -> int:
+        return ORDER.index(file.kind) if file.kind in ORDER else len(ORDER)
+
+    shown = sorted(figures, key=lambda file: (order.index(file.estimator), read(file)))
     return [
         {
             "name": name,
             "words": estimator_words(name) if name else "",
-            "figures": [(f, _data_uri(f.path)) for f in figures if f.estimator == name],
+            "figures": [(k, f, _data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
         }
         for name in order
     ]

@@ -163,6 +163,25 @@ def delays(values: Sequence[float], sample_time: float) -> str:
     return f"{listed([number(v) for v in values], 'or')} {noun} ({span})"
 
 
+def minutes_first(value: float, sample_time: float) -> str:
+    """A delay as a person asks for it: minutes or hours, then samples.
+
+    Parameters
+    ----------
+    value : float
+        Delay or t50 [samples].
+    sample_time : float
+        T_s [s].
+
+    Examples
+    --------
+    >>> minutes_first(7, 133), minutes_first(14.17, 900), minutes_first(1, 60)
+    ('15.5 min (7 samples)', '3.5 h (14.2 samples)', '1.0 min (1 sample)')
+    """
+    text = number(round(value, 1))
+    return f"{duration([value * sample_time])} ({text} {'sample' if text == '1' else 'samples'})"
+
+
 def probability(p: float) -> str:
     """A probability with two digits; one that is nearly sure is not rounded to 1.
 
