@@ -1,0 +1,212 @@
+"""The gauge: a level, or a river's discharge, that stands still or jumps while the flows say otherwise."""
+
+import datetime as dt
+
+import numpy as np
+
+from rivid.check.findings import ONE_DAY, Finding, hours
+from rivid.check.fits import TOLD, Fits
+from rivid.check.record import Floats, Record
+
+SHORTEST = 2 * 3600.0
+"""A gauge that stands still for less is not told of [s]."""
+LONGER = 4.0
+"""How many times longer than usual it must stand still."""
+STEPS = 1.5
+"""By how many steps of the gauge the flows must have moved the level meanwhile."""
+FLOW_STEPS, FLOW_SHARE = 5.0, 0.1
+"""The same of a river: steps, and share of its flow."""
+MOST = 3
+"""Of a day's spells that are named."""
+JUMP = 8.0
+"""A jump is so many times the moves that one sample in a hundred exceeds."""
+JUMP_STEPS = 6.0
+"""And so many steps of the gauge."""
+BESIDE = 6
+"""Samples on either side of a jump whose means must be as far apart."""
+BACK = 3600.0
+"""A jump that is taken back within this time is a spike [s]."""
+
+
+def gauge(record: Record, fits: Fits) -> list[Finding]:
+    """Spells without motion, jumps and spikes of the output."""
+    spells = _still(record, fits)
+    return [*_said(record, spells), *_jumps(record, spells)]
+
+
+def _spells(values: Floats) -> list[tuple[int, int]]:
+    """From where to where a series does not change, the longest first."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
+    spells = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+    return sorted(spells, key=lambda spell: spell[0] - spell[1])
+
+
+Spells = dict[dt.date, list[tuple[int, int]]]
+
+
+def _still(record: Record, fits: Fits) -> Spells:
+    """The spells, from sample to sample, in which the flows move and the output does not."""
+    every = {date: _spells(day[record.output]) for date, day in record.days.items()}
+    # what the gauge does on a usual day, the odd spell itself left out
+    usual = float(np.median([_length(spells[1:2]) for spells in every.values()])) * record.step
+    least = max(SHORTEST, LONGER * usual)
+    still = {}
+    for date, spells in every.items():
+        told = [
+            (first, last)
+            for first, last in spells[:MOST]
+            if (last - first) * record.step >= least and _moved(record, fits, date, first, last)
+        ]
+        if told:
+            still[date] = sorted(told)
+    return still
+
+
+def _said(record: Record, still: Spells) -> list[Finding]:
+    if not still:
+        return []
+    output, days, whole = record.output, {}, 0
+    for date, spells in still.items():
+        if spells[0] == (0, len(record.days[date])):
+            whole += 1
+            days[date] = f"{output} is {record.days[date][output][0]:.6g} {record.reach.output_unit} all day"
+        else:
+            words = [
+                f"{record.clock(a)} to {record.clock(b)} ({hours((b - a) * record.step)})" for a, b in spells
+            ]
+            days[date] = f"{output} stands still from {', '.join(words)}"
+    one = min(days)
+    if len(days) == 1:
+        text = f"{days[one]} while the flows move: is the gauge stuck?"
+    else:
+        text = f"{output} stands still while the flows move, "
+        text += "all day" if whole == len(days) else f"{whole} days as a whole" if whole else "for hours"
+        text += f": is the gauge stuck? On {one}: {days[one]}"
+    return [Finding("stuck", text, days)]
+
+
+def _length(spells: list[tuple[int, int]]) -> int:
+    return spells[0][1] - spells[0][0] if spells else 1
+
+
+def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> bool:
+    """Whether the flows must have moved the output meanwhile."""
+    day, step = record.days[date], record.step
+    fit = fits.together[0]
+    late = round(fit.lag_in / step) if fit.explained >= TOLD else 0
+    if not record.balanced:
+        if fit.explained < TOLD:
+            return False
+        flows = [record.days[d]["u_Qi"] for d in (date - ONE_DAY, date) if d in record.days]
+        flow = np.concatenate(flows)[-len(day) - late :] if len(flows) > 1 else np.roll(day["u_Qi"], late)
+        due = fit.gain_in * float(np.ptp(flow[first:last]))
+        return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(flow.mean()))
+    moved = np.roll(day["u_Qi"], max(late, 0)) - day["u_Qo"]
+    moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
+    volume = np.cumsum(moved - moved.mean())[first:last] * step
+    gain = 0.5 * (fit.gain_in - fit.gain_out) if fit.explained >= TOLD else 1 / record.reach.surface_area
+    return float(np.ptp(volume)) * gain > STEPS * max(record.resolution, 1e-3)
+
+
+def _jumps(record: Record, still: Spells) -> list[Finding]:
+    """Jumps from one sample to the next that no flow explains, and that stay."""
+    rests = _rest(record)
+    if not rests:
+        return []
+    every = np.concatenate([np.abs(rest) for rest in rests.values()])
+    least = max(JUMP * float(np.percentile(every, 99)), JUMP_STEPS * record.resolution)
+    if least <= 0:
+        return []
+    jumps: dict[dt.date, str] = {}
+    spikes: dict[dt.date, str] = {}
+    unit = record.reach.output_unit
+    for date, rest in rests.items():
+        values = record.days[date][record.output]
+        k = 0
+        at = np.flatnonzero(np.abs(rest) >= least).tolist()
+        # a gauge that comes free again jumps
+        at = [k for k in at if not any(a - 2 <= k <= b + 1 for a, b in still.get(date, []))]
+        steps, thorns = [], []
+        while k < len(at):
+            here = at[k]
+            until = _back(rest, here, at[k + 1 :], record.step)
+            if until is not None:
+                peak = values[here + 1 : until + 1]
+                thorns.append(
+                    f"{record.clock(here + 1)} ({peak[np.abs(peak - values[here]).argmax()]:.6g} {unit})"
+                )
+                while k < len(at) and at[k] <= until:
+                    k += 1
+                continue
+            stays = _stays(values, here)
+            if abs(stays) >= 0.7 * least and stays * rest[here] > 0:
+                steps.append(f"{stays:+.3g} {unit} at {record.clock(here + 1)}")
+            k += 1
+        if steps:
+            jumps[date] = f"{record.output} jumps by {_some(steps)}"
+        if thorns:
+            spikes[date] = f"{record.output} leaps away and back at {_some(thorns)}"
+    found = []
+    for kind, days, why in (
+        ("jump", jumps, "no flow explains it: was the gauge moved, or its datum?"),
+        ("spike", spikes, "is it a fault of the gauge? If a number means not measured: [input] sentinels"),
+    ):
+        if days:
+            first = min(days)
+            text = f"{days[first]}: {why}" if len(days) == 1 else (
+                f"{days[first]} on {first}, and the like on {len(days) - 1} more days: {why}"
+            )  # fmt: skip
+            found.append(Finding(kind, text, days))
+    return found
+
+
+def _back(rest: Floats, here: int, later: list[int], step: float) -> int | None:
+    """The jump that takes one back, if there is one soon."""
+    for other in later:
+        if (other - here) * step > BACK:
+            break
+        if rest[other] * rest[here] < 0 and abs(rest[other] + rest[here]) < 0.4 * abs(rest[here]):
+            return other
+    return None
+
+
+def _some(words: list[str]) -> str:
+    return ", ".join(words[:MOST]) + (f" and {len(words) - MOST} times more" if len(words) > MOST else "")
+
+
+def _stays(values: Floats, at: int) -> float:
+    """By how much the means on both sides of a jump differ, less what the values did anyhow."""
+    before, after = values[max(at + 1 - BESIDE, 0) : at + 1], values[at + 1 : at + 1 + BESIDE]
+    return float(np.median(after) - np.median(before))
+
+
+def _rest(record: Record) -> dict[dt.date, Floats]:
+    """The output's moves from sample to sample, less what the outflow's moves of these minutes explain."""
+    moves = {date: np.diff(day[record.output]) for date, day in record.days.items() if len(day) > 2 * BESIDE}
+    if not record.balanced:
+        return moves
+    gates = {date: _gates(np.diff(record.days[date]["u_Qo"])) for date in moves}
+    gram, right = np.zeros((len(BACKS), len(BACKS))), np.zeros(len(BACKS))
+    for date, move in moves.items():
+        # jumps must not be learnt: they are cut
+        cut = np.clip(move, *np.percentile(move, [0.5, 99.5]))
+        gram += gates[date] @ gates[date].T
+        right += gates[date] @ cut
+    gains = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    return {date: move - gains @ gates[date] for date, move in moves.items()}
+
+
+BACKS = range(-1, 4)
+"""Samples by which the gate's move may be earlier than the level's."""
+
+
+def _gates(moves: Floats) -> Floats:
+    rows = []
+    for back in BACKS:
+        row = np.roll(moves, back)
+        if back > 0:
+            row[:back] = 0.0
+        elif back < 0:
+            row[back:] = 0.0
+        rows.append(row)
+    return np.stack(rows)
