@@ -6,22 +6,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rivid.cli import options as shared
+from rivid.cli.telling import Teller, complain
+
 if TYPE_CHECKING:
     from rivid.check import Report
     from rivid.config import Config
 
 
 @click.command("check", short_help="Say what is wrong with the logs, without estimating.")
-@click.argument("data_dir", type=click.Path(path_type=Path))
-@click.option(
-    "--config",
-    "-c",
-    type=click.Path(path_type=Path),
-    help="Configuration (TOML), of a fleet a directory of them; default: Table I.",
-)
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object: every day, and a summary.")
-@click.option("--today", type=click.DateTime(["%Y-%m-%d"]), metavar="DATE", hidden=True)
-def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.datetime | None) -> int:
+@shared.data_dir()
+@shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
+@shared.as_json("One JSON object on stdout: every day, and a summary.")
+@shared.talk()
+@shared.today()
+def command(
+    data_dir: Path,
+    config: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    today: dt.datetime | None,
+) -> int:
     """Say what is wrong with the logs in DATA_DIR, without estimating.
 
     Days that cannot be used, and why; then what only many days together tell: columns in another unit (a
@@ -36,7 +42,7 @@ def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.dateti
     \b
     Examples:
       rivid check sample_data/basse_isere_csv
-      rivid check exports --config reach.toml --json
+      rivid check sample_data/basse_isere --config configs/basse_isere.toml --json
       rivid check sample_data --config configs/fleet
 
     \b
@@ -46,17 +52,23 @@ def command(data_dir: Path, config: Path | None, as_json: bool, today: dt.dateti
     """
     import json
 
+    from rivid.cli.found import configuration, own
     from rivid.config import load_config
     from rivid.fleet.layout import find_fleet
 
-    fleet = find_fleet(data_dir, config)
+    tell = Teller(quiet, verbose)
+    given, config = config, configuration(config, data_dir, tell)
+    tell.begin(("logs", data_dir), ("settings", config or "Table I"))
+    tell.phase("starting")
+    fleet = find_fleet(data_dir, config, beside=None if given else own)
     if fleet is not None:
-        return _fleet(fleet, as_json, today)
+        return _fleet(fleet, as_json, quiet, today)
     settings = load_config(config)
     report = _report(data_dir, settings, today)
+    tell.phase("reading and looking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))
-    else:
+    elif not quiet or report.exit_code:
         from rivid.check.words import in_words
 
         click.echo(in_words(report, settings.reach.name))
@@ -74,7 +86,7 @@ def _report(data_dir: Path, settings: "Config", today: dt.datetime | None) -> "R
     return check(data_dir, settings, today.date() if today else now)
 
 
-def _fleet(reaches: Any, as_json: bool, today: dt.datetime | None) -> int:
+def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.datetime | None) -> int:
     """Each reach by itself; what one lacks is its own."""
     import json
 
@@ -93,16 +105,16 @@ def _fleet(reaches: Any, as_json: bool, today: dt.datetime | None) -> int:
             codes.append(error.exit_code)
             told[name] = {"error": str(error), "exit_code": error.exit_code}
             if not as_json:
-                click.echo(f"{name}: {error}\n")
+                complain(f"{name}: {error}")
             continue
         codes.append(report.exit_code)
         told[name] = report.to_json()
-        if not as_json:
+        if not as_json and (report.exit_code or not quiet):
             click.echo(in_words(report, name) + "\n" if report.exit_code else in_a_line(report, name) + "\n")
     code = worst(codes)
     if as_json:
         click.echo(json.dumps({"reaches": told, "exit_code": code}))
-    else:
+    elif code or not quiet:
         wrong = sum(code != 0 for code in codes)
         click.echo(f"{len(codes)} reaches, {wrong} of them with something wrong")
     return code

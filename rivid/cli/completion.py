@@ -2,11 +2,22 @@
 
 import click
 
-SHELLS = ("bash", "zsh", "fish")
+PLACES = {
+    "bash": (
+        "#   ~/.local/share/bash-completion/completions/rivid",
+        '# or put into ~/.bashrc: eval "$(rivid completion bash)"',
+    ),
+    "zsh": (
+        "#   _rivid in a directory of $fpath",
+        '# or put into ~/.zshrc, after compinit: eval "$(rivid completion zsh)"',
+    ),
+    "fish": ("#   ~/.config/fish/completions/rivid.fish",),
+}
+"""Where the script of a shell goes."""
 
 
 @click.command("completion", short_help="The script that completes commands and options in a shell.")
-@click.argument("shell", type=click.Choice(SHELLS))
+@click.argument("shell", type=click.Choice(list(PLACES)))
 def command(shell: str) -> int:
     """Print the script that completes commands, options and their values with Tab.
 
@@ -24,16 +35,9 @@ def command(shell: str) -> int:
 
     kind = get_completion_class(shell)
     assert kind is not None
-    places = {
-        "bash": "~/.local/share/bash-completion/completions/rivid, or put into ~/.bashrc:\n"
-        '#   eval "$(rivid completion bash)"',
-        "zsh": "a file _rivid in a directory of $fpath, or put into ~/.zshrc after compinit:\n"
-        '#   eval "$(rivid completion zsh)"',
-        "fish": "~/.config/fish/completions/rivid.fish",
-    }
     # not kind.source: that of bash asks the bash of PATH for its version, and says so on stderr
     script = ShellComplete.source(kind(cli, {}, "rivid", "_RIVID_COMPLETE")).strip()
     lines = script.splitlines()
     head = [lines.pop(0)] if lines[0].startswith("#compdef") else []  # zsh wants it first
-    click.echo("\n".join([*head, f"# Completion of rivid for {shell}. Save it as {places[shell]}", *lines]))
+    click.echo("\n".join([*head, f"# Completion of rivid for {shell}. Save it as", *PLACES[shell], *lines]))
     return 0

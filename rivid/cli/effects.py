@@ -47,7 +47,7 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     Examples:
       rivid effects
       rivid effects side_storage
-      rivid effects hunting_governor --effects-file configs/scenarios/outside/hunting.py
+      rivid effects --effects-file configs/scenarios/outside/hunting.py --json
     """
     from rivid.effects import FAMILIES, effect_classes
     from rivid.errors import ConfigError

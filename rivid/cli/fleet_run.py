@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rivid.cli.telling import complain, wrapped
+from rivid.cli.telling import complain, fitted, wrapped
 
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
@@ -85,7 +85,9 @@ def _say(told: dict[str, Any], outcomes: "Sequence[Outcome]", out: Path) -> None
         ("changed", "changed since the report before"),
     ):
         names = told[kind]
-        some = ", ".join(names[:MOST_LINES]) + (", ..." if len(names) > MOST_LINES else "")
+        some = ", ".join(fitted(name) for name in names[:MOST_LINES]) + (
+            ", ..." if len(names) > MOST_LINES else ""
+        )
         said = f"{len(names):,} {words}" + (f": {some}" if names and kind != "changed" else "")
         click.echo(click.style(wrapped(said, 2), fg="red" if names and kind == "failing" else None))
     click.echo(f"report: {out / 'fleet.html'}")

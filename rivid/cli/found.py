@@ -67,9 +67,9 @@ def find(data_dir: Path) -> Path | None:
         start = start.parent
     home = _home()
     try:
-        device = start.stat().st_dev
+        device = _device(start)
         for folder in (start, *start.parents):
-            if folder.stat().st_dev != device:
+            if _device(folder) != device:
                 return None
             if found := own(folder):
                 return found
@@ -95,6 +95,10 @@ def own(folder: Path) -> Path | None:
         return None
     _refuse_strangers(path, facts)
     return path
+
+
+def _device(folder: Path) -> int:
+    return folder.stat().st_dev
 
 
 def _home() -> Path | None:

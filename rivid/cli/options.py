@@ -15,6 +15,7 @@ PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 DIRECTORY = click.Path(path_type=Path, file_okay=False)
 FOUND = "default: rivid.toml in DATA_DIR or above it, else Table I."
+CONFIG_OF_FLEET = f"The reach and its settings (TOML), or a fleet's directory of them; {FOUND}"
 
 
 class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later versions of click

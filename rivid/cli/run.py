@@ -15,9 +15,7 @@ from rivid.core.settings import ESTIMATORS
 
 @click.command("run", short_help="Estimate every day of DATA_DIR that is new or changed.")
 @shared.data_dir()
-@shared.config(
-    f"The reach and its settings (TOML), or a fleet's directory of them; {shared.FOUND}", type=shared.PATH
-)
+@shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
 @shared.out()
 @click.option(
     "--estimator",

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
     """The reaches in OUT, for the shell."""
-    out = context.params.get("out")
-    names = sorted(path.parent.name for path in out.glob("*/run.json")) if out else []
+    given = context.params.get("out") or next(iter(context.args), None)  # an option still lacks its value
+    names = sorted(path.parent.name for path in Path(given).glob("*/run.json")) if given else []
     return [name for name in names if name.startswith(typed)]
 
 

@@ -1,0 +1,39 @@
+"""The command in this process, and a place that looks like the project's root."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from rivid.cli import cli
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def rivid():
+    """Run a command; click's result, and `code` with it: that of the process."""
+
+    def run(*words, **more):
+        result = CliRunner().invoke(cli, [str(w) for w in words], standalone_mode=False, **more)
+        if result.exception is not None:
+            code = getattr(result.exception, "exit_code", None)
+            if code is None:
+                raise result.exception
+            result.code = code
+        else:
+            result.code = result.return_value or 0
+        return result
+
+    return run
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """The current directory, with all that examples name."""
+    place = tmp_path / "project"
+    place.mkdir()
+    for name in ("sample_data", "configs", "tests"):
+        (place / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(place)
+    return place

@@ -1,0 +1,105 @@
+"""What Tab completes, that it does not keep one waiting, and the scripts that shells read."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rivid.cli import COMMANDS
+from rivid.core.settings import ESTIMATORS
+from rivid.effects import effect_classes
+
+MOST_SECONDS = 0.15
+
+
+def complete(*words, cwd=None):
+    """What is offered for the last of the words, and the seconds it took."""
+    given = {"COMP_WORDS": " ".join(("rivid", *words)), "COMP_CWORD": str(len(words))}
+    env = os.environ | given | {"_RIVID_COMPLETE": "bash_complete"}
+    call = [sys.executable, "-c", "from rivid.cli import main; main()"]
+    began = time.perf_counter()
+    done = subprocess.run(call, env=env, capture_output=True, text=True, cwd=cwd)
+    seconds = time.perf_counter() - began
+    assert done.stderr == "" and done.returncode == 0
+    return [line.partition(",")[2] for line in done.stdout.splitlines()], seconds
+
+
+def test_commands_complete():
+    assert complete("se")[0] == ["season"]
+    assert complete("s")[0] == [name for name in COMMANDS if name.startswith("s")]
+
+
+def test_options_complete():
+    assert complete("run", "--es")[0] == ["--estimator"]
+    assert complete("check", "--verb")[0] == ["--verbose"]
+
+
+def test_estimators_complete():
+    offered = complete("run", "--estimator", "jmap")[0]
+    assert offered == [name for name in ESTIMATORS if name.startswith("jmap")]
+
+
+def test_effects_complete_as_the_catalogue_has_them():
+    from rivid.cli.effects import _names
+
+    assert sorted(_names(None, None, "")) == sorted(effect_classes(None))
+    assert complete("effects", "leak")[0] == ["leakage"]
+
+
+def test_reaches_of_a_fleet_complete(tmp_path):
+    for name in ("upper", "lower", "unlike"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").touch()
+    assert complete("season", str(tmp_path), "--reach", "u")[0] == ["unlike", "upper"]
+
+
+@pytest.mark.parametrize(
+    "words", [("",), ("run", "--"), ("run", "--estimator", ""), ("effects", "")], ids=" ".join
+)
+def test_completion_does_not_keep_one_waiting(words):
+    assert min(complete(*words)[1] for _ in range(5)) < MOST_SECONDS
+
+
+@pytest.mark.parametrize(
+    ("shell", "where"),
+    [
+        ("bash", "~/.bashrc"),
+        ("zsh", "_rivid in a directory of $fpath"),
+        ("fish", "~/.config/fish/completions/rivid.fish"),
+    ],
+)
+def test_the_script_of_a_shell_says_where_to_put_it(rivid, shell, where):
+    said = rivid("completion", shell).output
+    comments = [line for line in said.splitlines() if line.startswith("# ")]
+    assert where in " ".join(comments) and max(map(len, comments)) <= 80
+    assert f"{shell}_complete" in said
+    assert (said.splitlines()[0] == "#compdef rivid") == (shell == "zsh")
+
+
+def test_another_shell_is_refused_with_those_there_are(rivid):
+    done = rivid("completion", "tcsh")
+    assert done.code == 2 and "'bash', 'zsh', 'fish'" in str(done.exception)
+
+
+def test_bash_completes_with_the_script(tmp_path):
+    bash = shutil.which("bash")
+    assert bash, "bash is needed to try its script"
+    (tmp_path / "rivid").write_text(
+        f"#!/bin/sh\nexec {sys.executable} -c 'from rivid.cli import main; main()' \"$@\"\n"
+    )
+    (tmp_path / "rivid").chmod(0o755)
+    script = (
+        'eval "$(rivid completion bash)"\n'
+        "COMP_WORDS=(rivid run --estimator cus) COMP_CWORD=3\n"
+        '_rivid_completion rivid\necho "${COMPREPLY[@]}"\ncomplete -p rivid'
+    )
+    env = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    cwd = Path(__file__).parents[2]
+    done = subprocess.run([bash, "-c", script], env=env, capture_output=True, text=True, cwd=cwd)
+    assert done.stderr == ""
+    assert done.stdout.splitlines()[0] == "cusum-ml cusum-map"
+    assert "_rivid_completion rivid" in done.stdout.splitlines()[1]

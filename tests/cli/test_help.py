@@ -1,0 +1,148 @@
+"""Every --help: one name and wording for one thing, and examples that run as they are written."""
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from rivid.cli import COMMANDS, cli
+
+OF = {name: importlib.import_module(f"rivid.cli.{name}").command for name in COMMANDS}
+FIRST = ["config", "out"]
+LAST = ["first", "last", "workers", "dry_run", "as_json", "quiet", "verbose", "today"]
+FAST = ("bounds", "check", "completion", "effects", "ingest", "sniff", "simulate")
+"""Commands whose examples are run here; those of the others are parsed."""
+
+
+def help_of(rivid, name=None):
+    return rivid(*([name] if name else []), "--help").output
+
+
+def examples(text):
+    """The commands of the sections that end in a colon and are indented, continued lines joined."""
+    lines = text.replace("\\\n", " ").splitlines()
+    return [line.strip() for line in lines if line.startswith("    rivid ")]
+
+
+def words_of(line):
+    words = shlex.split(line)
+    if ">" in words:
+        words = words[: words.index(">")]
+    assert words[0] == "rivid"
+    return words[1:]
+
+
+@pytest.mark.parametrize("name", [None, *COMMANDS])
+def test_help_fits_eighty_columns(rivid, name):
+    assert max(map(len, help_of(rivid, name).splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_help_has_examples_whose_options_exist(rivid, project, name):
+    found = examples(help_of(rivid, name))
+    assert any(line.split()[1] == name for line in found)
+    for line in found:
+        words = words_of(line)
+        OF[words[0]].make_context(words[0], list(words[1:]))  # raises for what does not exist
+
+
+@pytest.mark.parametrize("name", [None, *COMMANDS])
+def test_what_examples_read_is_in_the_project_or_written_by_those_before(rivid, project, name):
+    written = ["out"]
+    for line in examples(help_of(rivid, name)):
+        words = words_of(line)
+        for word in words[1:]:
+            if "/" in word and not re.fullmatch(r"\d+/\d+|[A-Z]\w+/\S+", word):  # a shard, a time zone
+                assert (project / word).exists() or any(word.startswith(w) for w in written), (line, word)
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_examples_run_as_written(rivid, project, name):
+    for line in examples(help_of(rivid, name)):
+        words = words_of(line)
+        done = rivid(*words)
+        assert done.code == 0, (line, done.output)
+        assert done.stdout
+
+
+def test_the_two_examples_of_rivid_itself_run(rivid, project):
+    lines = examples(help_of(rivid))
+    assert [words_of(line)[0] for line in lines] == ["check", "run"]
+    for line in lines:
+        assert rivid(*words_of(line)).code == 0
+    assert Path("out/report.html").is_file()
+
+
+def options(name):
+    return [p for p in OF[name].params if isinstance(p, click.Option)]
+
+
+def test_the_same_option_is_spelt_the_same_everywhere():
+    spelt = {}
+    for name in COMMANDS:
+        for option in options(name):
+            shape = (
+                option.opts,
+                option.is_flag,
+                option.multiple,
+                option.metavar if option.name != "out" else "",
+            )
+            assert spelt.setdefault(option.name, shape) == shape, (name, option.name)
+    assert spelt["config"][0] == ["--config", "-c"] and spelt["out"][0] == ["--out", "-o"]
+    assert spelt["quiet"][0] == ["--quiet", "-q"] and spelt["verbose"][0] == ["--verbose", "-v"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_stand_in_one_order(name):
+    names = [option.name for option in options(name)]
+    own = [i for i, one in enumerate(names) if one not in FIRST + LAST]
+    first = [names.index(one) for one in FIRST if one in names]
+    last = [names.index(one) for one in LAST if one in names]
+    assert first == sorted(first) and last == sorted(last)
+    assert not own or not first or max(first) < min(own)
+    if name != "run":  # --engine and --scheduler stand beside --workers
+        assert not own or not last or max(own) < min(last)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_says_what_it_does_and_what_it_takes(name):
+    for option in options(name):
+        assert option.help and option.help.endswith("."), option.name
+        assert option.is_flag or option.metavar or isinstance(option.type, click.Choice), option.name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_says_what_the_command_says(name):
+    assert OF[name].short_help == COMMANDS[name] and OF[name].name == name
+
+
+def test_commands_that_work_for_a_while_know_quiet_and_verbose():
+    for name in ("run", "diagnose", "check", "ingest", "simulate", "figures", "fleet", "season"):
+        assert {"quiet", "verbose"} <= {option.name for option in options(name)}
+
+
+@pytest.mark.parametrize("name", ["run", "check", "fleet", "season", "figures"])
+def test_quiet_and_verbose_exclude_each_other(rivid, tmp_path, name):
+    done = rivid(name, tmp_path, "-q", "-v")
+    assert done.code == 2 and "--quiet and --verbose: leave out one" in str(done.exception)
+
+
+def test_help_of_no_command_loads_what_takes_long():
+    heavy = "numpy pandas matplotlib scipy pyarrow pydantic rich numba"
+    code = (
+        "import sys\nfrom rivid.cli import COMMANDS, cli\n"
+        "for name in COMMANDS:\n    cli.main([name, '--help'], standalone_mode=False)\n"
+        f"print('loaded', [m for m in {heavy.split()} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "loaded []", done.stdout + done.stderr
+
+
+def test_every_command_is_one_of_the_group():
+    context = click.Context(cli)
+    assert {name: cli.get_command(context, name) for name in cli.list_commands(context)} == OF
