@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-WIDTH, HEIGHT = 720.0, 210.0
-LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 12.0, 40.0
+WIDTH, HEIGHT = 720.0, 216.0
+LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
 """The drawing and its margins, in its own units; text is 11 of them high."""
 
 LEAST = 4.0
@@ -133,14 +133,13 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
             ends = x(begin) - step / 2, x(end) + step / 2
             medians.append((round(ends[0], 1), round(ends[1], 1), y(float(np.median(recent.values[days])))))
     unit, seconds = time_unit(high * T_s)
+    scale = T_s / seconds
     begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
     return Strip(
         marks=tuple(marks),
         medians=tuple(medians),
-        lags=tuple((y(v), f"{v:g}") for v in ticks(low, high)),
-        times=tuple(
-            (y(v * seconds / T_s), f"{v:g}") for v in ticks(low * T_s / seconds, high * T_s / seconds)
-        ),
+        lags=tuple((y(lag), text) for lag, text in ticks(low, high)),
+        times=tuple((y(t / scale), text) for t, text in ticks(low * scale, high * scale)),
         dates=tuple((x(date), f"{date:%m-%d}") for date in begins if date >= first)
         or ((x(first), f"{first:%m-%d}"),),
         week=round(x(max(first, recent.first)) - step / 2, 1),
@@ -166,22 +165,23 @@ def _looks(recent: Lately) -> list[str]:
     return [str(look) for look in looks]
 
 
-def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers inside a range, at most so many.
+def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
+    """Round numbers inside a range, at most so many, each as a text.
 
     Examples
     --------
-    >>> ticks(4.5, 9.5), ticks(12.97, 16.08)
-    ([5.0, 6.0, 7.0, 8.0, 9.0], [13.0, 14.0, 15.0, 16.0])
+    >>> [text for _, text in ticks(4.5, 9.5)], [text for _, text in ticks(3.1, 4.1)]
+    (['5', '6', '7', '8', '9'], ['3.2', '3.4', '3.6', '3.8', '4.0'])
     """
-    step = next(
-        size * 10.0**power
+    power, size = next(
+        (power, size)
         for power in range(-3, 9)
         for size in (1, 2, 5)
         if (high - low) / (size * 10.0**power) <= most
     )
-    first, last = int(np.ceil(low / step)), int(np.floor(high / step))
-    return [round(k * step, 6) for k in range(first, last + 1)]
+    step = size * 10.0**power
+    found = (k * step for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1))
+    return [(value, f"{value:.{max(-power, 0)}f}") for value in found]
 
 
 def svg(drawn: Strip, words: str, rows: int) -> "Markup":
