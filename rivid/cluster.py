@@ -20,11 +20,14 @@ from rivid.errors import ConfigError, RividError
 from rivid.store import METHOD_VERSION
 from rivid.workers import Engine
 
-PATIENCE = 20
+PATIENCE = 10
 """How long a scheduler may take to answer [s]."""
 
 LOOK_AGAIN = 5.0
 """How old the number of a scheduler's workers may be [s]."""
+
+STARTS = 3
+"""How often a cluster on this machine is started before it is given up."""
 
 AT_LEAST = 16
 """Tasks that a standing scheduler is offered even where it has few workers: an adaptive one grows by them."""
@@ -48,7 +51,7 @@ class Dask:
     Raises
     ------
     ConfigError
-        Where dask is not installed.
+        Where dask is not installed, or the scheduler file is not there.
     """
 
     def __init__(self, scheduler: str | None = None, workers: int = 1) -> None:
@@ -56,6 +59,11 @@ class Dask:
             raise ConfigError(
                 "--engine dask needs dask, which is not installed: pip install 'rivid[dask]', "
                 "or leave the option out: processes give the same tables"
+            )
+        if scheduler and scheduler.endswith(".json") and not Path(scheduler).is_file():
+            raise ConfigError(
+                f"no scheduler file {scheduler}: start `dask scheduler --scheduler-file {scheduler}`, "
+                "or give the scheduler's address"
             )
         self.scheduler = scheduler
         self.workers = workers
@@ -124,13 +132,26 @@ class Dask:
                     "start one (`dask scheduler`), or leave --scheduler out for workers of this machine"
                 ) from None
         else:
-            ours = {"distributed.scheduler.allowed-failures": 0, "distributed.logging": {}}
-            with dask.config.set(ours):
-                self._cluster = LocalCluster(
-                    n_workers=self.workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
-                )
+            with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+                self._cluster = self._start(LocalCluster)
             self._client = Client(self._cluster, set_as_default=False)
         self._executor = self._client.get_executor(pure=False)
+
+    def _start(self, cluster: Callable[..., Any]) -> Any:
+        """A cluster on this machine; a worker may be killed while it begins."""
+        for _ in range(STARTS):
+            try:
+                return cluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=50,
+                )
+            except (RuntimeError, OSError, TimeoutError) as error:
+                why = error
+        raise RividError(
+            f"Dask's workers did not begin ({why}): give fewer --workers, or leave --engine dask out"
+        ) from why
 
     def _gone(self) -> bool:
         return self._client is not None and self._client.status != "running"
