@@ -162,8 +162,7 @@ def command(
     for name in summary.damaged:
         complain(f"damaged, its days are computed again: {name}")
     if config and unsaid:
-        words = f"{', '.join(unsaid)} not given in [reach]: the bounds take them from the paper's Table I"
-        tell.note(words)
+        tell.note(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
     if part and not as_json and not quiet:
         click.echo(
             f"shard {part}: {len(summary.asked_keys):,} of {summary.windows:,} data sets, "
@@ -174,6 +173,10 @@ def command(
         from rivid.cli.summary import print_summary
 
         print_summary(summary, settings, "report.html" if options.figures else "delays.csv")
+    elif not as_json and not part:
+        from rivid.cli.summary import print_failures
+
+        print_failures(summary)
     if part:
         return 0  # what failed is told by the run that merges
     if strict:

@@ -118,7 +118,7 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
         ),
         ("related", f"days have to do with each other with probability {joined.related:.2f}"),
     ]
-    click.echo(f"{fitted(days.reach)}: posterior-season, {way}")
+    click.echo(wrapped(f"{fitted(days.reach)}: posterior-season, {way}"))
     for name, text in rows if unseen else [rows[0], *rows[2:]]:
         click.echo(wrapped(f"{name:9s} {text}", 2, 10))
     if days.river:

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from rivid.cli import options as shared
+from rivid.cli.telling import WIDTH, wrapped
 
 
 @click.command("sniff", short_help="Propose an [input] block for a foreign export.")
@@ -24,5 +25,33 @@ def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
     from rivid.logs.sniff import sniff
 
     parse({"time_zone": time_zone}, InputConfig, "--time-zone")
-    click.echo(sniff(exports, time_zone).toml, nl=False)
+    click.echo("\n".join(map(_narrow, sniff(exports, time_zone).toml.split("\n"))), nl=False)
     return 0
+
+
+def _narrow(line: str) -> str:
+    """A line of TOML in lines of at most 80 columns, where it is a comment or a list; they mean the same."""
+    import json
+    import tomllib
+
+    if len(line) <= WIDTH:
+        return line
+    if line.startswith("# "):
+        hanging = "#   " if line.startswith("# - ") else "# "
+        first, *rest = wrapped(line, hanging=0, width=WIDTH - 2).split("\n")
+        return "\n".join([first, *(hanging + more for more in rest)])
+    try:
+        said = tomllib.loads(line)
+        ((key, values),) = said.items()
+        if not isinstance(values, list):
+            return line
+        lines = [""]
+        for value in values:
+            word = json.dumps(value, ensure_ascii=False)
+            if len(lines[-1]) + len(word) > WIDTH - 8:
+                lines.append("")
+            lines[-1] += f"{word}, "
+        several = "\n".join([f"{line.partition('[')[0]}[", *(f"    {one.rstrip()}" for one in lines), "]"])
+        return several if tomllib.loads(several) == said else line
+    except (ValueError, TypeError):
+        return line

@@ -38,13 +38,18 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
         click.echo(wrapped(f"{name:<{width}}  {first}", 2, width + 4))
         for text in rest:
             click.echo(wrapped(text, width + 4))
+    print_failures(summary)
+    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
+
+
+def print_failures(summary: Summary) -> None:
+    """The days that failed in this run, on stderr."""
     told: set[str] = set()
     for row in summary.rows.select(["date", "key", "status", "message"]).to_pylist():
         if row["status"] == "failed" and row["key"] in summary.computed_keys - told:
             told.add(row["key"])  # once a day, whatever the number of its estimators
             line = wrapped(f"{row['date']} failed: {row['message']}", 2)
             click.echo(click.style(line, fg="red"), err=True)
-    click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 
 
 def _numbers(name: str, rows: Any, config: Config) -> list[str]:
