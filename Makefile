@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -96,6 +96,16 @@ pictures: run glen-canyon  ## the pictures of the README, from these runs
 
 sample-data: setup  ## make the simulated sample data again, the same bytes
 	$(BIN)/python sample_data/make.py
+
+$(VENV)/.docs-ready: $(VENV)/.ready docs/requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt
+	@touch $@
+
+docs: $(VENV)/.docs-ready  ## the documentation site in build/docs, its examples run, its links checked
+	rm -rf build/docs
+	$(BIN)/python -m sphinx -W --keep-going -n -E -q -b html -d build/doctrees docs build/docs
+	$(BIN)/python docs/_ext/links.py build/docs
+	@echo "site: build/docs/index.html"
 
 lock: setup  ## resolve the versions of requirements.lock anew (needs uv)
 	uv pip compile --universal --extra dev pyproject.toml -o requirements.lock --no-annotate --no-header

@@ -80,7 +80,7 @@ def effects() -> str:
 
 
 def effect(one: type[Effect]) -> str:
-    """One effect: what it is, its equation, its parameters, what it looks like, and a table for a scenario."""
+    """One effect: what it is, its equation, its parameters, what it looks like, a table for a scenario."""
     usual = one.defaults()
     rows = []
     for key, said in one.parameters().items():

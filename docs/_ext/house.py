@@ -5,6 +5,8 @@ import html
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+UNSAID = {"reach": "what a reach and its people do to flows"}
+"""Of rooms that say nothing of themselves; see docs/design.md."""
 
 
 def floors() -> list[set[str]]:
@@ -22,7 +24,7 @@ def says(room: str) -> str:
     path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
     if not path.exists():
         return ""
-    said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or UNSAID.get(room, "")
     return " ".join(said.split("\n\n")[0].split()).replace("`", "").split(". ")[0].rstrip(".")
 
 
@@ -34,8 +36,7 @@ def drawing() -> str:
         for room in sorted(floor):
             wing = " wing" if (ROOT / "rivid" / room).is_dir() else ""
             name = f"{room}/" if wing else f"{room}.py"
-            lines.append(
-                f'<div class="room{wing}"><b>{html.escape(name)}</b><span>{html.escape(says(room))}</span></div>'
-            )
+            words = f"<b>{html.escape(name)}</b><span>{html.escape(says(room))}</span>"
+            lines.append(f'<div class="room{wing}">{words}</div>')
         lines.append("</div>")
     return "\n".join([*lines, "</div>"])

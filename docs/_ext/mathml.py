@@ -17,7 +17,9 @@ def block(writer: Any, node: nodes.math_block) -> None:
     """A formula by itself; its number is told beside it where it has one."""
     number = f'<span class="eqno">({node["number"]})</span>' if node.get("number") else ""
     anchor = f' id="{node["ids"][0]}"' if node.get("ids") else ""
-    writer.body.append(f'<div class="formula"{anchor}>{convert(node.astext(), display="block")}{number}</div>')
+    writer.body.append(
+        f'<div class="formula"{anchor}>{convert(node.astext(), display="block")}{number}</div>'
+    )
     raise nodes.SkipNode
 
 
