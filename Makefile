@@ -7,7 +7,7 @@ OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
+.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench scale accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -45,6 +45,9 @@ check: setup  ## ruff, mypy strict, and the layers
 
 bench: setup  ## speed and memory, written to docs/performance.md
 	$(BIN)/python -m benchmarks.performance
+
+scale: setup  ## 100,000 and 1,000,000 days of a fleet, written to docs/scale.md (half an hour, 10 GB of TMPDIR)
+	$(BIN)/python -m benchmarks.scale
 
 accuracy: setup  ## accuracy beside its baselines, written to docs/accuracy.md
 	$(BIN)/python -m benchmarks.accuracy

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.generator import write_reach
 from benchmarks.measure import PYTHON, Usage, functions_in_turn, in_turn, machine, median, process, table
 from benchmarks.saint_venant import sections
 from rivid.core import lanes
@@ -164,8 +165,29 @@ def fleet(season: Season, work: Path, reaches: list[int]) -> str:
         rows.append([f"{n:,}, again, nothing new", *_scaled(f"{days:,}", days, process(command))])
         shutil.rmtree(data)
         shutil.rmtree(out)
-    text = "## As the fleet grows\n\nA year of CSV days a reach, `jmap`, two workers, tables without figures.\n\n"
+    text = "## As the fleet grows\n\nLarger ones: [scale.md](scale.md). A year of CSV days a reach, `jmap`, two workers, tables without figures.\n\n"
     head = ["reaches", "days", "wall time", "days a second", "the command itself", "largest process"]
+    return text + table(head, rows)
+
+
+def engines(season: Season, work: Path, days: int, runs: int) -> str:
+    """Dask beside processes, both with two workers: one reach, Parquet logs."""
+    data, out = work / "engines", work / "engines_out"
+    write_reach((season.inflow, season.outflow, season.level), season.sample_time, data, 1, days, "parquet")
+    commands = {
+        "processes": [*_tables(data, out), "--workers", "2"],
+        "dask": [*_tables(data, out), "--workers", "2", "--engine", "dask"],
+    }
+    usages = in_turn(commands, runs, lambda _: shutil.rmtree(out, ignore_errors=True))
+    shutil.rmtree(data)
+    rows = []
+    for name, used in usages.items():
+        ratio = median([a.seconds / b.seconds for a, b in zip(used, usages["processes"], strict=True)])
+        memory = [f"{max(u.own_mb for u in used):.0f} MB", f"{max(u.peak_mb for u in used):.0f} MB"]
+        rows.append([name, f"{median([u.seconds for u in used]):.1f} s", f"{ratio:.2f}", *memory])
+    head = ["engine", "wall time", "times processes", "the command itself", "largest process"]
+    text = f"## Dask beside processes, {days:,} days\n\nParquet logs of one reach, `jmap`, two workers, tables "
+    text += "without figures; start and end of the cluster included. The tables are the same bytes.\n\n"
     return text + table(head, rows)
 
 
@@ -210,6 +232,7 @@ def main() -> None:
         parts = [core(season), year(season, work, 2 if quick else 7)]
         parts.append(scale(season, work, [1, 2] if quick else [1, 10, 100]))
         parts.append(fleet(season, work, [2] if quick else [3, 30, 100]))
+        parts.append(engines(season, work, 500 if quick else 20_000, 1 if quick else 5))
         parts.append(sections())
     text = (
         "# Performance\n\nWritten by `make bench`. Ratios are medians of pairs measured in turn in one run; "
