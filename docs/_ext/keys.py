@@ -95,7 +95,7 @@ def _default(value: Any) -> str:
     if isinstance(value, str | bool | int):
         return code(json.dumps(value))
     if isinstance(value, list | tuple):
-        return code(f"[{', '.join(json.dumps(v) for v in value)}]")
+        return code(f"[{', '.join(f'{v:g}' if isinstance(v, float) else json.dumps(v) for v in value)}]")
     return "empty" if isinstance(value, dict) and not value else code(str(value))
 
 
