@@ -27,13 +27,14 @@ MOST_BYTES = 400_000
 READABLE = 4.5
 """Least contrast of text, by the Web Content Accessibility Guidelines 2.2, AA."""
 
+SHOWN = """Promise.all([...document.images].map(i => i.decode().then(() => '', () => i.src.slice(0, 60))))
+  .then(all => all.filter(Boolean))"""
+
 OVERFLOW = """[...document.querySelectorAll('body *')].filter(e => {
-  const box = e.getBoundingClientRect();
-  if (box.right <= innerWidth + 1 || !box.width) return false;
-  for (let up = e.parentElement; up; up = up.parentElement)
+  for (let up = e; up; up = up.parentElement)
     if (getComputedStyle(up).overflowX != 'visible') return false;
-  return true;
-}).slice(0, 3).map(e => e.outerHTML.slice(0, 80))"""
+  return e.getBoundingClientRect().x + e.scrollWidth > innerWidth + 1;
+}).map(e => e.outerHTML.slice(0, 60)).pop()"""
 
 CONTRAST = """(() => {
   const rgb = s => s.match(/[\\d.]+/g).map(Number);
@@ -77,7 +78,7 @@ def faults(tab: Tab, page: Path, into: Path) -> list[str]:
     tab.size(WIDE, TOP)
     tab.look()
     tab.open(page)
-    tab.value("Promise.all([...document.images].map(i => i.decode())).then(() => true)")
+    found += [f"cannot be shown: {address}" for address in tab.value(SHOWN)]
     for name, dark in (("wide", False), ("dark", True)):
         tab.look(dark=dark)
         found += [f"{name}: hard to read, {text}" for text in tab.value(CONTRAST)]
@@ -87,8 +88,7 @@ def faults(tab: Tab, page: Path, into: Path) -> list[str]:
     for width in (WIDE, NARROW):
         tab.size(width, 900)
         if (wider := tab.value("document.documentElement.scrollWidth")) > width:
-            found.append(f"at {width} pixels the page is {wider} wide")
-        found += [f"at {width} pixels sticks out: {text}" for text in tab.value(OVERFLOW)]
+            found.append(f"at {width} pixels the page is {wider} wide: {tab.value(OVERFLOW)}")
     tab.value("scrollTo(0, 0)")
     tab.picture(into / "narrow.png")
     figures = tab.value("document.images.length")
@@ -158,7 +158,7 @@ def keep(tab: Tab, page: Path, path: Path) -> int:
     tab.size(WIDE, TOP)
     tab.look()
     tab.open(page)
-    tab.value("Promise.all([...document.images].map(i => i.decode())).then(() => true)")
+    tab.value(SHOWN)
     tab.picture(path)
     image = Image.open(io.BytesIO(path.read_bytes())).convert("RGB")
     image.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)

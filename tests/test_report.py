@@ -3,16 +3,24 @@
 import base64
 import dataclasses
 import datetime as dt
+import hashlib
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.browser import NAMES, browser, installed
+from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
 from rivid.errors import RividError
-from rivid.figures import draw_all
+from rivid.figures import draw, draw_all
+from rivid.figures.attention import attention
+from rivid.figures.glance import glance
 from rivid.figures.headline import facts, headline
-from rivid.report import attention, write_report
+from rivid.figures.lately import lately
+from rivid.figures.looking import to_look_at
+from rivid.report import write_report
 from tests.figures.synthetic import dates_of, estimator, results, river, without_answers
 
 SUMMARY = {
@@ -117,6 +125,35 @@ def test_links_within_the_page_lead_somewhere(year):
     ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
     links = {attrs["href"][1:] for tag, attrs in page.tags if tag == "a"}
     assert links and links <= ids
+
+
+def test_the_pages_policy_allows_its_own_style_and_pictures_alone(year):
+    html, page = year[3:]
+    (style,) = re.findall(r"<style>(.*?)</style>", html, re.S)
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    (policy,) = [a["content"] for tag, a in page.tags if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policy == (
+        f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    )
+    assert not any("style" in attrs for _, attrs in page.tags), "which the policy would forbid"
+
+
+def test_every_figure_is_a_popover_that_its_own_picture_opens(year):
+    page, files = year[4], year[2]
+    cards = [attrs["id"] for tag, attrs in page.tags if "popover" in attrs]
+    opens = [attrs["popovertarget"] for tag, attrs in page.tags if tag == "button"]
+    assert cards == opens and len(set(cards)) == len(files)
+
+
+def test_the_time_day_picture_comes_first_then_map_histogram_and_discharge(year):
+    shown = [attrs["alt"] for tag, attrs in year[4].tags if tag == "img"]
+    assert [text.split(",")[0] for text in shown[:4]] == [
+        "Impulse response of each day",
+        "Delay of each day",
+        "How often each delay",
+        "Delay and discharge",
+    ]
+    assert all(text.endswith(", jmap") for text in shown[:4])
 
 
 def test_the_same_run_gives_the_same_page(year):
@@ -269,14 +306,14 @@ def test_only_a_rivers_page_speaks_of_t50(tmp_path, year):
     run = river(20, ("jmap", "ml"))
     _, page = write(run, tmp_path, draw_all(run, tmp_path))
     assert "Median t50" in page.words and "25.1 samples (6.3 h)" in page.words
-    assert "These lines speak of the estimator jmap ; the others are in the table below" in page.words
+    assert "All of this speaks of the estimator jmap ; the others are in the table below" in page.words
     assert [a["alt"][:3] for tag, a in page.tags if tag == "img"][:2] == ["t50", "t50"]
     assert "t50" not in year[4].words
 
 
 def test_a_rivers_page_names_who_gives_t50_and_who_the_jump(tmp_path):
     _, page = write(river(20), tmp_path)
-    assert "These lines speak of the estimators map for t50 and jmap for the jump delay." in page.words
+    assert "All of this speaks of the estimators map for t50 and jmap for the jump delay." in page.words
 
 
 def test_an_answer_faster_than_any_wave_is_doubted():
@@ -347,3 +384,229 @@ def test_a_figure_that_is_gone_is_said(tmp_path):
     files[0].path.unlink()
     with pytest.raises(RividError, match="cannot read .*tdr_ml.png: .*: draw the figures again"):
         write_report(run, files, tmp_path, summary={})
+
+
+STEADY = [7, 7, 6, 7, 7, 6, 7] * 9
+"""Nine weeks that are all alike."""
+
+
+def top(run):
+    """The headline, and the lines below it by their names."""
+    recent = lately(run)
+    said = glance(run, recent, to_look_at(run, recent))
+    return said.headline, {line.name: line for line in said.lines}
+
+
+def test_a_steady_delay_is_said_to_be_as_before_with_its_scatter_beside():
+    said, lines = top(simple(STEADY))
+    assert said == "The delay is 15.5 min (7 samples), as in the weeks before."
+    assert lines["Now"].strong == "15.5 min (7 samples)"
+    assert lines["Now"].text == (
+        "The median of 2008-02-26 to 2008-03-03: 7 of 7 days with a delay, from 13.3 to 15.5 min."
+    )
+    moved = lines["Has it moved?"]
+    assert moved.strong == "No" and not moved.doubt
+    said = "Median 15.5 min in the last week, 15.5 min in the 8 weeks before; each of these has that median."
+    assert moved.text.startswith(f"{said} Mean inflow ")
+    assert (lines["To look at"].strong, lines["To look at"].links) == ("No day of the last week", ())
+    assert lines["The prior's part"].strong == "0 of 7 days"
+
+
+def test_a_delay_that_has_moved_is_told_with_the_size_of_the_move():
+    said, lines = top(simple(STEADY[:-7] + [9, 9, 8, 9, 9, 9, 8]))
+    assert said == "The delay is 19.9 min (9 samples): 4.4 min longer than in the weeks before."
+    moved = lines["Has it moved?"]
+    assert moved.strong == "Yes, 4.4 min longer" and moved.doubt
+    assert moved.text.startswith("Median 19.9 min in the last week, 15.5 min in the 8 weeks before; each of")
+    said, lines = top(simple([9, 9, 8, 9, 9, 9, 8] * 8 + [7, 6, 7, 7, 7, 7, 6]))
+    assert said.endswith(": 4.4 min shorter than in the weeks before.")
+
+
+def test_a_change_within_the_scatter_of_weeks_is_not_called_a_move():
+    weeks = [5, 9, 6, 8, 7, 5, 9, 6, 8]
+    said, lines = top(simple([d for week in weeks for d in [week] * 7]))
+    assert said == "The delay is 17.7 min (8 samples), within the scatter of the weeks before."
+    moved = lines["Has it moved?"]
+    assert moved.strong == "Not beyond its scatter" and not moved.doubt
+    assert moved.text.startswith(
+        "3.3 min longer. Median 17.7 min in the last week, 14.4 min in the 8 weeks before; "
+        "theirs lie from 11.1 to 19.9 min."
+    )
+
+
+def test_a_week_whose_days_are_mostly_the_priors_claims_nothing_of_a_move():
+    prior = np.zeros(63, bool)
+    prior[-5:] = True
+    run = simple(STEADY[:-7] + [9] * 7, prior_only=prior)
+    said, lines = top(run)
+    assert said == "The delay is 19.9 min (9 samples), but the prior says so more than the data."
+    moved = lines["Has it moved?"]
+    assert moved.strong == "Cannot be told"
+    assert moved.text == "It takes 3 days that have a delay that the data decide; the last week has 2."
+    word = lines["The prior's part"]
+    assert word.strong == "5 of 7 days" and word.doubt
+    assert word.text.endswith("In the whole record 5 of 63 days (8 %).")
+
+
+def test_a_record_of_the_prior_alone_says_so_and_a_uniform_priors_says_chance():
+    everything = np.ones(63, bool)
+    said, lines = top(simple(STEADY, prior_only=everything))
+    assert said.endswith(", but the prior says so more than the data.")
+    assert lines["Has it moved?"].strong == "Cannot be told"
+    assert lines["The prior's part"].strong == "7 of 7 days"
+    said, lines = top(simple(STEADY, prior_only=everything, name="jmap-uniform"))
+    assert said.endswith(", but it may be chance.") and lines["Perhaps chance"].strong == "7 of 7 days"
+
+
+def test_days_of_the_prior_take_no_part_in_what_is_said_of_a_move():
+    prior = np.zeros(63, bool)
+    prior[-3:] = True
+    delays = STEADY[:-7] + [7, 7, 6, 7, 12, 12, 12]
+    said, lines = top(simple(delays, prior_only=prior))
+    assert lines["Has it moved?"].strong == "No"
+    assert "in the 8 weeks before, on the days that the data decide; each" in lines["Has it moved?"].text
+
+
+def test_a_last_week_without_a_good_day_says_so_and_names_the_last_delay():
+    nan = np.nan
+    run = simple(STEADY[:-7] + [nan] * 7, ["ok"] * 56 + ["failed"] * 6 + ["pending"], ["gap"] * 63)
+    said, lines = top(run)
+    assert said == "No day of the last week has a delay: 6 failed and 1 pending."
+    assert lines["Now"].strong == "not known" and lines["Now"].doubt
+    assert lines["Now"].text == (
+        "No delay on 2008-02-26 to 2008-03-03; the last one is of 2008-02-25: 15.5 min (7 samples)."
+    )
+    assert lines["Has it moved?"].strong == "Cannot be told"
+    look = lines["To look at"]
+    assert look.strong == "7 days of the last week" and look.doubt
+    assert look.links == (("2008-03-03 pending", 0), ("2008-02-26 to 2008-03-02 failed", 1))
+
+
+def test_one_day_alone_has_no_trend():
+    said, lines = top(simple([6], start=dt.date(2008, 3, 14)))
+    assert said == "On 2008-03-14 the delay is 13.3 min (6 samples)."
+    assert lines["Now"].text == "One day alone."
+    assert lines["Has it moved?"].text == "There are no weeks before to compare with."
+    assert lines["To look at"].strong == "No day"
+
+
+def test_all_days_failing_and_all_days_pending_are_told_apart():
+    nan = np.nan
+    said, lines = top(simple([nan] * 7, ["failed"] * 7, ["no file"] * 7))
+    assert said == "None of 7 days has a delay: 7 failed."
+    assert set(lines) == {"Now", "To look at"} and lines["To look at"].strong == "7 of 7 days"
+    assert lines["Now"].text == "No delay on 2008-01-01 to 2008-01-07."
+    assert top(simple([nan] * 3, ["pending"] * 3))[0] == "No day is finished yet: 3 days are pending."
+    assert top(simple([nan], ["pending"]))[0] == "No day is finished yet: 1 day is pending."
+
+
+def test_a_median_at_the_end_of_what_was_tried_may_lie_outside():
+    now = top(simple([15] * 6))[1]["Now"]
+    assert now.doubt and now.text.endswith("It is an end of what was tried: the true delay may lie outside.")
+
+
+def test_an_estimator_that_does_not_judge_its_delays_is_not_judged_for_it():
+    _, lines = top(simple(STEADY, name="cusum-map"))
+    assert lines["The prior's part"].strong == "Not told"
+    assert "cusum-map does not tell on which days the data decide." in lines["Has it moved?"].text
+
+
+def test_an_estimator_with_probabilities_says_how_sure_the_week_is():
+    sure = np.linspace(0.75, 0.95, 63)
+    line = top(simple(STEADY, name="posterior", probability=sure))[1]["Probability"]
+    assert line.strong == f"{np.median(sure[-7:]):.2f}" and f"{sure[-7]:.2f} on the least sure" in line.text
+
+
+def test_a_river_speaks_of_t50_in_which_the_prior_has_no_part():
+    said, lines = top(river(80))
+    assert re.fullmatch(r"Half of a step arrives after [\d.]+ h \([\d.]+ samples\).*\.", said)
+    assert lines["The prior's part"].strong == "None in t50"
+    assert "The jump delay of jmap is the prior's on" in lines["The prior's part"].text
+
+
+def test_days_far_outside_the_band_are_rows_and_links_of_the_page(tmp_path):
+    run = simple(STEADY[:-3] + [12, 6, 15])
+    rows = to_look_at(run, lately(run))
+    assert [(row.when, row.kind) for row in rows] == [
+        ("2008-03-03", "at a bound"),
+        ("2008-03-01", "far outside"),
+    ]
+    assert rows[1].reason == (
+        "the delay is 12 samples (26.6 min): nine days in ten lie between 6 and 7 samples"
+    )
+    _, page = write(run, tmp_path)
+    leads = [attrs["href"] for tag, attrs in page.tags if tag == "a" and "look-" in attrs["href"]]
+    assert set(leads) == {"#look-0", "#look-1"} and len(leads) == 4, "at the top, and from the marks"
+    assert {"look-0", "look-1"} <= {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+
+
+def test_days_doubted_by_other_estimators_only_are_counted_apart():
+    run = simple(STEADY)
+    other = simple([15] * 2 + STEADY[2:], name="jmap-uniform").estimators
+    _, lines = top(dataclasses.replace(run, estimators=run.estimators + other))
+    assert lines["To look at"].strong == "No day of the last week"
+    assert lines["To look at"].text == "2 days that only other estimators doubt."
+
+
+def test_links_to_rows_that_the_page_does_not_hold_are_not_made(tmp_path):
+    n = 450
+    run = simple(
+        [7.0] * 10 + [np.nan] * n, ["ok"] * 10 + ["failed"] * n, [f"reason {i}" for i in range(n + 10)]
+    )
+    _, page = write(run, tmp_path)
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    assert {attrs["href"][1:] for tag, attrs in page.tags if tag == "a"} <= ids
+
+
+def many_faults(page):
+    """The page with all that can be wrong with it side by side."""
+    ours = "<main><script>0</script>", f"<pre>{'x' * 300}</pre>", '<img src="http://127.0.0.1/x.png" alt="">'
+    page = restyled(page.replace("<main>", "".join(ours)), "p { color: #aaa; }")
+    return restyled(
+        page, "@media print { .card .zoom img { height: 300cm; max-height: none; object-fit: fill; } }"
+    )
+
+
+BROKEN = [
+    (many_faults, {"420 pixels the page is", "asks for http:", "inline script", "to read, P", "cut in two"}),
+    (lambda page: page.replace(" popover>", ">"), {"a click does not enlarge it"}),
+    (lambda page: restyled(page, ".space { display: none; }"), {"the page behind it moves"}),
+]
+"""What is done to a page, and what then has to be found."""
+
+
+def restyled(page, rules):
+    """The page with more rules, which its policy allows."""
+    (style,) = re.findall(r"<style>(.*?)</style>", page, re.S)
+    old, new = (
+        base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (style, style + rules)
+    )
+    return page.replace(style, style + rules).replace(old, new)
+
+
+@pytest.mark.skipif(installed() is None, reason=f"no browser on PATH: {', '.join(NAMES)}")
+def test_a_browser_finds_nothing_wrong_with_the_page_and_something_with_broken_ones(tmp_path):
+    attack = "</style><script>alert(1)</script>" + "a_long_name_" * 30
+    run = simple(STEADY[:-2] + [np.nan, 15], ["ok"] * 61 + ["failed", "ok"], [attack] * 63)
+    run = dataclasses.replace(run, reach=attack)
+    figures = [draw(run, (kind, "jmap"), tmp_path) for kind in ("tdr", "histogram")]
+    html, _ = write(run, tmp_path, figures, SUMMARY | {"bad_files": [[attack, attack]]})
+    with browser(installed()) as tab:
+        assert faults(tab, tmp_path / "report.html", tmp_path / "pictures") == []
+        for damage, expected in BROKEN:
+            tab.requests.clear()
+            tab.complaints.clear()
+            page = tmp_path / "broken.html"
+            page.write_text(damage(html), encoding="utf-8")
+            found = faults(tab, page, tmp_path / "pictures")
+            missed = {words for words in expected if not any(words in text for text in found)}
+            assert not missed, found
+
+
+def test_the_readmes_picture_is_small_and_as_wide_as_the_window():
+    from PIL import Image
+
+    path = Path(__file__).parents[1] / "docs" / "pictures" / "report.png"
+    with Image.open(path) as image:
+        assert image.width == WIDE
+    assert path.stat().st_size < MOST_BYTES
