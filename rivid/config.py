@@ -283,7 +283,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise ConfigError(f"{path} is too large for a configuration (limit {MOST_BYTES:,} bytes)")
         raw = tomllib.loads(content.decode("utf-8-sig"))
     except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+        raise ConfigError(f"cannot read {path}: {error.strerror}: expected a TOML file") from None
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number of thousands of digits
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
     _refuse_depth(raw, path)
@@ -329,11 +329,20 @@ def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
     where = _short(".".join(_place(fault["loc"], raw)))
     if fault["type"] == "extra_forbidden":
         fields = _fields_at(model, fault["loc"][:-1])
-        return f"unknown key {where}; valid keys here: {', '.join(fields)}"
+        return (
+            f"unknown key {where}; valid keys here: {', '.join(fields)}{_nearest(fault['loc'][-1], fields)}"
+        )
     message = str(fault["msg"]).removeprefix("Value error, ")
     if not where:  # a fault of the whole file
         return message
     return f"{where} = {_short(repr(fault.get('input')))}: {message[:1].lower()}{message[1:]}"
+
+
+def _nearest(came: Any, names: list[str]) -> str:
+    from difflib import get_close_matches
+
+    close = get_close_matches(str(came), names, 1)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _short(text: str) -> str:

@@ -70,8 +70,7 @@ def read_record(
         except (OSError, ValueError, MemoryError) as error:
             failed.append((source.date, f"cannot be read: {type(error).__name__}: {error}"))
     if not days:
-        why = f"; the first reason: {failed[0][1]}" if failed else ""
-        raise NoDataError(f"{root}: no day can be used of {len(failed)} that there are{why}")
+        raise NoDataError(_no_day(root, failed, [source.date for source in catalog.days], first, last))
     reach = config.reach
     proposal = propose_delays(
         reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
@@ -85,7 +84,10 @@ def read_record(
         if len(day.inflow) != len(seconds)
     ]
     if not whole:
-        raise NoDataError(f"{root}: no whole day of {len(seconds)} samples can be used")
+        raise NoDataError(
+            f"{root}: no day has its {len(seconds)} samples of {reach.sample_time:g} s; the first reason: "
+            f"{failed[0][1]}: look at `rivid check`"
+        )
     outflow = None
     if reach.kind == "pool":
         missing = [day.date for day in whole if day.outflow is None]
@@ -100,3 +102,22 @@ def read_record(
         kind=reach.kind,
     )  # fmt: skip
     return Logs(record, tuple(failed))
+
+
+def _no_day(
+    root: Path,
+    failed: list[tuple[dt.date | None, str]],
+    dates: list[dt.date],
+    first: dt.date | None,
+    last: dt.date | None,
+) -> str:
+    """Why no day can be used: none is asked for, or each failed."""
+    if not any(date for date, _ in failed) and dates:
+        return (
+            f"no day from {first or 'the first'} to {last or 'the last'}: {root} has them from {min(dates)} to "
+            f"{max(dates)}"
+        )
+    return (
+        f"{root}: none of {len(failed)} days or files can be used; the first, {failed[0][0] or 'a file'}: "
+        f"{failed[0][1]}: `rivid check` says more"
+    )

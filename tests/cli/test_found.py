@@ -79,6 +79,7 @@ def test_every_command_that_takes_a_configuration_finds_it(logs, rivid, command)
     done = rivid(command, logs)
     assert done.code == 2
     assert str(done.exception).startswith(f"{path}: unknown key reach.lenght; valid keys here: ")
+    assert str(done.exception).endswith("; did you mean length?")
 
 
 def test_bounds_looks_from_the_current_directory(logs, rivid, monkeypatch):

@@ -110,6 +110,23 @@ def test_another_command_that_is_interrupted_promises_nothing(tmp_path):
     assert child.returncode == 130
 
 
+def test_a_diagnosis_of_days_that_are_not_there_says_which_are(rivid):
+    logs = ROOT / "sample_data" / "basse_isere_csv"
+    done = rivid("diagnose", logs, "--from", "2020-01-01", "--quiet")
+    assert done.code == 10
+    said = f"no day from 2020-01-01 to the last: {logs} has them from 2008-03-10 to 2008-03-16"
+    assert str(done.exception) == said
+
+
+def test_a_diagnosis_of_days_that_fail_says_why(rivid, tmp_path):
+    write_days(tmp_path, 1)
+    (path,) = tmp_path.glob("*.csv")
+    path.write_text("\n".join(path.read_text().splitlines()[:300]))
+    done = rivid("diagnose", tmp_path, "--quiet")
+    assert done.code == 10
+    assert "none of 1 days or files can be used; the first, 2008-03-10: gap of" in str(done.exception)
+
+
 def test_an_error_on_a_terminal_is_red_and_elsewhere_plain():
     plain = command("run", "nowhere")
     assert plain.stderr == "rivid: nowhere does not exist: expected a directory of logs\n"
