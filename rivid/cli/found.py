@@ -115,14 +115,18 @@ def _refuse_strangers(path: Path, facts: "list[os.stat_result]") -> None:
     for one in facts:
         if one.st_uid not in (0, os.geteuid()):
             raise ConfigError(
-                f"{path} belongs to {_user(one.st_uid)}, not to {_user(os.geteuid())} or root: a found "
-                f"configuration may lead results anywhere; if you trust it, {advice}"
+                f"{path} belongs to {_user(one.st_uid)}, not to {_mine()}: a found configuration may lead "
+                f"results anywhere; if you trust it, {advice}"
             )
         if not stat.S_ISLNK(one.st_mode) and one.st_mode & stat.S_IWOTH:
             raise ConfigError(
                 f"{path} may be written by everybody: a found configuration may lead results anywhere; "
                 f"`chmod o-w` it, {advice}"
             )
+
+
+def _mine() -> str:
+    return "root" if os.geteuid() == 0 else f"{_user(os.geteuid())} or root"
 
 
 def _user(uid: int) -> str:
@@ -170,6 +174,8 @@ def _said(config: Path | None) -> Path | None:
     import tomllib
 
     path = config / "defaults.toml" if config.is_dir() else config
+    if not path.is_file():  # a pipe can be read once only, and has no place that OUT could be relative to
+        return None
     try:
         with open(path, "rb") as file:
             raw = tomllib.loads(file.read(1_000_000).decode("utf-8-sig"))

@@ -135,12 +135,14 @@ def command(
     if reaches is not None:
         if dry_run:
             return say_plan(reaches, place)
-        bar = tell.timed(None if quiet or as_json else _progress)
+        bar = tell.timed(None if quiet or as_json else _progress, "reaches")
         with _engine(on_dask, scheduler, workers) as executing:
-            return run_all(
+            code = run_all(
                 data_dir, reaches, place, options,
                 strict=strict, as_json=as_json, quiet=quiet, progress=bar, engine=executing,
             )  # fmt: skip
+        tell.phase("the fleet's report")
+        return code
     settings = load_config(config)
     unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
     if estimators:

@@ -86,17 +86,19 @@ class Teller:
             click.echo(f"{now - self._since:8.2f} s  {name}", err=True)
         self._since = now
 
-    def timed(self, progress: Callable[[int], Any] | None) -> Callable[[int], Any] | None:
+    def timed(
+        self, progress: Callable[[int], Any] | None, what: str = "data sets"
+    ) -> Callable[[int], Any] | None:
         """The progress bar of a run; with --verbose, what comes before and during it is timed."""
         if not self.verbose:
             return progress
 
         @contextmanager
         def bar(total: int) -> Iterator[Callable[[int], Any]]:
-            self.phase("finding and reading what is new")
+            self.phase("finding what is new")
             with progress(total) if progress else nullcontext(lambda _: None) as done:
                 yield done
-            self.phase(f"estimating {total:,}")
+            self.phase(f"estimating {total:,} {what}")
 
         return bar
 

@@ -216,6 +216,15 @@ def test_an_out_that_is_no_path_names_the_key(logs, rivid, value):
     assert not Path("out").exists()
 
 
+def test_a_configuration_that_comes_through_a_pipe_is_read_once(logs, rivid):
+    read, write = os.pipe()
+    os.write(write, (MINE + "[run]\nout = 'elsewhere'\n").encode())
+    os.close(write)
+    assert rivid("run", logs, "--no-figures", "--config", f"/dev/fd/{read}").code == 0
+    os.close(read)
+    assert name_in(Path("out")) == {"mine"}
+
+
 # Fleets
 
 

@@ -135,7 +135,7 @@ def test_verbose_tells_files_versions_and_time_and_leaves_stdout_alone(rivid, lo
     assert str(logs) in full.stderr and "2 files, " in full.stderr and str(tmp_path / "b") in full.stderr
     phases = re.findall(r"^ +\d+\.\d\d s  (.+)$", full.stderr, re.M)
     assert phases == [
-        "starting", "finding and reading what is new", "estimating 2",
+        "starting", "finding what is new", "estimating 2 data sets",
         "bringing tables, figures and report up to date",
     ]  # fmt: skip
 
