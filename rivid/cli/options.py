@@ -18,6 +18,17 @@ FOUND = "default: rivid.toml in DATA_DIR or above it, else Table I."
 CONFIG_OF_FLEET = f"The reach and its settings (TOML), or a fleet's directory of them; {FOUND}"
 
 
+class _Place(click.Path):
+    """A directory that need not exist; that a file is no directory is said where it is written to."""
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> Any:
+        """Directories."""
+        return DIRECTORY.shell_complete(ctx, param, incomplete)
+
+
+PLACE = _Place(path_type=Path)
+
+
 class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later versions of click
     """A choice that names the nearest of its values to a mistyped one."""
 
@@ -82,13 +93,13 @@ def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: An
 
 def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator:
     """--out, -o."""
-    return click.option("--out", "-o", type=DIRECTORY, metavar="DIR", help=text)
+    return click.option("--out", "-o", type=PLACE, metavar="DIR", help=text)
 
 
 def logs_out() -> Decorator:
     """--out, -o, of commands that write logs."""
     return click.option(
-        "--out", "-o", type=DIRECTORY, required=True, metavar="DATA_DIR", help="Where the daily logs go."
+        "--out", "-o", type=PLACE, required=True, metavar="DATA_DIR", help="Where the daily logs go."
     )
 
 
