@@ -6,6 +6,8 @@ Usage: python sample_data/make.py
 import datetime as dt
 from pathlib import Path
 
+import numpy as np
+
 from rivid.atomic import write_text
 from rivid.logs.write import write_days
 from rivid.scenario import load_scenario
@@ -64,6 +66,18 @@ Made by `make sample-data`. A whole year of such files comes from `configs/scena
 """
 
 
+EXPORT_README = """\
+# An export as a plant's historian writes it
+
+`station_2008-03.txt`: {first} to {last} of a simulated pool like `../basse_isere`, every two
+minutes, as such files come: lines of preamble, semicolons, decimal commas, `dd.mm.yyyy`, a row of units,
+the level in centimetres, a column of flags, values that are not there. Nothing here was measured. The README
+of the project walks from it to a report.
+
+Made by `make sample-data` from `configs/scenarios/basse_isere.toml` with another sample time and seed.
+"""
+
+
 def main() -> None:
     """Write everything."""
     scenario = load_scenario(SCENARIO)
@@ -73,6 +87,7 @@ def main() -> None:
     write_days(HERE / "basse_isere", year, **when, format="parquet", layout="month")
     write_days(HERE / "basse_isere_csv", [day for day in year if day[0] in WEEK], **when)
     write_truth(season, HERE / "basse_isere_truth.json")
+    export(HERE / "export" / "station_2008-03.txt")
     text = YEAR_README.format(
         days=len(season.dates), samples=len(season.seconds), sample_time=season.sample_time,
         offset=scenario.utc_offset, missing=scenario.missing_days, order=ORDER,
@@ -80,6 +95,37 @@ def main() -> None:
     )  # fmt: skip
     write_text(HERE / "basse_isere" / "README.md", text)
     write_text(HERE / "basse_isere_csv" / "README.md", WEEK_README.format(first=WEEK[0], last=WEEK[-1]))
+
+
+def export(path: Path) -> None:
+    """A fortnight in the dialect of a historian."""
+    again = load_scenario(SCENARIO).model_copy(
+        update={"first_day": dt.date(2008, 3, 3), "days": 14, "missing_days": 0, "seed": 11}
+    )
+    scenario = again.model_copy(update={"reach": again.reach.model_copy(update={"sample_time": 120.0})})
+    season = simulate(scenario)
+    rng = np.random.default_rng(11)
+    lines = [
+        "Historian Export;Station 4711",
+        "created;17.03.2008 06:02:11",
+        "",
+        "Zeit;Q_Oberwasser;Q_Unterwasser;Pegel;Status",
+        ";m\u00b3/s;m\u00b3/s;cm;",
+    ]
+    for i, date in enumerate(season.dates):
+        bad = rng.random(len(season.seconds)) < 0.002
+        for k, second in enumerate(season.seconds):
+            moment = dt.datetime.combine(date, dt.time()) + dt.timedelta(seconds=float(second))
+            level = -9999.0 if bad[k] else season.level[i, k] * 100
+            cells = [
+                f"{value:.1f}".replace(".", ",")
+                for value in (season.inflow[i, k], season.outflow[i, k], level)
+            ]
+            lines.append(";".join([f"{moment:%d.%m.%Y %H:%M:%S}", *cells, "B" if bad[k] else "G"]))
+    text = "\r\n".join(lines) + "\r\n"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(text.encode("latin-1"))
+    write_text(path.parent / "README.md", EXPORT_README.format(first=season.dates[0], last=season.dates[-1]))
 
 
 def columns(season: Season, i: int) -> dict:
