@@ -1,0 +1,117 @@
+"""The README as a new user reads it: every command of it is run, in its order, where nothing else is."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SLOW = ("rivid diagnose",)
+"""What takes longer than the rest together: in the long loops."""
+
+
+def commands():
+    """The commands of the indented blocks, without their comments."""
+    for line in README.splitlines():
+        if line.startswith("    ") and re.match(r"(rivid|make|\d+ \d+ \* \* \*) ", line.strip()):
+            yield line.split("  #")[0].strip()
+
+
+def block(language, holding):
+    """The fenced block that holds a text."""
+    (found,) = [b for b in re.findall(rf"```{language}\n(.*?)```", README, re.S) if holding in b]
+    return found
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """An empty directory but for what a clone has."""
+    place = tmp_path_factory.mktemp("reader")
+    for name in ("sample_data", "configs"):
+        shutil.copytree(ROOT / name, place / name)
+    return place
+
+
+def run(line, place):
+    words = [sys.executable, "-m", *shlex.split(line.split(">")[0])]
+    done = subprocess.run(words, cwd=place, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+    if ">" in line:
+        (place / line.split(">")[1].strip()).write_text(done.stdout, encoding="utf-8")
+    return done
+
+
+def test_every_command_runs_in_its_order(place):
+    ran = [line for line in commands() if line.startswith("rivid ") and not line.startswith(SLOW)]
+    for line in ran:
+        run(line, place)
+        if line.startswith("rivid sniff"):
+            answered = place / "reach.toml"
+            proposed = answered.read_text(encoding="utf-8")
+            answered.write_text(
+                re.sub(
+                    r"\[reach\]\n.*?\n\n", lambda _: block("toml", "[reach]") + "\n", proposed, flags=re.S
+                ),
+                encoding="utf-8",
+            )
+            assert proposed.count("[reach]") == 1 and "station-4711" in answered.read_text(encoding="utf-8")
+    assert len(ran) >= 18
+    for name in (
+        "results/report.html",
+        "year/paper/index.html",
+        "fleet/fleet.html",
+        "probable/delay_law.csv",
+    ):
+        assert (place / name).exists(), name
+    assert "station-4711" in (place / "results/report.html").read_text(encoding="utf-8")
+
+    os.chdir(place)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    names = {"u": None}
+    exec(block("python", "rivid.read_day"), names)
+    assert len(names["frame"]) == 14
+
+    morning = place / "data"
+    morning.mkdir()
+    shutil.move(place / "logs", morning / "logs")
+    settings = (place / "logs_run.toml").read_text(encoding="utf-8")
+    (morning / "rivid.toml").write_text(settings + "\n" + block("toml", "[run]"), encoding="utf-8")
+    (line,) = [line for line in commands() if line[0].isdigit()]
+    assert " -" not in line.replace(" --quiet", "")  # the logs' directory is all it needs
+    done = run(line.split(".venv/bin/")[1].replace("/data/", "data/"), place)
+    assert done.stdout == done.stderr == ""
+    assert (morning / "results" / "delays.csv").exists()
+
+
+@pytest.mark.long
+def test_the_hidden_bypass_is_found(place):
+    (line,) = [line for line in commands() if line.startswith(SLOW)]
+    told = run(line, place).stdout
+    assert "unlogged_upstream_release" in told
+    assert (place / "bypass" / "diagnosis.html").exists()
+
+
+def test_every_target_of_make_exists():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = set(re.findall(r"\bmake ([a-z][a-z-]+)", README))
+    assert {"run", "test", "figures", "glen-canyon", "docs"} <= named
+    for target in named - {"it"}:
+        assert re.search(rf"^{target}:", makefile, re.M), target
+
+
+def test_the_two_commands_of_make_are_those_tried_here():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert "rivid run sample_data/basse_isere --config configs/basse_isere.toml" in makefile
+    assert re.search(r"^figures: run .*\n\t.*rivid figures .*--paper$", makefile, re.M)
+
+
+def test_it_is_no_longer_than_a_person_reads():
+    assert len(README.splitlines()) < 300
