@@ -92,10 +92,12 @@ paper-page: setup  ## the paper's claims beside what is found here, written to d
 sensitivity: setup  ## what the estimate hangs on, written to docs/sensitivity.md
 	$(BIN)/python -m benchmarks.sensitivity
 
-pictures: run glen-canyon  ## the pictures of the README, from these runs
+pictures: run glen-canyon  ## the pictures of the README and the guide (the page's needs Chromium)
 	mkdir -p docs/pictures
 	cp $(OUT)/basse_isere/figures/tdr_jmap.png docs/pictures/tdr_jmap.png
 	cp $(OUT)/glen_canyon_rm30/figures/t50_discharge_map.png docs/pictures/glen_canyon_t50.png
+	$(BIN)/python -m benchmarks.page_pictures $(OUT)/basse_isere --keep docs/pictures/report.png
+	$(BIN)/python -m benchmarks.guide_pictures
 
 sample-data: setup  ## make the simulated sample data again, the same bytes
 	$(BIN)/python sample_data/make.py
@@ -112,6 +114,7 @@ docs: $(VENV)/.docs-ready  ## the documentation site in build/docs, its examples
 
 lock: setup  ## resolve the versions of requirements.lock anew (needs uv)
 	uv pip compile --universal --extra dev pyproject.toml -o requirements.lock --no-annotate --no-header
+	uv pip compile --universal --extra docs pyproject.toml -c requirements.lock -o docs/requirements.txt --no-annotate --no-header
 
 clean:  ## remove the environment and all output
 	rm -rf $(VENV) $(PEERS) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
