@@ -1,47 +1,54 @@
 """Clocks: a column that is off against the others by an hour, by a day, more and more; columns swapped."""
 
 import datetime as dt
+from itertools import compress
 
 import numpy as np
 
+from rivid.check.agree import ALIKE, FEW, in_rows, slope_of, whose
+from rivid.check.dates import dates
+from rivid.check.drift import drift
 from rivid.check.findings import Finding, hours
 from rivid.check.fit import Fit
 from rivid.check.fits import TOLD, Fits
 from rivid.check.record import Record
 
-SMALLEST = {"pool": 30 * 60.0, "river": 45 * 60.0}
+SMALLEST = {"pool": 30 * 60.0, "river": 50 * 60.0}
 """Clocks that are off by less are not told of [s]: people and waves need minutes."""
-ALIKE = 15 * 60.0
 NEAR = 20 * 60.0
 """Lags this near the usual ones are the usual ones [s]."""
 AT_THE_GATE = 50 * 60.0
 """The level answers the outflow sooner than that, whatever the gate [s]."""
 GAIN = 0.12
 """By how much a shift must explain more."""
-REVERSED = 0.15
-REVERSED_DAY = 0.25
-WHOLE_DAY = 0.3
-DRIFT = 20 * 60.0
-STRAIGHT = 0.7
-"""Share of the lags' variance that a straight line explains where a clock drifts."""
-FEW = {"pool": 2, "river": 5}
-"""Days in a row that must agree, where there are so many: the delay of a river changes by itself."""
-DENSE = 0.6
-"""Share of the days between the first and the last of a row that must agree."""
+REVERSED, REVERSED_DAY = 0.15, 0.25
+"""By how much swapped columns must explain more: of all days together, of one day."""
+ENOUGH = 0.4
+"""Share of the days that must be believed for their lags to say anything."""
+POSSIBLE = 10
+"""How many times rather lags that water can have are taken for the usual ones."""
+UNUSUAL = 1.6
+"""Logarithm of the flow against the usual one beyond which a river's delay is not compared."""
 
 
 def clocks(record: Record, fits: Fits) -> list[Finding]:
     """What the lags between the columns say about their clocks."""
     if not fits.right:
         return []
-    if swapped := _swapped(record, fits):
+    if swapped := _swapped(record, fits.together, []):
         return swapped
-    told = _told(record, fits)
+    found = dates(record, fits)
+    others = {date for date in fits.right if not any(date in finding.days for finding in found)}
+    if 2 * len(others) < len(fits.right):
+        return found
+    found += _swapped_on_some(record, fits, others)
+    told = {date: fit for date, fit in _told(record, fits).items() if date in others}
     usual = _usual(told, fits.lags.longest)
-    found = _drift(record, fits, told) if usual else []
-    if usual and not found:
-        found = [*_off(record, fits, told, usual), *_always(record, fits, usual)]
-    return [*found, *_by_a_day(record, fits, {date for finding in found for date in finding.days})]
+    if usual is None or len(told) < ENOUGH * len(others):
+        return found
+    if drifting := drift(record, told):
+        return [*found, *drifting]
+    return [*found, *_off(record, fits, told, usual), *_always(record, fits, usual)]
 
 
 def _told(record: Record, fits: Fits) -> dict[dt.date, Fit]:
@@ -50,9 +57,10 @@ def _told(record: Record, fits: Fits) -> dict[dt.date, Fit]:
     if record.reach.kind == "pool" or len(told) < 2 * FEW["river"]:
         return told
     flow = np.log([max(float(record.days[date]["u_Qi"].mean()), 1e-3) for date in told])
-    lags = np.array([fit.lag_in for fit in told.values()])
     flow -= np.median(flow)
-    slope = float(np.polyfit(flow, lags, 1)[0]) if np.ptp(flow) > 0 else 0.0
+    usual = np.abs(flow) <= UNUSUAL  # beyond it is another unit rather than a flood
+    told, flow = dict(compress(told.items(), usual)), flow[usual]
+    slope = slope_of(flow, np.array([fit.lag_in for fit in told.values()]))
     return {
         date: fit._replace(lag_in=fit.lag_in - slope * float(q))
         for (date, fit), q in zip(told.items(), flow, strict=True)
@@ -67,25 +75,27 @@ def _usual(believed: dict[dt.date, Fit], longest: float) -> tuple[float, float] 
     lags = lags[:: max(1, len(lags) // 1000)]
     alike = (np.abs(lags[:, None] - lags[None]) <= ALIKE).all(axis=2)
     possible = (lags[:, 0] >= 0) & (lags[:, 0] <= longest) & (np.abs(lags[:, 1]) < AT_THE_GATE)
-    most = int(np.argmax(alike.sum(axis=1) * np.where(possible, 3, 1)))
+    most = int(np.argmax(alike.sum(axis=1) * np.where(possible, POSSIBLE, 1)))
     lag_in, lag_out = np.median(lags[alike[most]], axis=0).tolist()
     return lag_in, lag_out
 
 
-def _swapped(record: Record, fits: Fits) -> list[Finding]:
-    right, reverse = fits.together
-    if reverse.explained >= TOLD and reverse.explained - right.explained > REVERSED:
-        days: list[dt.date] = []
-    else:
-        days = [
-            date
-            for date, fit in fits.reverse.items()
-            if fit.explained >= TOLD and fit.explained - fits.right[date].explained > REVERSED_DAY
-        ]
-        days = _rows(record, days, list(fits.right), whole=True)
-        if not days or not record.balanced:
-            return []
-        reverse = fits.of(days)[1]
+def _swapped_on_some(record: Record, fits: Fits, among: set[dt.date]) -> list[Finding]:
+    odd = [
+        date
+        for date in among
+        if fits.reverse[date].explained - fits.right[date].explained > REVERSED_DAY
+        and fits.reverse[date].explained >= TOLD
+    ]
+    days = in_rows(record, sorted(odd), list(fits.right), whole=True) if record.balanced else []
+    return _swapped(record, fits.of(days), days) if days else []
+
+
+def _swapped(record: Record, fit: tuple[Fit, Fit], days: list[dt.date]) -> list[Finding]:
+    """Whether the flows act the other way round, on some days or (none given) all."""
+    right, reverse = fit
+    if reverse.explained < TOLD or reverse.explained - right.explained <= REVERSED:
+        return []
     if not record.balanced:
         text = f"{record.output} falls where u_Qi rises: is a sign turned round, or is it another column?"
     elif reverse.lag_out >= reverse.lag_in:
@@ -102,19 +112,6 @@ def _swapped(record: Record, fits: Fits) -> list[Finding]:
     return [Finding("swapped", text, dict.fromkeys(days, "inflow and outflow look swapped"))]
 
 
-def _column(record: Record, by_in: float, by_out: float) -> tuple[str, float]:
-    """Whose clock is off, and by how much: positive where its stamps are late; "" where it is no one's."""
-    if not record.balanced:
-        return ("u_Qi", -by_in) if by_in else ("", 0.0)
-    if abs(by_in - by_out) <= ALIKE:
-        return record.output, 0.5 * (by_in + by_out)
-    if abs(by_out) <= ALIKE:
-        return "u_Qi", -by_in
-    if abs(by_in) <= ALIKE:
-        return "u_Qo", -by_out
-    return "", 0.0
-
-
 def _off(record: Record, fits: Fits, told: dict[dt.date, Fit], usual: tuple[float, float]) -> list[Finding]:
     """Days on which one clock is off against the usual lags."""
     groups: dict[tuple[str, int], dict[dt.date, float]] = {}
@@ -123,7 +120,7 @@ def _off(record: Record, fits: Fits, told: dict[dt.date, Fit], usual: tuple[floa
         by_in, by_out = fit.lag_in - usual[0], fit.lag_out - usual[1]
         if max(abs(by_in), abs(by_out)) < least or not _better(record, fits, date, usual):
             continue
-        column, late = _column(record, by_in, by_out)
+        column, late = whose(record, by_in, by_out)
         if column and abs(late) >= least:
             # the same hour, give or take minutes, is the same fault
             key = next(
@@ -132,7 +129,7 @@ def _off(record: Record, fits: Fits, told: dict[dt.date, Fit], usual: tuple[floa
             groups.setdefault(key, {})[date] = late
     found = []
     for (column, _), days in groups.items():
-        rows = _rows(record, list(days), list(told))
+        rows = in_rows(record, list(days), list(told))
         if not rows:
             continue
         days = {date: days[date] for date in rows}
@@ -160,22 +157,6 @@ def _better(record: Record, fits: Fits, date: dt.date, usual: tuple[float, float
     if sums is None:
         return not record.balanced
     return fits.right[date].explained - fits.lags.best(sums, near=usual, within=NEAR).explained > GAIN
-
-
-def _rows(record: Record, dates: list[dt.date], among: list[dt.date], whole: bool = False) -> list[dt.date]:
-    """Those of the dates that stand in rows among others (`whole`: what lies between too); one is weather."""
-    order = {date: k for k, date in enumerate(among)}
-    least = min(FEW[record.reach.kind], len(among))
-    rows: list[list[dt.date]] = []
-    for date in dates:
-        if rows and order[date] - order[rows[-1][-1]] <= 2:
-            rows[-1].append(date)
-        else:
-            rows.append([date])
-    dense = [r for r in rows if len(r) >= max(DENSE * (order[r[-1]] - order[r[0]] + 1), least)]
-    if whole:
-        return [date for row in dense for date in among[order[row[0]] : order[row[-1]] + 1]]
-    return [date for row in dense for date in row]
 
 
 def _filled(
@@ -225,81 +206,3 @@ def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Find
         )
         return [Finding("clock", f"{said}: is the clock of u_Qi slow?")]
     return []
-
-
-def _drift(record: Record, fits: Fits, told: dict[dt.date, Fit]) -> list[Finding]:
-    """A clock that goes wrong a little more every day."""
-    if len(told) < 6:
-        return []
-    days = np.array([date.toordinal() for date in told], float)
-    span = float(np.ptp(days))
-    changes = []
-    for lags in ([f.lag_in for f in told.values()], [f.lag_out for f in told.values()]):
-        values = np.array(lags)
-        slope, rest, jump = _line(days, values)
-        straight = rest < (1 - STRAIGHT) * float(values.var()) and rest < jump
-        changes.append(slope * span if straight and abs(slope) * span >= DRIFT else 0.0)
-    if not any(changes):
-        return []
-    column, late = _column(record, *changes)
-    if not column or (not record.balanced and abs(late) < max(fits.lags.longest, 2 * DRIFT)):
-        return []
-    first, last = min(told), max(told)
-    faster = "fast" if late > 0 else "slow"
-    text = (
-        f"the clock of {column} goes {faster}: by {hours(abs(late))} from {first} to {last}, "
-        f"{abs(late) / span:.0f} s a day, against the others'"
-    )
-    return [Finding("drift", text)]
-
-
-def _line(days: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:
-    """Slope of a line, the variance it leaves, and that which the best single jump leaves."""
-    slope, level = np.polyfit(days - days.mean(), values, 1)
-    rest = float(np.var(values - level - slope * (days - days.mean())))
-    jump = min(
-        (k * float(values[:k].var()) + (len(values) - k) * float(values[k:].var())) / len(values)
-        for k in range(1, len(values))
-    )
-    return float(slope), rest, jump
-
-
-SHIFTS = {
-    (-1, 0): ("u_Qi", "early"),
-    (1, 0): ("u_Qi", "late"),
-    (0, -1): ("u_Qo", "early"),
-    (0, 1): ("u_Qo", "late"),
-    (-1, -1): ("", "late"),
-    (1, 1): ("", "early"),
-}
-"""Days by which the flows are taken from another day: whose dates are off ("": the output's), and how."""
-
-
-def _by_a_day(record: Record, fits: Fits, done: set[dt.date]) -> list[Finding]:
-    """Days that fit only with the flows of the day before or after."""
-    groups: dict[tuple[int, int], list[dt.date]] = {}
-    for date, fit in fits.right.items():
-        if date in done or fit.explained >= 0.6:
-            continue
-        best = (fit.explained, (0, 0))
-        for shift in SHIFTS:
-            if not record.balanced and shift[1]:
-                continue
-            sums = fits.lags.sums(date, *shift)
-            if sums is not None:
-                best = max(best, (fits.lags.best(sums).explained, shift))
-        if best[0] >= fit.explained + WHOLE_DAY and best[0] >= 0.5:
-            groups.setdefault(best[1], []).append(date)
-    found = []
-    for shift, days in groups.items():
-        days = _rows(record, days, list(fits.right), whole=True)
-        if not days:
-            continue
-        column, off = SHIFTS[shift]
-        column = column or record.output
-        text = (
-            f"the dates of {column} are a day too {off}: it fits the other columns of the day "
-            f"{'after' if off == 'early' else 'before'}"
-        )
-        found.append(Finding("dates", text, dict.fromkeys(days, f"{column} looks dated a day too {off}")))
-    return found

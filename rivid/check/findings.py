@@ -150,10 +150,10 @@ def times(ratio: float) -> str:
 
     Examples
     --------
-    >>> times(35.31), times(1000.3)
+    >>> times(35.31), times(999.7)
     ('35.3', '1,000')
     """
-    return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
+    return f"{ratio:.3g}" if ratio < 999.5 else f"{ratio:,.0f}"
 
 
 def hours(seconds: float) -> str:

@@ -24,6 +24,7 @@ LONGEST = 24 * HOUR
 LEAST = 24
 """Samples of a day below which nothing is fitted."""
 SINGULAR = 1e-6
+LEAP = 10.0
 ONE_DAY = dt.timedelta(days=1)
 
 
@@ -91,7 +92,9 @@ class Lags:
         self.record, self.step = record, step
         around = round(AROUND / step)
         self.horizon = max(round(HOUR / step), 2)
-        self.inflow = np.arange(-around, round(max(self.longest, HOUR) / step) + around + 1)
+        # of a river both ends may be taken for each other
+        least = around if reach.kind == "pool" else max(around, round(self.longest / step))
+        self.inflow = np.arange(-least, round(max(self.longest, HOUR) / step) + around + 1)
         self.outflow = np.arange(-around, around + 1) if record.balanced else np.zeros(1, int)
 
     def sums(self, date: dt.date, days_in: int = 0, days_out: int = 0) -> Sums | None:
@@ -111,7 +114,7 @@ class Lags:
             x2, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
         if last - first < max(n // 3, LEAST):
             return None
-        y = (level[h:] - level[:-h])[first:last]
+        y = _cut((level[h:] - level[:-h])[first:last])
         y = y - y.mean()
         x1, x2 = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x1, x2))
         return Sums(float(y @ y), x1 @ y, x2 @ y, (x1**2).sum(1), (x2**2).sum(1), x1 @ x2.T)
@@ -183,3 +186,10 @@ class Lags:
             float(c_in[i, o]),
             float(c_out[i, o]),
         )
+
+
+def _cut(moves: Floats) -> Floats:
+    """Moves without the leaps that a gauge makes: cut at so many times what is usual."""
+    middle = np.median(moves)
+    usual = float(np.median(np.abs(moves - middle)))
+    return np.clip(moves, middle - LEAP * usual, middle + LEAP * usual) if usual > 0 else moves

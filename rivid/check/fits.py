@@ -41,11 +41,11 @@ class Fits:
         """The fits to all days at once, the right way round and the other."""
         return self.of(self.right)
 
-    def of(self, dates: Iterable[dt.date]) -> tuple[Fit, Fit]:
-        """The fits to some days at once, the right way round and the other."""
+    def of(self, dates: Iterable[dt.date], shift: tuple[int, int] = (0, 0)) -> tuple[Fit, Fit]:
+        """The fits to some days at once, the right way round and the other; `shift` as of `Lags.sums`."""
         total: Sums | None = None
         for date in dates:
-            sums = self.lags.sums(date)
+            sums = self.lags.sums(date, *shift)
             if sums is not None:
                 total = sums if total is None else total + sums
         if total is None:

@@ -1,6 +1,7 @@
 """The gauge: a level, or a river's discharge, that stands still or jumps while the flows say otherwise."""
 
 import datetime as dt
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,11 +11,13 @@ from rivid.check.record import Floats, Record
 
 SHORTEST = 2 * 3600.0
 """A gauge that stands still for less is not told of [s]."""
+SAMPLES = 16
+"""Nor for fewer samples."""
 LONGER = 4.0
 """How many times longer than usual it must stand still."""
 STEPS = 1.5
 """By how many steps of the gauge the flows must have moved the level meanwhile."""
-FLOW_STEPS, FLOW_SHARE = 5.0, 0.1
+FLOW_STEPS, FLOW_SHARE = 5.0, 0.15
 """The same of a river: steps, and share of its flow."""
 MOST = 3
 """Of a day's spells that are named."""
@@ -28,10 +31,26 @@ BACK = 3600.0
 """A jump that is taken back within this time is a spike [s]."""
 
 
-def gauge(record: Record, fits: Fits) -> list[Finding]:
-    """Spells without motion, jumps and spikes of the output."""
-    spells = _still(record, fits)
-    return [*_said(record, spells), *_jumps(record, spells)]
+def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Finding]:
+    """Spells without motion, jumps and spikes of the output.
+
+    Parameters
+    ----------
+    record : Record
+    fits : Fits
+    others : sequence of Finding
+        What is known already: where a balance does not close, what stands still may be right; where
+        something begins or ends that is wrong with some days, the output jumps at midnight.
+    """
+    open_days = {date for finding in others if finding.kind == "balance" for date in finding.days}
+    seams = {
+        date
+        for finding in others
+        for date in record.days
+        if (date in finding.days) != (date - ONE_DAY in finding.days)
+    }
+    spells = {date: told for date, told in _still(record, fits).items() if date not in open_days}
+    return [*_said(record, spells), *_jumps(record, spells, seams)]
 
 
 def _spells(values: Floats) -> list[tuple[int, int]]:
@@ -49,7 +68,7 @@ def _still(record: Record, fits: Fits) -> Spells:
     every = {date: _spells(day[record.output]) for date, day in record.days.items()}
     # what the gauge does on a usual day, the odd spell itself left out
     usual = float(np.median([_length(spells[1:2]) for spells in every.values()])) * record.step
-    least = max(SHORTEST, LONGER * usual)
+    least = max(SHORTEST, SAMPLES * record.step, LONGER * usual)
     still = {}
     for date, spells in every.items():
         told = [
@@ -95,12 +114,13 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> 
     fit = fits.together[0]
     late = round(fit.lag_in / step) if fit.explained >= TOLD else 0
     if not record.balanced:
-        if fit.explained < TOLD:
-            return False
+        if fit.explained < TOLD:  # then only a day without any motion tells
+            still, inflow = last - first == len(day), day["u_Qi"]
+            return still and float(np.ptp(inflow)) > FLOW_SHARE * float(np.abs(inflow).mean())
         flows = [record.days[d]["u_Qi"] for d in (date - ONE_DAY, date) if d in record.days]
         flow = np.concatenate(flows)[-len(day) - late :] if len(flows) > 1 else np.roll(day["u_Qi"], late)
         due = fit.gain_in * float(np.ptp(flow[first:last]))
-        return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(flow.mean()))
+        return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(day["Q_L"].mean()))
     moved = np.roll(day["u_Qi"], max(late, 0)) - day["u_Qo"]
     moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
     volume = np.cumsum(moved - moved.mean())[first:last] * step
@@ -108,44 +128,26 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> 
     return float(np.ptp(volume)) * gain > STEPS * max(record.resolution, 1e-3)
 
 
-def _jumps(record: Record, still: Spells) -> list[Finding]:
+def _jumps(record: Record, still: Spells, seams: Collection[dt.date]) -> list[Finding]:
     """Jumps from one sample to the next that no flow explains, and that stay."""
     rests = _rest(record)
     if not rests:
         return []
     every = np.concatenate([np.abs(rest) for rest in rests.values()])
     least = max(JUMP * float(np.percentile(every, 99)), JUMP_STEPS * record.resolution)
-    if least <= 0:
-        return []
     jumps: dict[dt.date, str] = {}
     spikes: dict[dt.date, str] = {}
-    unit = record.reach.output_unit
-    for date, rest in rests.items():
-        values = record.days[date][record.output]
-        k = 0
+    for date, rest in rests.items() if least > 0 else ():
         at = np.flatnonzero(np.abs(rest) >= least).tolist()
         # a gauge that comes free again jumps
-        at = [k for k in at if not any(a - 2 <= k <= b + 1 for a, b in still.get(date, []))]
-        steps, thorns = [], []
-        while k < len(at):
-            here = at[k]
-            until = _back(rest, here, at[k + 1 :], record.step)
-            if until is not None:
-                peak = values[here + 1 : until + 1]
-                thorns.append(
-                    f"{record.clock(here + 1)} ({peak[np.abs(peak - values[here]).argmax()]:.6g} {unit})"
-                )
-                while k < len(at) and at[k] <= until:
-                    k += 1
-                continue
-            stays = _stays(values, here)
-            if abs(stays) >= 0.7 * least and stays * rest[here] > 0:
-                steps.append(f"{stays:+.3g} {unit} at {record.clock(here + 1)}")
-            k += 1
-        if steps:
-            jumps[date] = f"{record.output} jumps by {_some(steps)}"
-        if thorns:
-            spikes[date] = f"{record.output} leaps away and back at {_some(thorns)}"
+        at = [k for k in at if not any(a - 1 <= k <= b + 2 for a, b in still.get(date, []))]
+        at = [k for k in at if k > 0 or date not in seams]
+        if at:
+            steps, thorns = _kinds(record, date, rest, at, 0.7 * least)
+            if steps:
+                jumps[date] = f"{record.output} jumps by {_some(steps)}"
+            if thorns:
+                spikes[date] = f"{record.output} leaps away and back at {_some(thorns)}"
     found = []
     for kind, days, why in (
         ("jump", jumps, "no flow explains it: was the gauge moved, or its datum?"),
@@ -170,22 +172,54 @@ def _back(rest: Floats, here: int, later: list[int], step: float) -> int | None:
     return None
 
 
+def _kinds(
+    record: Record, date: dt.date, rest: Floats, at: list[int], least: float
+) -> tuple[list[str], list[str]]:
+    """Jumps that stay and jumps that are taken back, in words."""
+    unit, values = record.reach.output_unit, record.days[date][record.output]
+    around = _beside(record, date, record.output, BESIDE)
+    steps, thorns, until = [], [], -1
+    for n, here in enumerate(at):
+        if here <= until:
+            continue
+        back = _back(rest, here, at[n + 1 :], record.step)
+        if back is not None:
+            until = back
+            peak = values[here:back]
+            height = peak[np.abs(peak - around[here + BESIDE - 1]).argmax()]
+            thorns.append(f"{record.clock(here)} ({height:.6g} {unit})")
+            continue
+        before, after = around[here : here + BESIDE], around[here + BESIDE : here + 2 * BESIDE]
+        stays = float(np.median(after) - np.median(before))
+        if abs(stays) >= least and stays * rest[here] > 0:
+            steps.append(f"{stays:+.3g} {unit} at {record.clock(here)}")
+    return steps, thorns
+
+
 def _some(words: list[str]) -> str:
     return ", ".join(words[:MOST]) + (f" and {len(words) - MOST} times more" if len(words) > MOST else "")
 
 
-def _stays(values: Floats, at: int) -> float:
-    """By how much the means on both sides of a jump differ, less what the values did anyhow."""
-    before, after = values[max(at + 1 - BESIDE, 0) : at + 1], values[at + 1 : at + 1 + BESIDE]
-    return float(np.median(after) - np.median(before))
+def _beside(record: Record, date: dt.date, name: str, n: int) -> Floats:
+    """A column with n samples of the day before and after; where there is none, with its own ends."""
+    days = record.days
+    values = days[date][name]
+    before, after = date - ONE_DAY, date + ONE_DAY
+    left = days[before][name][-n:] if before in days else np.full(n, values[0])
+    right = days[after][name][:n] if after in days else np.full(n, values[-1])
+    return np.concatenate([left, values, right])
 
 
 def _rest(record: Record) -> dict[dt.date, Floats]:
-    """The output's moves from sample to sample, less what the outflow's moves of these minutes explain."""
-    moves = {date: np.diff(day[record.output]) for date, day in record.days.items() if len(day) > 2 * BESIDE}
+    """The output's move into each sample, less what the outflow's moves of these minutes explain."""
+    moves = {
+        date: np.diff(_beside(record, date, record.output, 1))[:-1]
+        for date, day in record.days.items()
+        if len(day) > 2 * BESIDE
+    }
     if not record.balanced:
         return moves
-    gates = {date: _gates(np.diff(record.days[date]["u_Qo"])) for date in moves}
+    gates = {date: _gates(np.diff(_beside(record, date, "u_Qo", 1))[:-1]) for date in moves}
     gram, right = np.zeros((len(BACKS), len(BACKS))), np.zeros(len(BACKS))
     for date, move in moves.items():
         # jumps must not be learnt: they are cut

@@ -4,6 +4,8 @@ import datetime as dt
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from rivid.check.clocks import clocks
 from rivid.check.findings import ONE_DAY, DayReport, Finding, Report
 from rivid.check.fits import Fits
@@ -15,7 +17,7 @@ from rivid.check.units import units
 from rivid.config import Config
 from rivid.errors import DataError, PendingError
 from rivid.logs.find import find_days
-from rivid.logs.read import DataSet, read_window
+from rivid.logs.read import DataSet, read_window, refuse_columns
 
 LONGEST = 100_000
 """Days between the first and the last among which missing ones are looked for."""
@@ -40,8 +42,11 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
     ------
     NoDataError
         Where there is no log.
+    ConfigError
+        Where the configuration names columns that no log has.
     """
     catalog = find_days(root, config)
+    refuse_columns(root, catalog.days, config)
     days, record, spacing = [], Record(config.reach), Spacing(root, config)
     for source in catalog.days:
         try:
@@ -76,15 +81,13 @@ def look(days: list[DataSet], config: Config) -> list[Finding]:
 def _look(record: Record, config: Config) -> list[Finding]:
     if not record.days:
         return []
-    fits = Fits(record)
+    with threadpool_limits(1):  # the matrices are small
+        fits = Fits(record)
     times = clocks(record, fits)
     doubtful = {date for finding in times for date in finding.days or record.days}
-    return [
-        *units(record, fits, config, doubtful),
-        *times,
-        *gauge(record, fits),
-        *same(record, config.run.min_motion),
-    ]
+    flows = units(record, fits, config, doubtful)
+    others = [*flows, *times, *same(record, config.run.min_motion)]
+    return [*others, *gauge(record, fits, others)]
 
 
 def _good_day(data: DataSet) -> DayReport:

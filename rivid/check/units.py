@@ -68,7 +68,7 @@ class Flows:
         return [finding for name in self.record.flows[1:] for finding in self._pair("u_Qi", name)]
 
     def _pair(self, one: str, other: str) -> list[Finding]:
-        groups: dict[tuple[str, str, str], dict[dt.date, float]] = {}
+        groups: dict[tuple[str, str, bool], dict[dt.date, float]] = {}
         stored, usual = self._stored(), self.median[one]
         for date in self.record.days:
             a, b = self.means[one][date], self.means[other][date]
@@ -80,22 +80,22 @@ class Flows:
             unit = named(ratio, factors_of(self.config, large), FLOW_MARGIN)
             unit = unit or named(ratio, self._inverse(small), FLOW_MARGIN)
             if unit and ratio / MOVES < moves < ratio * MOVES:
-                groups.setdefault((large, small, unit), {})[date] = ratio
+                groups.setdefault((large, small, True), {})[date] = ratio
             elif ratio > OPEN and not still and abs(a - b - stored.get(date, 0.0)) > PART * usual:
-                groups.setdefault((large, small, ""), {})[date] = ratio
+                groups.setdefault((large, small, False), {})[date] = ratio
         found = []
-        for (large, small, unit), ratios in groups.items():
-            dates = list(ratios) if unit else self._in_rows(list(ratios))
-            if not unit and not self._is_open(large, small, dates, stored):
+        for (large, small, is_unit), ratios in groups.items():
+            dates = list(ratios) if is_unit else self._in_rows(list(ratios))
+            if not is_unit and not self._is_open(large, small, dates, stored):
                 continue
             ratio = float(np.median([ratios[date] for date in dates]))
             said = f"{large} is {times(ratio)} times {small}"
-            text = self._unit_words(large, small, ratio) if unit else (
+            text = self._unit_words(large, small, ratio) if is_unit else (
                 f"{said}: the water balance does not close; is a part of {small} missing?"
             )  # fmt: skip
             whole = len(dates) == len(self.record.days)
             days = {} if whole else {d: f"{large} is {times(ratios[d])} times {small}" for d in dates}
-            found.append(Finding("unit" if unit else "balance", text, days))
+            found.append(Finding("unit" if is_unit else "balance", text, days))
             self.told |= {large, small}
         return found
 
@@ -108,6 +108,12 @@ class Flows:
         read_as = {name: self.config.input.units.get(name, "m3/s") for name in (large, small)}
         too_large = named(ratio, factors_of(self.config, large), FLOW_MARGIN)
         too_small = named(ratio, self._inverse(small), FLOW_MARGIN)
+        if too_large and too_small:  # the nearer one
+            large_by, small_by = factors_of(self.config, large)[too_large], self._inverse(small)[too_small]
+            if abs(np.log(ratio / large_by)) < abs(np.log(ratio / small_by)):
+                too_small = ""
+            else:
+                too_large = ""
         sound = [name for name in (large, small) if self._is_sound(name)]
         said = f"{large} is {times(ratio)} times {small}"
         if too_large and sound != [large]:

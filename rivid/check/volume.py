@@ -12,7 +12,7 @@ from rivid.config import UNITS, Config
 
 MARGIN, MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
 """A factor may be off by so much, as no area is known better; by less where there are few days."""
-FAR = 3.0
+FAR = 4.0
 """How far the area of the balance may be from the declared one [ratio]."""
 HEIGHT_MARGIN = 1.1
 LEVEL_RANGE = 20.0
@@ -112,6 +112,6 @@ def _against_volume(
         return [Finding("unit", f'{said}: is h_L in {unit}, not in {read_as}? [input.units] h_L = "{unit}"')]
     if unit := named(1 / ratio, flows, margin):
         return [Finding("unit", f"{said}: are both flows in {unit}? Set [input.units], or check the area")]
-    if declared and not 1 / FAR < ratio < FAR:
+    if declared and not doubtful and not 1 / FAR < ratio < FAR:
         return [Finding("balance", f"{said}: {area / ratio:.2g} m2 would fit. Check it, and the units")]
     return []

@@ -31,11 +31,11 @@ def command(
     """Say what is wrong with the logs in DATA_DIR, without estimating.
 
     Days that cannot be used, and why; then what only many days together tell: columns in another unit (a
-    factor of 35.3 between inflow and outflow is cfs against m3/s), a water balance that does not close, a level
-    that moves too much for the pool's area, inflow and outflow swapped, clocks that are off by an hour or a
-    day or drift, a gauge that stands still or jumps, days that are copies of others, rows that come more or
-    less often than sample_time says. Each is said once, with its dates. A fleet's directory is checked reach
-    by reach.
+    factor of 35.3 between inflow and outflow is cfs against m3/s), a water balance that does not close, a
+    level that moves too much for the pool's area, inflow and outflow swapped, clocks that are off by an hour
+    or a day or drift, a gauge that stands still or jumps, days that are copies of others, rows that come more
+    or less often than sample_time says. Each is said once, with its dates. A fleet's directory is checked
+    reach by reach.
 
     Exit code: 0 all fine, 3 something is wrong, 2 the configuration is, 10 no logs.
 
