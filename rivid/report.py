@@ -1,7 +1,6 @@
 """report.html: one self-contained page that says what a run found, and shows it."""
 
 import base64
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from rivid import __version__
-from rivid.atomic import write_text
 from rivid.figures import FigureFile
 from rivid.figures.attention import SHOWN, Attention
 from rivid.figures.glance import glance
@@ -31,6 +29,7 @@ from rivid.figures.words import (
     probability,
     share,
 )
+from rivid.page import write_page
 from rivid.results import EstimatorResults, Results
 
 MOST = 400
@@ -75,28 +74,7 @@ def write_report(
     RividError
         Where the page cannot be written or a figure cannot be read.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("rivid", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    path = out / "report.html"
-    style = environment.loader.get_source(environment, "report.css")[0]  # type: ignore[union-attr]
-    context = {**_context(results, figures, summary), **_style(style)}
-    write_text(path, environment.get_template("report.html.j2").render(context))
-    return path
-
-
-def _style(text: str) -> dict[str, Any]:
-    """The style sheet, and the hash by which alone the page's policy lets a browser use it."""
-    from markupsafe import Markup
-
-    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
-    return {"style": Markup(text), "style_hash": f"sha256-{digest}"}
+    return write_page(out / "report.html", "report", _context(results, figures, summary))
 
 
 def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[str, Any]) -> dict[str, Any]:

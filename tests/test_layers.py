@@ -16,7 +16,7 @@ ORDER = [
     {"estimator_config"},
     {"config", "atomic", "lean", "leash", "reach", "settled"},
     {"tables"},
-    {"effects", "logs", "results", "estimators", "preload"},
+    {"effects", "logs", "results", "estimators", "page", "preload"},
     {"scenario", "seasons"},
     {"simulation", "figures", "rows"},
     {"diagnosis", "store", "merge", "report", "check", "record"},

@@ -114,8 +114,8 @@ def _no_day(
     """Why no day can be used: none is asked for, or each failed."""
     if not any(date for date, _ in failed) and dates:
         return (
-            f"no day from {first or 'the first'} to {last or 'the last'}: {root} has them from {min(dates)} to "
-            f"{max(dates)}"
+            f"no day from {first or 'the first'} to {last or 'the last'}: "
+            f"{root} has them from {min(dates)} to {max(dates)}"
         )
     return (
         f"{root}: none of {len(failed)} days or files can be used; the first, {failed[0][0] or 'a file'}: "

@@ -15,6 +15,7 @@ from rivid.atomic import replacing, write_text
 from rivid.figures.words import count, duration, number
 from rivid.fleet.outcome import Outcome, worst
 from rivid.merge import safe_for_spreadsheets
+from rivid.page import write_page
 from rivid.tables import write_parquet
 
 SCHEMA_VERSION = 1
@@ -105,17 +106,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     with replacing(out / "fleet.csv") as scratch:
         pyarrow.csv.write_csv(safe, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
     told = summary(outcomes, before)
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("rivid", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("fleet.html.j2").render(_context(outcomes, told, before, name))
-    write_text(out / "fleet.html", page)
+    write_page(out / "fleet.html", "fleet", _context(outcomes, told, before, name))
     write_text(out / "fleet.json", json.dumps(told, indent=1, sort_keys=True) + "\n")
     return told
 

@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rivid import __version__
-from rivid.atomic import write_text
+from rivid import __version__, page
 from rivid.diagnosis.loop.result import ClosedLoop
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Regime
 from rivid.diagnosis.telling.evidence import Evidence
@@ -77,20 +76,9 @@ def write_page(
     RividError
         Where the page cannot be written or a figure cannot be read.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("rivid", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    path = out / "diagnosis.html"
     known = effect_classes() if classes is None else classes
     context = _context(diagnosis, evidence, figures, reach, known)
-    write_text(path, environment.get_template("diagnosis.html.j2").render(context))
-    return path
+    return page.write_page(out / "diagnosis.html", "diagnosis", context)
 
 
 def _context(

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rivid import __version__
-from rivid.atomic import write_text
+from rivid import __version__, page
 from rivid.figures.paper.sheets import PaperFigure
 from rivid.figures.paper.year import Year
 from rivid.figures.words import count, day_range, number
@@ -34,28 +33,20 @@ def write(year: Year, figures: Sequence[PaperFigure], folder: Path) -> Path:
     Path
         The page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("rivid", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     parts = [
         (heading, f"part{i}", [f for f in figures if f.number in numbers])
         for i, (heading, numbers) in enumerate(PARTS, 1)
     ]
-    page = folder / "index.html"
-    text = environment.get_template("paper.html.j2").render(
-        reach=year.config.reach.name,
-        period=day_range(year.dates[0], year.dates[-1]),
-        days=count(len(year.dates), "day"),
-        left_out=year.left_out,
-        sample_time=number(year.sample_time),
-        version=__version__,
-        parts=parts,
+    return page.write_page(
+        folder / "index.html",
+        "paper",
+        dict(
+            reach=year.config.reach.name,
+            period=day_range(year.dates[0], year.dates[-1]),
+            days=count(len(year.dates), "day"),
+            left_out=year.left_out,
+            sample_time=number(year.sample_time),
+            version=__version__,
+            parts=parts,
+        ),
     )
-    write_text(page, text)
-    return page
