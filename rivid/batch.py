@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from rivid import estimators
+from rivid.answers import Answer, Days, Estimator, Floats
 from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import DataError, PendingError, printable
-from rivid.estimators import Answer, Days, Estimator, Floats
 from rivid.logs.find import DaySource
 from rivid.logs.read import DataSet, read_window
 from rivid.tables import SEGMENT, to_table
@@ -131,12 +131,7 @@ def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple
     inflow = np.stack([data.inflow for _, data in group])
     output = np.stack([data.output for _, data in group])
     outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
-    days = Days(
-        _deviations(inflow), _deviations(output), _deviations(np.stack(outflow)) if outflow else None,
-        inflow[:, 0],
-    )  # fmt: skip
-    still = np.ptp(days.u, axis=1) < config.run.min_motion * np.abs(inflow).max(axis=1)
-    days.u[still] = 0.0  # so that rounding noise on a constant is not taken for motion
+    days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
     answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
     for estimator in estimators.build(config):
         if days.u.shape[1] <= estimator.n_more_than:
@@ -152,10 +147,6 @@ def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple
         for i, (window, data) in enumerate(group):
             answers[i][1].append(_row(window, data, config, estimator, answer, i, days))
     return answers
-
-
-def _deviations(values: Floats) -> Floats:
-    return np.asarray(values - values[:, :1])
 
 
 def _row(

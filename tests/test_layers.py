@@ -14,7 +14,7 @@ ORDER = [
     {"errors"},
     {"core", "input_config", "shard"},
     {"estimator_config"},
-    {"config", "atomic", "lean", "leash", "reach", "settled"},
+    {"config", "answers", "atomic", "lean", "leash", "reach", "settled"},
     {"tables"},
     {"effects", "logs", "results", "estimators", "page", "preload"},
     {"scenario", "seasons"},

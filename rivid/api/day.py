@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rivid.answers import Days
 from rivid.api.given import GivenConfig, GivenDate, as_config, as_date
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
@@ -89,20 +90,23 @@ class Day:
     @property
     def u(self) -> Floats:
         """Inflow as deviation from the first sample [m3/s]; zero where it does not move (min_motion)."""
-        u = self.inflow - self.inflow[0]
-        # rounding noise on a constant is not motion: the same rule as of a run
-        still = np.ptp(u) < self.config.run.min_motion * np.abs(self.inflow).max()
-        return np.zeros_like(u) if still else u
+        return np.asarray(self._deviations.u[0])
 
     @property
     def y(self) -> Floats:
         """Output as deviation from the first sample [m or m3/s]."""
-        return np.asarray(self.output - self.output[0])
+        return np.asarray(self._deviations.y[0])
 
     @property
     def o(self) -> Floats | None:
         """Outflow as deviation from the first sample [m3/s]."""
-        return None if self.outflow is None else np.asarray(self.outflow - self.outflow[0])
+        o = self._deviations.o
+        return None if o is None else np.asarray(o[0])
+
+    @property
+    def _deviations(self) -> Days:
+        outflow = None if self.outflow is None else self.outflow[None]
+        return Days.of(self.inflow[None], self.output[None], outflow, self.config.run.min_motion)
 
     def plot(self) -> "Picture":
         """The flows, and below them the level or the discharge."""

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.answers import Answer, Days
 from rivid.api.day import Day
 from rivid.api.estimate import days_words, delay_words, draw_days, draw_response, mark
 from rivid.api.given import GivenConfig, as_config
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, RividError
-from rivid.estimators import Answer, Days, build
+from rivid.estimators import build
 
 if TYPE_CHECKING:
     from rivid.api.picture import Picture
