@@ -30,7 +30,9 @@ class Fits:
         self.record, self.lags = record, Lags(record)
         self.right: dict[dt.date, Fit] = {}
         self.reverse: dict[dt.date, Fit] = {}
-        for date in record.days:
+        # without its outflow a pool's level says little of its inflow: people hold it
+        fitted = record.balanced or record.reach.kind == "river"
+        for date in record.days if fitted else ():
             sums = self.lags.sums(date)
             if sums is not None:
                 self.right[date] = self.lags.best(sums)

@@ -114,13 +114,13 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> 
     fit = fits.together[0]
     late = round(fit.lag_in / step) if fit.explained >= TOLD else 0
     if not record.balanced:
-        if fit.explained < TOLD:  # then only a day without any motion tells
+        if fit.explained < TOLD or record.reach.kind == "pool":  # then only a day without any motion tells
             still, inflow = last - first == len(day), day["u_Qi"]
             return still and float(np.ptp(inflow)) > FLOW_SHARE * float(np.abs(inflow).mean())
         flows = [record.days[d]["u_Qi"] for d in (date - ONE_DAY, date) if d in record.days]
         flow = np.concatenate(flows)[-len(day) - late :] if len(flows) > 1 else np.roll(day["u_Qi"], late)
         due = fit.gain_in * float(np.ptp(flow[first:last]))
-        return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(day["Q_L"].mean()))
+        return due > max(FLOW_STEPS * record.resolution, FLOW_SHARE * float(day[record.output].mean()))
     moved = np.roll(day["u_Qi"], max(late, 0)) - day["u_Qo"]
     moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
     volume = np.cumsum(moved - moved.mean())[first:last] * step

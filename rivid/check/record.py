@@ -72,7 +72,8 @@ class Record:
         for name in sorted(columns):
             digest.update(np.ascontiguousarray(columns[name]).tobytes())
         kept = {name: self._coarser(values) for name, values in columns.items()}
-        self.days[data.date] = Day(data.date, kept, digest.hexdigest())
+        if len(kept["u_Qi"]):
+            self.days[data.date] = Day(data.date, kept, digest.hexdigest())
 
     def _coarser(self, values: Floats) -> Kept:
         m = self.merged

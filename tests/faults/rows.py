@@ -17,6 +17,8 @@ CORPUS = "tests/test_ingest_corpus.py::"
 RUN = "tests/run/test_run.py::"
 PROMISES = "tests/run/test_promises.py::"
 FLEET = "tests/fleet/"
+CHECK = "tests/check/test_"
+PROPERTIES = "tests/core/test_properties.py::"
 
 
 @dataclass(frozen=True)
@@ -253,10 +255,88 @@ ROWS = (
     ),
     Row(
         "Wrong units",
-        "a warning, by range and water balance",
+        "`check` names the unit, by range, water balance and the pool's area, with factor and dates",
         {
-            "tests/test_check.py::test_wrong_units_are_warned_of": "x 1000, x 0.0283, x 35.3",
-            "tests/test_check.py::test_both_flows_in_another_unit_are_seen_by_their_range": "both flows x 35.3",
+            f"{CHECK}units.py::test_a_column_in_another_unit_is_named_with_unit_and_factor": (
+                "cfs, L/s, m3/h, cm, mm or ft, or converted twice, on 1, 7 or 40 days"
+            ),
+            f"{CHECK}units.py::test_the_levels_unit_is_told_in_other_reaches_too": "a level in cm or ft, three reaches",
+            f"{CHECK}units.py::test_a_unit_that_changes_on_a_date_is_told_with_its_dates": "a unit that changes on a date",
+            f"{CHECK}units.py::test_both_flows_in_another_unit_are_told_by_their_range_or_by_the_level": (
+                "both flows in cfs"
+            ),
+            f"{CHECK}units.py::test_a_unit_that_is_declared_and_is_not_so": "a unit that is declared and is not so",
+            f"{CHECK}units.py::test_a_part_of_the_outflow_that_is_missing_for_weeks_is_told_and_a_single_day_is_not": (
+                "half of the outflow lost for ten days"
+            ),
+        },
+    ),
+    Row(
+        "Clocks an hour or a day off, clocks that drift, summer time in a logger, columns swapped",
+        "`check` names the column, how much, and the dates",
+        {
+            f"{CHECK}clocks.py::test_an_hour_from_a_date_on": "one column an hour early or late, from a date on",
+            f"{CHECK}clocks.py::test_an_hour_on_every_day_is_told_by_what_no_water_does": "the same on every day",
+            f"{CHECK}clocks.py::test_a_clock_that_drifts": "one column's clock 60 to 90 s a day fast or slow",
+            f"{CHECK}clocks.py::test_dates_that_are_a_day_off": "one column dated a day early or late",
+            f"{CHECK}clocks.py::test_swapped_columns_from_a_date_on_or_always": "inflow and outflow swapped",
+            f"{CHECK}clocks.py::test_a_level_that_is_measured_downwards": "a level measured downwards",
+            f"{CHECK}clocks.py::test_a_river_whose_ends_are_swapped": "a river's ends swapped",
+            f"{CHECK}clocks.py::test_an_hour_in_a_river_from_a_date_on": "an hour in a river",
+            f"{CHECK}spacing.py::test_a_logger_that_keeps_summer_time_is_told_by_both_nights": (
+                "a logger that keeps summer time"
+            ),
+            f"{CHECK}spacing.py::": "rows more or less often than sample_time",
+        },
+    ),
+    Row(
+        "A gauge that stands still or jumps, copies of days, flows that never move",
+        "`check` names the times of day and the dates, once",
+        {
+            f"{CHECK}gauge.py::test_a_gauge_that_stands_still_for_hours": "a gauge stuck for five hours",
+            f"{CHECK}gauge.py::test_a_gauge_that_stands_still_for_days_is_told_once": "a gauge stuck for a week",
+            f"{CHECK}gauge.py::test_a_dead_gauge_on_every_day": "a gauge dead on every day",
+            f"{CHECK}gauge.py::test_a_jump_that_stays_is_told_with_its_size": "a gauge that jumps by 0.2 to 3 m",
+            f"{CHECK}gauge.py::test_a_jump_between_two_days_is_told": "a jump at midnight",
+            f"{CHECK}gauge.py::test_a_spike_is_told_with_its_reading": "three readings of another world",
+            f"{CHECK}same.py::test_the_same_samples_under_two_dates": "a day under two dates",
+            f"{CHECK}same.py::test_a_week_that_was_copied_is_told_once": "a week copied",
+            f"{CHECK}same.py::test_the_level_of_another_day": "the level of another day",
+            f"{CHECK}same.py::test_flows_that_never_move": "an outflow that never moves",
+        },
+    ),
+    Row(
+        "Sound logs, of any kind of reach",
+        "`check` says nothing",
+        {
+            f"{CHECK}false_alarms.py::{name}": ""
+            for name in (
+                "test_nothing_is_said_of_sound_seasons",
+                "test_nothing_is_said_of_sound_seasons_whose_outflow_is_not_logged",
+                "test_next_to_nothing_is_said_of_long_sound_seasons",
+                "test_nothing_is_said_of_the_samples",
+            )
+        }
+        | {
+            f"{CHECK}gauge.py::test_a_coarse_gauge_is_not_stuck": "a gauge of steps of 2, 5 and 10 cm",
+            f"{CHECK}units.py::test_a_reservoir_that_fills_closes_its_balance": "a reservoir that fills",
+        },
+    ),
+    Row(
+        "Any finite input",
+        "a result or a reason, and what symmetry demands",
+        own("test_check_anything", "test_any_finite_days_give_findings_in_words", "test_any_bytes_checked")
+        | {
+            f"{PROPERTIES}test_any_finite_input_gives_a_result_or_a_reason": (
+                "25 to 60 generated series from 1e-30 to 1e36, for each estimator"
+            ),
+            f"{PROPERTIES}test_scaling_y_scales_h_and_leaves_d": "60 seasons scaled by 1e-12 to 1e12, either sign",
+            f"{PROPERTIES}test_adding_a_constant_changes_nothing": "60 seasons, with constants added",
+            f"{PROPERTIES}test_shifting_the_inflow_by_a_sample_shifts_d_by_one": (
+                "60 noise-free days, the inflow a sample earlier or later"
+            ),
+            f"{PROPERTIES}test_noise_free_the_delay_is_found": "60 noise-free days",
+            f"{PROPERTIES}test_a_number_that_is_none_is_refused_with_its_row": "40 days with a NaN or an infinity",
         },
     ),
     Row(
@@ -279,6 +359,7 @@ ROWS = (
             "test_texts",
             "test_a_name_that_leads_elsewhere_is_refused",
             "test_hostile_names_of_reaches_of_a_fleet",
+            "test_names_of_devices_and_options_for_reaches_logs_and_directories",
             "test_out_with_links_that_lead_out_writes_nothing_through_them",
         )
         | {
@@ -324,6 +405,7 @@ ROWS = (
             "test_what_is_no_file",
             "test_hostile_options",
         )
+        | own("test_check_anything", "test_a_hostile_configuration_of_a_check_is_one_line")
         | {
             "tests/test_config.py::test_a_fault_names_the_key_what_came_and_what_is_valid": "a fault of each kind",
             f"{READING}test_hostile_declarations_are_refused_in_one_line": "hostile [input]",

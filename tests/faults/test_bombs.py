@@ -86,9 +86,10 @@ def test_bombs_are_refused_by_every_command_that_reads(tmp_path, tried, kind):
     config.write_text("")
     for words, codes in (
         (("run", data, "--out", tmp_path / "out", "--no-figures"), (3,)),
+        (("check", data), (3,)),
         (("sniff", bomb), (0, 1, 2)),  # the first rows will do
         (("ingest", bomb, "--out", tmp_path / "logs", "--config", config), (1, 2)),
-    )[: 2 if kind in EXPORTS else 3]:
+    )[: 3 if kind in EXPORTS else 4]:
         began = time.monotonic()
         done = command(*words, preexec_fn=limited)
         assert time.monotonic() - began < 20
@@ -96,4 +97,4 @@ def test_bombs_are_refused_by_every_command_that_reads(tmp_path, tried, kind):
         assert "Traceback" not in done.stderr
         assert DAY.isoformat() in done.stdout + done.stderr
     assert not (tmp_path / "logs").exists()
-    tried(f"{kind}: run, sniff, ingest, with 3 GB of address space", 2 if kind in EXPORTS else 3)
+    tried(f"{kind}: run, check, sniff, ingest, with 3 GB of address space", 3 if kind in EXPORTS else 4)

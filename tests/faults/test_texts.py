@@ -115,6 +115,39 @@ def test_hostile_names_of_reaches_of_a_fleet(tmp_path, tried):
     tried("a fleet's directory whose name is a formula, markup or a path", len(names))
 
 
+DEVICES = ("CON", "NUL", "aux", "COM1", "LPT1.txt")
+"""Names that Windows keeps for itself."""
+OPTIONS = ("-rf", "--help", "-", "--out=x", "...", "..x", ".hidden")
+
+
+def test_names_of_devices_and_options_for_reaches_logs_and_directories(tmp_path, tried):
+    """They are names like others, or refused; nothing lands outside OUT, nothing is taken for an option."""
+    data, names = tmp_path / "data", (*DEVICES, *OPTIONS)
+    for name in names:
+        write_days(data / name, 1)
+    done = command("run", data, "--out", tmp_path / "out", "--no-figures")
+    assert done.returncode in (0, 2), done.stderr
+    made = {path.name for path in (tmp_path / "out").iterdir() if path.is_dir()} - {".rivid"}
+    assert {"CON", "-rf"} <= made <= set(names) and ".hidden" not in made
+    assert {path.name for path in tmp_path.iterdir()} == {"data", "out"}
+    tried("a reach whose directory is called like a device of Windows, an option, or hidden", len(names))
+
+    odd = tmp_path / "-logs"
+    for k, name in enumerate(names):
+        days = [FIRST.replace(day=1 + 2 * k + j) for j in (0, 1)]
+        odd.mkdir(exist_ok=True)
+        (odd / f"{name}.csv").write_text(text_of(days[0]) + text_of(days[1]).split("\n", 1)[1])
+    done = command("run", "--no-figures", "--out", "-out", "--", "-logs", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = (tmp_path / "-out" / "delays.csv").read_text().splitlines()
+    assert len(rows) == 1 + 2 * sum(not name.startswith(".") for name in names)
+    assert {path.name for path in tmp_path.iterdir()} == {"data", "out", "-logs", "-out"}
+    assert command("check", "--", "-logs", cwd=tmp_path).returncode == 0
+    tried(
+        "a log called like a device, an option, or hidden, in a directory called like an option", len(names)
+    )
+
+
 @settings(max_examples=300, deadline=None)
 @given(st.text(max_size=90))
 def test_a_reach_is_called_by_letters_digits_dot_underscore_hyphen(name):
