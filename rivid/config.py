@@ -135,7 +135,7 @@ class DiagnoseConfig(Section):
     effects_file: Annotated[
         Path | None, Means("-", "a Python file with effects of yours, beside the configuration")
     ] = None
-    most_effects: Annotated[int, Field(ge=0, le=10), Means("-", "no more effects than this are added")] = 4
+    most_effects: Annotated[int, Field(ge=1, le=10), Means("-", "no more effects than this are added")] = 4
 
 
 class Config(Section):

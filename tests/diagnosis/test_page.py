@@ -256,6 +256,17 @@ def test_values_are_said_again_as_people_say_them(tmp_path):
     assert "and 31 more, in diagnosis.json" in said
 
 
+def test_a_size_that_changes_is_one_row(tmp_path):
+    sizes = tuple(
+        Estimate(f"size[{i}]", 100.0 + 10 * i, "m3/s", 95.0 + 10 * i, 105.0 + 10 * i) for i in range(8)
+    )
+    effect = dataclasses.replace(DIURNAL, parameters=sizes)
+    said = page(tmp_path, "explained", effects=(effect,)).words.replace("\u00a0", " ")
+    assert said.count("100 m³/s (95 to 105); 110 m³/s (105 to 115)") == 1 and "size[" not in said
+    assert "Diurnal inflow was missing: size from 100 to 170 m³/s" in said, said
+    assert said.count("one after the other") == 1
+
+
 def test_names_and_texts_are_text_and_never_markup(tmp_path):
     attack = '"><script>alert(1)</script><img src=x onerror=alert(1)>'
     effect = dataclasses.replace(

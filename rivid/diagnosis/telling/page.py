@@ -6,12 +6,13 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from rivid import __version__, page
 from rivid.diagnosis.loop.result import ClosedLoop
-from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Regime
+from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Regime
 from rivid.diagnosis.telling.evidence import Evidence
 from rivid.diagnosis.telling.spelling import (
     aside,
@@ -153,11 +154,11 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.da
         "looks": "" if one is None else one.looks,
         "parameters": [
             (
-                p.name.replace("_", " "),
-                estimate_words(p),
-                "; ".join(part for part in (aside(p, first), meanings.get(p.name.split("[")[0], "")) if part),
+                name.replace("_", " "),
+                "; ".join(map(estimate_words, of)),
+                _meaning(of, first, meanings),
             )
-            for p in effect.parameters[:MOST]
+            for name, of in _together(effect.parameters[:MOST])
         ],
         "more": max(len(effect.parameters) - MOST, 0),
         "when": when_words(effect.where),
@@ -166,6 +167,17 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.da
         "tied": [name_words(name) for name in effect.tied_with],
         "breaker": printable(effect.breaker or ""),
     }
+
+
+def _together(parameters: Sequence[Estimate]) -> list[tuple[str, list[Estimate]]]:
+    """Parameters by name; the values of one that changes with time (``size[0]``, ...) together."""
+    return [(name, list(of)) for name, of in groupby(parameters, key=lambda p: p.name.split("[")[0])]
+
+
+def _meaning(of: Sequence[Estimate], first: dt.date | None, meanings: Mapping[str, str]) -> str:
+    """What a row means; of a single value also as people say it, of several that they follow each other."""
+    spelt = aside(of[0], first) if len(of) == 1 else "one after the other, as the season goes on"
+    return "; ".join(part for part in (spelt, meanings.get(of[0].name.split("[")[0], "")) if part)
 
 
 def _gap(gap: Gap, named: bool) -> dict[str, Any]:

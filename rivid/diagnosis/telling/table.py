@@ -8,7 +8,6 @@ from rivid.diagnosis.result import Diagnosis, NamedEffect
 from rivid.diagnosis.telling.spelling import (
     closed_words,
     error_words,
-    estimate_words,
     name_words,
     printable,
     probability,
@@ -19,7 +18,7 @@ from rivid.diagnosis.telling.wording import (
     FORECAST_APART,
     headline,
     loop_words,
-    main_parameter,
+    size_words,
     unknown_words,
 )
 from rivid.figures.words import listed
@@ -67,9 +66,7 @@ def _entry(key: str, text: str) -> list[str]:
 
 def _effect(effect: NamedEffect) -> str:
     parts = [name_words(effect.name)]
-    main = main_parameter(effect)
-    if main is not None:
-        parts.append(f"{main.name.replace('_', ' ')} {estimate_words(main)}")
+    parts += filter(None, [size_words(effect)])
     parts += [when_words(effect.where), probability(effect.p_value)]
     if effect.tied_with:
         parts.append(f"tied with {listed([name_words(name) for name in effect.tied_with])}")

@@ -5,6 +5,7 @@ Every sentence carries its numbers, and none says more than the days allow.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rivid.diagnosis.loop.result import ClosedLoop, Operators
 from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Unknown, Where
@@ -65,6 +66,20 @@ def main_parameter(effect: NamedEffect) -> Estimate | None:
     """The parameter that says how much; None where an effect has none."""
     sizes = [p for p in effect.parameters if p.name.split("[")[0] not in MAIN_LAST]
     return next(iter([*sizes, *effect.parameters]), None)
+
+
+def size_words(effect: NamedEffect) -> str:
+    """The main parameter with its name; of one that changes with time, from where to where; else nothing."""
+    main = main_parameter(effect)
+    if main is None:
+        return ""
+    base = main.name.split("[")[0]
+    values = [p.value for p in effect.parameters if p.name.startswith(f"{base}[")]
+    name = base.replace("_", " ")
+    if len(values) < 2:
+        return f"{name} {estimate_words(main)}"
+    low, high = (estimate_words(replace(main, value=v, low=v, high=v)) for v in (min(values), max(values)))
+    return f"{name} from {low.partition(' ')[0]} to {high.partition(' (')[0]}"
 
 
 def sure_words(effect: NamedEffect) -> str:
@@ -135,10 +150,7 @@ def _these(diagnosis: Diagnosis) -> str:
 
 def _sized(effect: NamedEffect) -> str:
     """A name with its size and time."""
-    main = main_parameter(effect)
-    said = name_words(effect.name)
-    if main is not None:
-        said += f", {main.name.replace('_', ' ')} {estimate_words(main)}"
+    said = ", ".join(filter(None, (name_words(effect.name), size_words(effect))))
     if effect.events:
         said += f", {count(effect.events, 'event')}"
     return said if effect.where == Where() else f"{said}, {when_words(effect.where)}"
