@@ -19,7 +19,7 @@ class Finding:
     ----------
     kind : str
         A word for machines: unit, balance, swapped, clock, drift, dates, stuck, jump, spike, copy, constant,
-        negative, interval, summer time.
+        negative, interval, summer time, future.
     text : str
         In words, without the dates.
     days : dict of date to str

@@ -62,7 +62,7 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
             days.append(_good_day(data))
             record.add(data)
         spacing.add(source, days[-1].reason)
-    findings = [*spacing.findings(), *_look(record, config)]
+    findings = [*_future(days, today), *spacing.findings(), *_look(record, config)]
     days = [_noted(day, findings) for day in days]
     present = {day.date for day in days}
     span = min((max(present) - min(present)).days, LONGEST)
@@ -88,6 +88,16 @@ def _look(record: Record, config: Config) -> list[Finding]:
     flows = units(record, fits, config, doubtful)
     others = [*flows, *times, *same(record, config.run.min_motion)]
     return [*others, *gauge(record, fits, others)]
+
+
+def _future(days: list[DayReport], today: dt.date | dt.datetime | None) -> list[Finding]:
+    """Days that are not yet: it may be tomorrow already where the log is written, not later."""
+    if today is None:
+        return []
+    last = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY
+    ahead = [day.date for day in days if day.date > last]
+    text = "the logs are of days to come: is the date of the logger right, or the name of the file?"
+    return [Finding("future", text, dict.fromkeys(ahead, "a day to come"))] if ahead else []
 
 
 def _good_day(data: DataSet) -> DayReport:

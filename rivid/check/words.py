@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from rivid.check.findings import DayReport, Report, dates_in_words
 
 WIDTH = 79
-MOST_FILES = 10
-"""Files that cannot be used and are named; --json has all."""
 
 
 def in_words(report: Report, reach: str) -> str:
@@ -22,10 +20,12 @@ def in_words(report: Report, reach: str) -> str:
         Its name.
     """
     lines = []
-    for path, reason in report.bad_files[:MOST_FILES]:
-        lines.append(f"{path} cannot be used: {reason}")
-    if len(report.bad_files) > MOST_FILES:
-        lines.append(f"{len(report.bad_files) - MOST_FILES} more files cannot be used")
+    files: dict[str, list[str]] = {}
+    for path, reason in report.bad_files:
+        files.setdefault(reason, []).append(path)
+    for reason, paths in files.items():
+        more = f" and {len(paths) - 1} more files" if len(paths) > 1 else ""
+        lines.append(f"{paths[0]}{more} cannot be used: {reason}")
     lines += _alike([(day.date, f"failed: {day.reason}") for day in report.days if day.status == "failed"])
     lines += _alike([(day.date, f"pending: {day.reason}") for day in report.days if day.status == "pending"])
     lines += [f"wrong: {warning}" for warning in report.warnings]

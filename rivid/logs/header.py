@@ -11,6 +11,13 @@ from rivid.logs.spec import Spec
 
 UTF8_BOM = b"\xef\xbb\xbf"
 UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
+OTHERS = {
+    b"\x1f\x8b": "gzip, though its name does not say so: let it end in .csv.gz",
+    b"PK\x03\x04": "a workbook or an archive, not text: save it as CSV, or unpack it",
+    b"PAR1": "Parquet, though its name does not say so: let it end in .parquet",
+    b"%PDF": "a PDF, not text: ask for the numbers as CSV",
+}
+"""How files begin that are no text, and what to do with them."""
 
 
 class UndeclaredError(DataError):
@@ -45,8 +52,11 @@ def plain_bytes(content: bytes, spec: Spec, name: str) -> bytes:
     Raises
     ------
     DataError
-        Where the bytes are not of the declared encoding.
+        Where the bytes are not of the declared encoding, or no text at all.
     """
+    for start, said in OTHERS.items():
+        if content.startswith(start):
+            raise DataError(f"{name} is {said}")
     if spec.encoding.lower().replace("_", "-") in ("utf-8", "utf8", "ascii", "utf-8-sig"):
         if content.startswith(UTF16_BOMS):
             raise UndeclaredError(f'{name} is UTF-16, not {spec.encoding}: set [input] encoding = "utf-16"')
@@ -207,6 +217,8 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
     for mark, said in ((";", ";"), ("\t", "\\t"), (",", ","), ("|", "|")):
         if len(names) == 1 and mark != spec.separator and mark in header:
             return f'the header is separated by "{said}": set [input] separator = "{said}"'
+    if header.startswith("#") and not spec.dialect.comment:
+        return 'the first line is a comment: set [input] comment = "#", or skip_rows'
     lower = {name.lower(): name for name in names if name}
     near = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.3)
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""

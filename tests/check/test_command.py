@@ -46,6 +46,14 @@ def test_an_unfinished_log_of_today_is_pending_and_fine(tmp_path):
     assert (report.days[0].status, report.exit_code) == ("pending", 0)
 
 
+def test_days_to_come_are_told(tmp_path):
+    write_days(tmp_path, 4)
+    assert check(tmp_path, config(), today=dt.date(2008, 3, 13)).findings == []
+    assert check(tmp_path, config(), today=dt.date(2008, 3, 12)).findings == []  # it may be tomorrow there
+    (finding,) = check(tmp_path, config(), today=dt.date(2008, 3, 10)).findings
+    assert finding.kind == "future" and list(finding.days) == [dt.date(2008, 3, 12), dt.date(2008, 3, 13)]
+
+
 def test_today_is_a_day_of_the_logs_own_zone(tmp_path):
     put(tmp_path, rows(zone="-07:00")[:300])
     for now, status in (("2008-03-11T06:00Z", "pending"), ("2008-03-11T08:00Z", "failed")):
@@ -90,6 +98,14 @@ class TestCommand:
         assert len(lines) < 16 and max(map(len, lines)) < 80
         assert lines[0].startswith("2008-03-20 to 2008-03-29 (10 days) failed: gap of ")
         assert "wrong: u_Qi is 35.3 times u_Qo, and 1 m3/s is 35.3 cfs: is u_Qi in cfs? Set" in lines[2]
+
+    def test_files_that_are_no_logs_are_told_once(self, tmp_path):
+        write_days(tmp_path, 1)
+        for k in range(40):
+            (tmp_path / f"junk{k}.csv").write_text("a,b\n1,2\n")
+        result = self.invoke(tmp_path)
+        assert result.return_value == 3
+        assert result.output.startswith("junk0.csv and 39 more files cannot be used: line 1: no column")
 
     def test_json(self, tmp_path):
         write_days(tmp_path, 2)

@@ -180,6 +180,8 @@ ROWS = (
             f"{READING}TestCsv::test_a_torn_last_line_fails_the_day": "the last line torn",
             f"{READING}TestCsv::test_a_file_cut_in_the_middle_fails_with_its_gap_or_line": "cut in seven places",
             f"{READING}TestCsv::test_ragged_rows": "a row too short, too long",
+            f"{READING}TestCsv::test_what_is_called_a_csv_and_is_none": "gzip, a workbook, Parquet, a PDF as .csv",
+            f"{READING}TestCsv::test_a_comment_above_the_header_is_told": "a comment above the header",
         },
     ),
     Row(

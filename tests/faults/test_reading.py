@@ -204,6 +204,27 @@ class TestCsv:
         lines[8][2], lines[9][3] = "inf", "Eqp"
         assert read(put(tmp_path, lines), missing=["", "inf", "Eqp"]).n_filled == 2
 
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            (
+                gzip.compress(b"time,u_Qi\n"),
+                "is gzip, though its name does not say so: let it end in .csv.gz",
+            ),
+            (b"PK\x03\x04\x14\x00", "is a workbook or an archive, not text: save it as CSV"),
+            (b"PAR1\x15\x04", "is Parquet, though its name does not say so: let it end in .parquet"),
+            (b"%PDF-1.7\n", "is a PDF, not text"),
+        ],
+    )
+    def test_what_is_called_a_csv_and_is_none(self, tmp_path, content, said):
+        (tmp_path / f"{DAY}.csv").write_bytes(content)
+        assert reason(tmp_path).startswith(f"{DAY}.csv {said}")
+
+    def test_a_comment_above_the_header_is_told(self, tmp_path):
+        (tmp_path / f"{DAY}.csv").write_text("# station 7, exported by hand\n" + text_of(DAY))
+        assert 'set [input] comment = "#", or skip_rows' in reason(tmp_path)
+        assert (read(tmp_path, comment="#").output == a_day(DAY)[3]).all()
+
     def test_ragged_rows(self, tmp_path):
         lines = rows()
         lines[99] = lines[99][:3]
