@@ -19,7 +19,8 @@ class Finding:
     ----------
     kind : str
         A word for machines: unit, balance, swapped, clock, drift, dates, stuck, jump, spike, copy, constant,
-        negative, interval, summer time, future.
+        negative, interval, summer time,
+        future, moment.
     text : str
         In words, without the dates.
     days : dict of date to str

@@ -6,15 +6,19 @@ from hashlib import sha256
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import Record
+from rivid.check.record import Floats, Record
 
+MOMENT = 300.0
+"""A flow that is far off for longer may be what was done [s]."""
+SAME, FAR = 0.1, 0.6
+"""Before and after a moment a flow is the same; in it, off by more than this part."""
 MOVES = 20
 """Moves of the gauge in a day from which on two days are not the same by chance."""
 
 
 def same(record: Record, min_motion: float) -> list[Finding]:
-    """Copies, constants and negative flows."""
-    return [*_copies(record), *_constant(record, min_motion), *_negative(record)]
+    """Copies, constants, flows below zero and for a moment in another world."""
+    return [*_copies(record), *_constant(record, min_motion), *_negative(record), *_moments(record)]
 
 
 def _copies(record: Record) -> list[Finding]:
@@ -95,3 +99,36 @@ def _negative(record: Record) -> list[Finding]:
             text = f"{name} is negative, down to {lowest:.4g} m3/s: a sign, a sentinel, or pumping?"
             found.append(Finding("negative", text, days, wrong=False))
     return found
+
+
+def _moments(record: Record) -> list[Finding]:
+    """Commands that are far off for minutes, and then what they were: a lost digit, a mark of thousands."""
+    longest = int(MOMENT // record.step)
+    found = []
+    for name in record.flows:
+        days = {}
+        for date, day in record.days.items() if name != record.output else ():
+            times = [record.clock(k) for k in _thorns(day[name], longest)]
+            if times:
+                more = f" and {len(times) - 3} times more" if len(times) > 3 else ""
+                days[date] = f"{name} is far off for a moment at {', '.join(times[:3])}{more}"
+        if days:
+            one = min(days)
+            text = (
+                f"{name} is far off for a moment, and then what it was: a lost digit? On {one}: {days[one]}"
+            )
+            found.append(Finding("moment", text if len(days) > 1 else days[one], days, wrong=False))
+    return found
+
+
+def _thorns(flow: Floats, longest: int) -> list[int]:
+    """Where a flow leaves for no more than so many samples."""
+    found: list[int] = []
+    for n in range(1, longest + 1):
+        if len(flow) < n + 2:
+            break
+        before, after = flow[: -n - 1], flow[n + 1 :]
+        alike = np.abs(after - before) <= SAME * np.abs(before)
+        away = np.min([np.abs(flow[1 + j : len(flow) - n + j] - before) for j in range(n)], axis=0)
+        found += (np.flatnonzero(alike & (away > FAR * np.abs(before)) & (before != 0)) + 1).tolist()
+    return sorted(set(found))

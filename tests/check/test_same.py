@@ -58,6 +58,15 @@ def test_flows_that_never_move():
     assert not finding.wrong and finding.days == {days[2].date: "the inflow is constant"}
 
 
+def test_a_command_with_a_lost_digit_is_a_remark():
+    days, config = sound(5)
+    odd = days[2].inflow.copy()
+    odd[[100, 300, 301]] /= 1000  # a point for thousands
+    (finding,) = look([replace(d, inflow=odd) if k == 2 else d for k, d in enumerate(days)], config)
+    assert not finding.wrong and list(finding.days) == [days[2].date]
+    assert finding.text == "u_Qi is far off for a moment at 03:42, 11:05"
+
+
 def test_flows_below_zero_are_a_remark():
     days, config = sound(5)
     pumped = [replace(day, outflow=day.outflow - 300.0 * (np.arange(650) < 20)) for day in days]

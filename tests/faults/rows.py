@@ -304,6 +304,7 @@ ROWS = (
             f"{CHECK}same.py::test_the_same_samples_under_two_dates": "a day under two dates",
             f"{CHECK}same.py::test_a_week_that_was_copied_is_told_once": "a week copied",
             f"{CHECK}same.py::test_the_level_of_another_day": "the level of another day",
+            f"{CHECK}same.py::test_a_command_with_a_lost_digit_is_a_remark": "a command a thousandth of itself",
             f"{CHECK}same.py::test_flows_that_never_move": "an outflow that never moves",
         },
     ),
