@@ -6,8 +6,10 @@ once. Nothing heavy is imported here, so that it can be the first thing a comman
 
 import os
 import signal
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 ESTIMATING = ("rivid.leash", "rivid.batch")
 """What a worker needs that estimates batches."""
@@ -43,7 +45,29 @@ def warm(modules: Sequence[str]) -> None:
 
     os.environ["RIVID_LEASH"] = "1"  # for its import of the leash
     forkserver.set_forkserver_preload([*modules, "rivid.settled"])
-    forkserver.ensure_running()
+    with _same_path():
+        forkserver.ensure_running()
+
+
+@contextmanager
+def _same_path() -> Iterator[None]:
+    """Let a process that starts now import what this one imports, from the same places and no others.
+
+    Otherwise it would look into the current directory first, where a folder `rivid` may lie, or a module that
+    somebody put there.
+    """
+    path = os.pathsep.join(os.path.abspath(place) for place in sys.path)
+    given = {"PYTHONPATH": path, "PYTHONSAFEPATH": "1"}
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def begin(parent: int) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import psutil
 import pytest
@@ -131,3 +132,20 @@ def test_pages_are_the_same_whoever_draws(tmp_path):
         assert (tmp_path / "1" / "figures" / name).read_bytes() == (
             tmp_path / "2" / "figures" / name
         ).read_bytes()
+
+
+@pytest.mark.parametrize("engine", ["processes", "dask"])
+def test_what_lies_in_the_current_directory_is_never_imported(engine, tmp_path):
+    write_days(tmp_path / "data", 4)
+    (tmp_path / "here" / "rivid").mkdir(parents=True)  # a clone, where one stands
+    for name in ("numpy", "pyarrow", "rivid/batch", "sitecustomize"):
+        (tmp_path / "here" / f"{name}.py").write_text(f"open({str(tmp_path / 'taken')!r}, 'w')\n")
+    rivid = Path(sys.executable).with_name("rivid")
+    words = [rivid, "run", tmp_path / "data", "--out", tmp_path / "out", "--quiet"]
+    done = subprocess.run(
+        [*words, "--workers", "2", "--engine", engine],
+        cwd=tmp_path / "here", capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert not (tmp_path / "taken").exists()
+    assert (tmp_path / "out" / "report.html").exists()
