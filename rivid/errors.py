@@ -11,8 +11,8 @@ EXIT_CODES: dict[int, tuple[str, str]] = {
     1: ("failure: the disk is full, a file cannot be written", "read the one line on stderr"),
     2: ("usage or configuration", "the line names the option or the key"),
     3: (
-        "days failed that had not failed before; all else is written (`--strict`: any failed day)",
-        "read `message` of these days; tomorrow it is 0 again",
+        "days failed that had not failed before, or every day failed; all else is written (`--strict`: any)",
+        "read `message` of these days; where others are well, tomorrow it is 0 again",
     ),
     10: ("no data", "is DATA_DIR right?"),
     11: ("another run holds OUT", "wait"),

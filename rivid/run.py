@@ -83,6 +83,12 @@ class Summary:
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
     @property
+    def exit_code(self) -> int:
+        """3 where days or files failed that no finished run has told of, or where every data set failed."""
+        told = self.new_failures or self.new_bad_files or 0 < self.failures == self.windows
+        return 3 if told else 0
+
+    @property
     def computed(self) -> int:
         """Data sets estimated now."""
         return len(self.computed_keys)

@@ -183,7 +183,9 @@ def command(
         return 0  # what failed is told by the run that merges
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
-    return 3 if summary.new_failures or summary.new_bad_files else 0
+    if 0 < summary.failures == summary.windows and not summary.new_failures:
+        complain(f"every data set fails: `message` in {summary.out / 'delays.csv'} says why")
+    return summary.exit_code
 
 
 def _on_dask(engine: str | None, scheduler: str | None, workers: int | None) -> bool:

@@ -1,5 +1,7 @@
 """What `rivid run` says to a person at its end: a few lines of at most 80 columns."""
 
+import re
+from itertools import groupby
 from typing import Any
 
 import click
@@ -43,13 +45,17 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
 
 
 def print_failures(summary: Summary) -> None:
-    """The days that failed in this run, on stderr."""
-    told: set[str] = set()
+    """The days that failed in this run, on stderr; days in a row that say the same but for numbers, once."""
+    failed: dict[str, tuple[Any, str]] = {}  # once a day, whatever the number of its estimators
     for row in summary.rows.select(["date", "key", "status", "message"]).to_pylist():
-        if row["status"] == "failed" and row["key"] in summary.computed_keys - told:
-            told.add(row["key"])  # once a day, whatever the number of its estimators
-            line = wrapped(f"{row['date']} failed: {row['message']}", 2)
-            click.echo(click.style(line, fg="red"), err=True)
+        if row["status"] == "failed" and row["key"] in summary.computed_keys:
+            failed.setdefault(row["key"], (row["date"], row["message"]))
+    for _, alike in groupby(failed.values(), lambda day: re.sub(r"[\d.,:-]+", "", day[1])):
+        days = list(alike)
+        first, said = days[0]
+        more = f" to {days[-1][0]} ({len(days)} days)" if len(days) > 1 else ""
+        line = wrapped(f"{first}{more} failed: {said}{', for one' if more else ''}", 2)
+        click.echo(click.style(line, fg="red"), err=True)
 
 
 def _numbers(name: str, rows: Any, config: Config) -> list[str]:

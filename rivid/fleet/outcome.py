@@ -122,7 +122,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
     ends = (dates[0].as_py(), dates[-1].as_py()) if len(dates) else ("", "")
     return Outcome(
         reach=reach,
-        code=3 if summary.new_failures or summary.new_bad_files else 0,
+        code=summary.exit_code,
         data_sets=summary.windows,
         computed=summary.computed,
         dropped=summary.dropped,

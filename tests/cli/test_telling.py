@@ -188,3 +188,13 @@ def test_colour_is_for_terminals_and_for_those_who_want_it(rivid, logs, tmp_path
 def test_quiet_and_verbose_together_are_a_usage_error():
     with pytest.raises(click.UsageError):
         Teller(quiet=True, verbose=True)
+
+
+def test_where_every_day_fails_it_is_never_all_well(rivid, tmp_path):
+    days = write_days(tmp_path / "data", 5)
+    (tmp_path / "rivid.toml").write_text("[reach]\nsample_time = 13\n")
+    first = rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--quiet", "--no-figures")
+    assert first.code == 3 and first.stderr.count(" failed: ") == 1
+    assert f"{days[0]} to {days[-1]} (5 days) failed: " in first.stderr and "for one" in first.stderr
+    again = rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--quiet", "--no-figures")
+    assert again.code == 3 and "every data set fails" in again.stderr
