@@ -40,10 +40,12 @@ def place(tmp_path_factory):
 
 def run(line, place):
     words = [sys.executable, "-m", *shlex.split(line.split(">")[0])]
+    mode = "a" if ">>" in line else "w"
     done = subprocess.run(words, cwd=place, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
     if ">" in line:
-        (place / line.split(">")[1].strip()).write_text(done.stdout, encoding="utf-8")
+        with open(place / line.split(">")[-1].strip(), mode, encoding="utf-8") as file:
+            file.write(done.stdout)
     return done
 
 

@@ -11,8 +11,9 @@ from rivid.cli.telling import Teller, fitted, wrapped
 @click.command("bounds", short_help="Travel-time bounds of the reach, and what they propose.")
 @click.argument("data_dir", type=shared.PATH, default=".")
 @shared.config()
+@click.option("--toml", "as_toml", is_flag=True, help="Only what is proposed, as lines of a configuration.")
 @shared.as_json()
-def command(data_dir: Path, config: Path | None, as_json: bool) -> int:
+def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -> int:
     """Travel-time bounds of the reach (section II), and the delays they propose.
 
     DATA_DIR, by default this directory, is where rivid.toml is looked for; no log is read.
@@ -21,6 +22,7 @@ def command(data_dir: Path, config: Path | None, as_json: bool) -> int:
     Examples:
       rivid bounds
       rivid bounds --config configs/glen_canyon.toml
+      rivid bounds --config configs/glen_canyon.toml --toml > proposed.toml
     """
     import json
     from dataclasses import asdict
@@ -41,6 +43,13 @@ def command(data_dir: Path, config: Path | None, as_json: bool) -> int:
         table = {name: values.tolist() for name, values in asdict(bounds).items()}
         click.echo(json.dumps({"reach": reach.name, "bounds": table, "proposal": asdict(proposal)}))
         return 0
+    lines = (
+        f"[jmap]\nd_min = {proposal.d_min}\nd_max = {proposal.d_max}\norder = {proposal.order}\n"
+        f"sigma_d = {proposal.delay_scale:g}"
+    )
+    if as_toml:
+        click.echo(f"\n# From the travel times of the reach's waves, by `rivid bounds`.\n{lines}")
+        return 0
     size = f"{reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; T_s = {T_s:g} s"
     click.echo(wrapped(f"{fitted(reach.name)}: {size}") + "\n")
     click.echo("discharge  velocity  Froude    gravity wave        kinematic wave")
@@ -51,9 +60,9 @@ def command(data_dir: Path, config: Path | None, as_json: bool) -> int:
         click.echo(f"{Q:9.0f} {v:9.2f} {F:7.3f} {g / 60:8.1f} {g / T_s:8.1f} {k / 60:10.1f} {k / T_s:8.1f}")
     said = (
         f"The first sign of an inflow arrives with the {proposal.wave} wave; a travel time of n samples is a "
-        "delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for [jmap]:"
+        "delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for the configuration "
+        "(--toml prints these lines alone):"
     )
     click.echo(f"\n{wrapped(said, hanging=0)}\n")
-    click.echo(f"d_min = {proposal.d_min}\nd_max = {proposal.d_max}\norder = {proposal.order}")
-    click.echo(f"sigma_d = {proposal.delay_scale:g}")
+    click.echo(lines)
     return 0

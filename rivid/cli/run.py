@@ -12,6 +12,12 @@ from rivid.cli import options as shared
 from rivid.cli.telling import Teller, complain
 from rivid.core.settings import ESTIMATORS
 
+PAPERS = 133.0
+"""T_s of Table I [s]."""
+
+SCALED = {"order", "d_min", "d_max", "sigma_d"}
+"""Settings that are in samples."""
+
 
 @click.command("run", short_help="Estimate every day of DATA_DIR that is new or changed.")
 @shared.data_dir()
@@ -165,6 +171,11 @@ def command(
         complain(f"damaged, its days are computed again: {name}")
     if config and unsaid:
         tell.note(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
+    if not unsaid and settings.reach.sample_time != PAPERS and not settings.jmap.model_fields_set & SCALED:
+        tell.note(
+            f"[jmap] is not set: its delays and prior are the paper's, for samples of {PAPERS:g} s; "
+            "`rivid bounds` proposes those of this reach"
+        )
     if part and not as_json and not quiet:
         click.echo(
             f"shard {part}: {len(summary.asked_keys):,} of {summary.windows:,} data sets, "
