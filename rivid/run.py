@@ -65,6 +65,8 @@ class Summary:
         Segments that were damaged and dropped.
     reused : int
         Data sets taken over from earlier runs.
+    unasked : list of str
+        Estimators of the run before that this one does not ask: their rows leave the tables.
     """
 
     out: Path
@@ -79,6 +81,7 @@ class Summary:
     failures: int = 0
     new_failures: int = 0
     reused: int = 0
+    unasked: list[str] = field(default_factory=list)
     seconds: float = 0.0
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
@@ -149,6 +152,9 @@ def run(
         of = planned.asked if options.shard else planned.windows
         rows = (store.read(kept) if new else kept).arranged([w.key for w in of], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, before, store, out)
+        told = before.get("estimators")
+        names = map(str, told) if isinstance(told, list) else ()  # of a record that somebody may have edited
+        summary.unasked = [name for name in names if name not in config.run.estimators]
         if options.shard:
             summary.seconds = time.perf_counter() - began
             return summary

@@ -167,6 +167,8 @@ def command(
         complain(f"{path}: {reason}")
     if summary.dropped:
         complain(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
+    if summary.unasked and not part:
+        tell.note(f"not asked any more, its rows leave the tables: {', '.join(summary.unasked)}")
     for name in summary.damaged:
         complain(f"damaged, its days are computed again: {name}")
     if config and unsaid:

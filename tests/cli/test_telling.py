@@ -198,3 +198,21 @@ def test_where_every_day_fails_it_is_never_all_well(rivid, tmp_path):
     assert f"{days[0]} to {days[-1]} (5 days) failed: " in first.stderr and "for one" in first.stderr
     again = rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--quiet", "--no-figures")
     assert again.code == 3 and "every data set fails" in again.stderr
+
+
+def test_estimators_that_are_not_asked_any_more_are_named(rivid, logs, tmp_path):
+    words = ("run", logs, "--out", tmp_path / "out", "--no-figures")
+    assert "leave the tables" not in rivid(*words, "--estimator", "ml", "--estimator", "jmap").stderr
+    assert "its rows leave the tables: ml" in rivid(*words, "--estimator", "jmap").stderr
+    assert "leave the tables" not in rivid(*words, "--estimator", "jmap").stderr
+
+
+def test_delays_in_samples_of_the_paper_are_told_for_a_reach_of_another_sample_time(rivid, tmp_path):
+    write_days(tmp_path / "data", 3)
+    reach = "[reach]\nlength = 9000\nwidth = 70\ndepth = 4\nsample_time = {}\n"
+    for sample_time, more, told in ((266, "", True), (266, "[jmap]\nsigma_d = 3\n", False), (133, "", False)):
+        (tmp_path / "rivid.toml").write_text(reach.format(sample_time) + more)
+        done = rivid("run", tmp_path / "data", "--out", tmp_path / f"out{told}{more}", "--no-figures")
+        assert ("rivid bounds` proposes those of this reach" in done.stderr.replace("\n", " ")) is told, (
+            done.stderr
+        )
