@@ -42,7 +42,7 @@ def table(report: Report, reach: str) -> str:
     noted = sum(day.status == "ok" and bool(day.notes) for day in report.days)
     rows = [
         ("days", f"{len(report.days)}, {report.days[0].date} to {report.days[-1].date}"),
-        ("fine", f"{report.count('ok')}" + (f", {noted} of them with remarks" if noted else "")),
+        ("usable", f"{report.count('ok')}" + (f", of {noted} of them something is said" if noted else "")),
         ("failed", f"{report.failed}"),
         ("pending", f"{report.count('pending')}"),
         ("no log", dates_in_words(report.absent) if report.absent else "0 days"),

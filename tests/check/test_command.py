@@ -82,7 +82,7 @@ class TestCommand:
         result = self.invoke(tmp_path)
         assert result.return_value == 3
         assert "2008-03-11 failed: gap of 12.9 h" in result.output
-        assert "  fine       2\n  failed     1\n" in result.output
+        assert "  usable     2\n  failed     1\n" in result.output
 
     def test_what_is_wrong_with_many_days_is_said_once(self, tmp_path):
         for k, date in enumerate(write_days(tmp_path, 40)):
