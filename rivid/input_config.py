@@ -66,6 +66,37 @@ def _has_truth(value: Any) -> bool:
     return isinstance(value, bool) or (isinstance(value, list | tuple) and any(map(_has_truth, value)))
 
 
+USUAL_ZONES = {
+    "pst pdt pacific": "America/Los_Angeles",
+    "mst mdt mountain": "America/Denver",
+    "cst cdt central": "America/Chicago",
+    "est edt eastern": "America/New_York",
+    "akst akdt alaska": "America/Anchorage",
+    "mez mesz cest": "Europe/Berlin",
+    "bst": "Europe/London",
+    "brt": "America/Sao_Paulo",
+    "ist": "Asia/Kolkata",
+    "jst": "Asia/Tokyo",
+}
+"""What people call zones, and a zone of that name."""
+
+
+def _near_zones(name: str) -> str:
+    """Names of zones that may be meant, as a part of a message; empty for none."""
+    from difflib import get_close_matches
+    from zoneinfo import available_timezones
+
+    words = re.findall(r"[a-z]+", name.lower())
+    near = [zone for said, zone in USUAL_ZONES.items() if set(said.split()) & set(words)]
+    if not near:
+        known = {
+            zone.rpartition("/")[2].lower(): zone for zone in sorted(available_timezones(), reverse=True)
+        }
+        text = name.rpartition("/")[2].strip().lower().replace(" ", "_")
+        near = [known[place] for place in get_close_matches(text[:40], known, 3, 0.75)]
+    return f"; near: {', '.join(near)}" if near else ""
+
+
 class InputConfig(Section):
     """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here.
 
@@ -146,6 +177,11 @@ class InputConfig(Section):
         int, Field(ge=1, le=5), Means("rows", "that make the names of the columns together")
     ] = 1
     unit_rows: Annotated[int, Field(ge=0, le=10), Means("rows", "between the names and the data")] = 0
+    footer_rows: Annotated[
+        int,
+        Field(ge=0, le=20),
+        Means("rows", "last lines of a file that hold no data, at most; a line with a time is none of them"),
+    ] = 0
     columns: Annotated[
         list[str], Field(max_length=1000), Means("-", "names of the columns of files that have none")
     ] = []
@@ -318,6 +354,7 @@ class InputConfig(Section):
                 ZoneInfo(value)
             except (ZoneInfoNotFoundError, ValueError, OSError):
                 raise ValueError(
-                    f"{value!r} is not a time zone; expected a name like Europe/Paris or UTC"
+                    f"{value!r} is not a time zone; expected a name like Europe/Paris, America/Los_Angeles "
+                    f"or UTC{_near_zones(value)}; Etc/GMT+8 is 8 h behind UTC"
                 ) from None
         return value

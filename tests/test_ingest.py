@@ -451,7 +451,10 @@ class TestCommand:
 
     def test_it_prints_what_to_do_next(self, tmp_path):
         write(tmp_path / "e.csv", wide())
-        assert f"next: rivid run {tmp_path / 'logs'} --config" in self.invoke(tmp_path).output
+        *_, first, second = self.invoke(tmp_path).output.splitlines()
+        config = tmp_path / "logs_run.toml"
+        assert first == f"next: rivid check {tmp_path / 'logs'} --config {config}"
+        assert second == f"then: rivid run {tmp_path / 'logs'} --config {config}"
 
 
 WORDS = st.sampled_from(

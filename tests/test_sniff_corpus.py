@@ -15,6 +15,10 @@ from tests.test_ingest_corpus import CASES, HERE, differences, expected_of, file
 ANSWERS = {
     "exception": {"hold": {"u_Qi": 3600, "u_Qo": 3600, "h_L": 3600}},
     "hourly_means": {"stamp": {"u_Qi": "end"}},
+    "two_plants": {
+        "u_Qi": ["UPR.G1.FLOW (cfs)", "UPR.G2.FLOW (cfs)", "UPR.GATES (cfs)"],
+        "u_Qo": "LWR.TOTAL.RELEASE (cfs)",
+    },
     "undecidable": {"time_format": "%d/%m/%Y %H:%M"},
     "units_of_plant": {"u_Qo": ["unit 1", "unit 2", "gates"]},
     "usgs": {"u_Qi": "111_00060", "u_Qo": "222_00060"},

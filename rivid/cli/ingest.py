@@ -109,7 +109,8 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     if ledger.flags:
         flags = ", ".join(f"{flag or 'none'} {count:,d}" for flag, count in ledger.flags.most_common(12))
         click.echo(wrapped(f"flags of values that were dropped: {flags}"))
-    click.echo()
+    if outcome.notes or ledger.flags or any(day.reason for day in outcome.days):
+        click.echo()
     for line in ledger.lines():
         click.echo(line)
     click.echo()
@@ -124,4 +125,5 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     told = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
     click.echo(f"{len(outcome.days)} days: {told or 'none'}")
     if not dry_run and (counts["written"] or counts["identical"]):
-        click.echo(f"next: rivid run {out} --config {outcome.run_config}")
+        click.echo(f"next: rivid check {out} --config {outcome.run_config}")
+        click.echo(f"then: rivid run {out} --config {outcome.run_config}")

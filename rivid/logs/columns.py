@@ -37,7 +37,7 @@ class Seen:
     ----------
     rows : int
         Rows of data, good or bad; not headers, comments and empty ones.
-    comments, headers, empty : int
+    comments, headers, empty, footers : int
         Lines that hold no data, and headers beyond the first.
     others : Counter
         Rows of tags that are not asked for.
@@ -51,6 +51,7 @@ class Seen:
     comments: int = 0
     headers: int = 0
     empty: int = 0
+    footers: int = 0
     others: Counter[str] = field(default_factory=Counter)
     units: dict[str, str] = field(default_factory=dict)
     cells: dict[str, set[str] | None] = field(default_factory=dict)

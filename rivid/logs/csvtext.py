@@ -1,17 +1,15 @@
 """CSV of any kind that `[input]` can declare, cell by cell; each fault with its line and what to do."""
 
-import re
 from collections import Counter
 
 import numpy as np
 
 from rivid.errors import DataError
 from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.footer import LINE, footer_lines
 from rivid.logs.header import Header, UndeclaredError, not_utf8
 from rivid.logs.rows import RowReader
 from rivid.logs.spec import Spec
-
-LINE = re.compile(r"\r\n|\n|\r")
 
 
 def read_tolerant(content: bytes, header: Header, spec: Spec, name: str, *, watch: bool = False) -> Columns:
@@ -58,7 +56,11 @@ def feed(rows: RowReader, content: bytes, header: Header, spec: Spec, name: str)
     lines = LINE.split(text)
     whole = lines[-1] == ""
     comment = spec.dialect.comment
-    for number, row in enumerate(lines, header.line + spec.unit_rows + 1):
+    first = header.line + spec.unit_rows + 1
+    footer = footer_lines(lines, rows.time_at, spec.separator, spec.time_format, comment)
+    if footer:
+        rows.footer = first + footer[0], len(footer) + spec.footer_rows
+    for number, row in enumerate(lines, first):
         if not row.strip():
             continue
         if comment and row.startswith(comment):

@@ -120,8 +120,7 @@ def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
     text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
     usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
     if usual > MISSED * spacing:
-        every = f"{signal.name} comes every {_span(usual)}"
-        raise DataError(f"{text}: {every}: if that is its interval, {_declare(signal, usual)}")
+        raise DataError(f"{text}: {_coarse(signal, usual, spec)}")
     kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
     if kind is TrailingGap and gaps[-1] <= signal.shift + spec.tolerance:
         text += ": the row that closes the day is the first of the next one's log, and is not there"
@@ -159,14 +158,35 @@ def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec:
     if share <= spec.max_filled:
         return
     text = f"{share:.0%} of the samples lie in gaps (limit {spec.max_filled:.0%}, [input] max_filled)"
-    for signal in spec.signals:
-        times = series[signal.name][0]
-        usual = int(np.median(np.diff(times))) if len(times) > 1 else 0
-        if usual > MISSED * signal.spacing:
-            text += f"; {signal.name} comes every {_span(usual)}: if that is its interval, "
-            text += _declare(signal, usual)
-            break
+    steps = {
+        signal.name: int(np.median(np.diff(times))) if len(times := series[signal.name][0]) > 1 else 0
+        for signal in spec.signals
+    }
+    coarse = [signal for signal in spec.signals if steps[signal.name] > MISSED * signal.spacing]
+    if coarse:
+        finest = min(steps.values()) if len(coarse) == len(spec.signals) else 0
+        text += f"; {_coarse(coarse[0], steps[coarse[0].name], spec, finest)}"
     raise DataError(text)
+
+
+def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -> str:
+    """What to do with a column that comes less often than it should.
+
+    `finest` is the step of the column that comes most often: 0 where one of them comes often enough, None
+    where the others are not known.
+    """
+    interval = f"if that is its interval, {_declare(signal, usual)}"
+    if finest == 0 or signal.spacing != round(spec.period * MICRO):
+        return f"{signal.name} comes every {_span(usual)}: {interval}"
+    period = "[reach] sample_time is not set:"
+    if spec.period_said:
+        period = f"[reach] sample_time = {spec.period:g} s, but"
+    if finest:
+        every = f"{finest / MICRO:g}"
+        only = f"or, where that is the interval of one column only, {_declare(signal, usual)}"
+        return f"{period} the log comes every {every} s: set [reach] sample_time = {every}; {only}"
+    every = f"{signal.name} comes every {_span(usual)}"
+    return f"{period} {every}: set [reach] sample_time = {usual / MICRO:g} if all columns do; {interval}"
 
 
 def _limit(spec: Spec) -> str:

@@ -35,14 +35,23 @@ _ROLES = (
     ),
     (
         "u_Qo",
-        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|saliente",
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|salien"
+        r"|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
     ),
     (
         "u_Qi",
-        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante",
+        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"
+        r"|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])",
     ),
     ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
+_SURE = {
+    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|incoming",
+    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|outgoing|salien",
+    "flow": r"^q_l$",
+}
+_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo"
+"""Names that tell which way the water goes; all others tell a place or a device, on one side or the other."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,8 @@ class ColumnGuess:
         What stands in cells that hold no number.
     every : int
         Rows from one value to the next, usually.
+    sure : bool
+        Whether the name leaves no doubt that it is an inflow, or an outflow.
     """
 
     name: str
@@ -69,6 +80,7 @@ class ColumnGuess:
     sentinels: tuple[float, ...]
     texts: tuple[str, ...]
     every: int
+    sure: bool = False
 
 
 def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
@@ -104,7 +116,8 @@ def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReade
     steps = Counter(b - a for a, b in pairwise(at))
     every = steps.most_common(1)[0][0] if steps else 1
     role, known = _guess_role(name, unit)
-    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every)
+    sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
+    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every, sure)
 
 
 def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
@@ -117,11 +130,11 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
         role = "flow"
     if role == "h_L":
         return role, _unit_in(text, unit_text, _LEVEL_UNITS)
+    level = "" if flow else _unit_in("", unit_text, _LEVEL_UNITS)
+    if role and level and re.search(_PLACE, text):
+        return "h_L", level  # "Oberwasser [m]"
     if not role:
-        if flow:
-            return "flow", flow
-        if level := _unit_in("", unit_text, _LEVEL_UNITS):
-            return "h_L", level
+        return ("flow", flow) if flow else ("h_L", level) if level else ("", "")
     return role, flow
 
 

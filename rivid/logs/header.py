@@ -224,7 +224,7 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""
     listed = ", ".join(name[:40] for name in names[:12]) + (", ..." if len(names) > 12 else "")
     none = ' or "" where it is not logged' if role == "u_Qo" else ""
-    own = ""
+    own = "; for an export of another system `rivid sniff FILE` proposes [input]"
     if {"time", "u_Qi"} <= set(names):
         own = "; of logs that `rivid ingest` wrote, the configuration stands beside them"
     return f"{nearest}there are: {listed}. Set [input] {role} to the log's own name{none}{own}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from rivid.errors import DataError
 from rivid.logs import csvfast, csvtext
 from rivid.logs.files import Limits, read_bytes, refuse_rows, suffix_of
+from rivid.logs.footer import cut_footer
 from rivid.logs.header import plain_bytes, read_header, read_odd_header
 from rivid.logs.log import Log, make_log
 from rivid.logs.spec import Spec
@@ -68,7 +69,10 @@ def _parse(path: Path, name: str, spec: Spec, limits: Limits) -> Log:
     content = plain_bytes(content, spec, name)
     refuse_rows(name, content.count(b"\n"), limits)
     header = (read_header if spec.dialect.plain else read_odd_header)(content, spec, name)
+    content, footers = cut_footer(content, header, spec)
     columns = csvfast.read_fast(content, header, spec)
     if columns is None:
         columns = csvtext.read_tolerant(content, header, spec, name)
+    if footers:
+        columns.dropped["footer rows"] = [len(columns.times)] * footers
     return make_log(columns, spec, name, digest)

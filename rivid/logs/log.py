@@ -190,7 +190,8 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
     """
     if spec.time_zone:
         return zone_named(spec.time_zone)
-    example = 'for example [input] time_zone = "Europe/Paris" or "Etc/GMT-1"'
+    example = 'for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles"'
+    example += ' ("Etc/GMT+8" is 8 h behind UTC)'
     if not columns.aware:
         raise UndeclaredError(
             f"{name}: its times have no UTC offset: set the zone of the log's clock, {example}"

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.logs.columns import BadRow, Columns, Seen
-from rivid.logs.csvtext import FLAG, LINE, feed, one_kind, the_offset
+from rivid.logs.csvtext import FLAG, feed, one_kind, the_offset
+from rivid.logs.footer import LINE
 from rivid.logs.header import Header
 from rivid.logs.rows import RowReader
 from rivid.logs.spec import Spec

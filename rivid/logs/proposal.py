@@ -5,6 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+FILL_IN = (
+    "# fill in; what is left out is taken from the reach of the examples:",
+    "# length =           # m, from dam to dam",
+    "# width =            # m, mean",
+    "# depth =            # m, mean",
+    "# surface_area =     # m2, of the water",
+    "# discharge_range =  # m3/s, as [100, 800]: lowest and highest usual",
+)
+"""What no export tells of a reach."""
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -45,6 +55,7 @@ def write_toml(
     tables: Mapping[str, Mapping[str, Any]],
     undecided: Mapping[str, tuple[Any, ...]],
     questions: Questions,
+    instead: Mapping[str, list[Any]] | None = None,
 ) -> Proposal:
     """The proposal.
 
@@ -60,13 +71,17 @@ def write_toml(
     undecided : mapping of str to tuple
         Keys that stand in a comment only, with all that they may be: so reading asks for them.
     questions : Questions
+    instead : mapping of str to list, optional
+        What else keys may be: in comments below them, ready to be used.
     """
-    lines = [f"# Proposed for {_safe(name)}. Read it through: what follows was seen, not known.", "[reach]"]
-    lines += [f"kind = {said(kind)}"]
+    lines = [f"# Proposed for {_safe(name)}. Read it through: what follows was seen, not known."]
+    lines += ["[reach]", '# name = "..."       # letters, digits, . _ -', f"kind = {said(kind)}"]
     if 1 <= sample_time <= 86_400:
         lines.append(f"sample_time = {sample_time:g}")
-    lines += ["", "[input]"]
-    lines += [f"{_safe_key(key)} = {said(value)}" for key, value in keys.items()]
+    lines += [*FILL_IN, "", "[input]"]
+    for key, value in keys.items():
+        lines.append(f"{_safe_key(key)} = {said(value)}")
+        lines += [f"# {_safe_key(key)} = {said(other)}" for other in (instead or {}).get(key, ())]
     lines += [
         f"# {key} = {' or '.join(said(v) for v in values)}: choose one" for key, values in undecided.items()
     ]

@@ -40,6 +40,8 @@ class RowReader:
         self.shortest = ENDLESS
         self.last: tuple[int, list[str]] = (0, [])
         self.count = 0
+        self.footer = ENDLESS, 0
+        """The line from which on none holds a time, and how many these are with those declared."""
         self.watched = self._unread() if watch else {}
 
     def _unread(self) -> dict[int, set[str] | None]:
@@ -66,7 +68,7 @@ class RowReader:
             return self.refuse(number, f"the header again: {advice}")
         self.seen.rows += 1
         if len(cells) != len(self.names):
-            return self.refuse(number, self._ragged(cells))
+            return self.refuse(number, self._of_footer(number, cells) or self._ragged(cells))
         self.row(number, cells)
 
     def remark(self, line: str) -> None:
@@ -82,7 +84,7 @@ class RowReader:
                     self.watched[i] = None
         time = read_text(" ".join(cells[i] for i in self.time_at), self.spec.time_format)
         if time is None:
-            return self.refuse(number, self._no_time(cells))
+            return self.refuse(number, self._of_footer(number, cells) or self._no_time(cells))
         if self.zone_at >= 0:
             zone = cells[self.zone_at]
             if zone not in self.zones:
@@ -109,6 +111,15 @@ class RowReader:
         """Note a row with a cell that is neither a number nor declared missing."""
         where = f"column {column!r} holds {text[:40]!r}, which is no number"
         self.refuse(number, f"{where}: {self.reader.hint(text)}")
+
+    def _of_footer(self, number: int, cells: list[str]) -> str:
+        """What to say of one of the last lines, below the data, that hold none; else empty."""
+        begin, count = self.footer
+        if number < begin or not self.count:  # without a row of data, another time_format is needed
+            return ""
+        lines = "the last line is" if count == 1 else f"the last {count} lines are"
+        text = self.spec.separator.join(cells).strip()
+        return f"{text[:40]!r}: {lines} no data: set [input] footer_rows = {count}"
 
     def _ragged(self, cells: list[str]) -> str:
         count = len(cells)

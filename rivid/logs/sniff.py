@@ -9,6 +9,7 @@ from rivid.config import InputConfig
 from rivid.errors import DataError
 from rivid.logs.files import Limits, read_bytes, shown
 from rivid.logs.flags import Beside, look_beside
+from rivid.logs.footer import LINE, TAIL, footer_lines
 from rivid.logs.guess import ColumnGuess, guess_column, guess_marks
 from rivid.logs.layout import Layout, guess_layout
 from rivid.logs.layout_time import TimeLayout, guess_time
@@ -17,7 +18,7 @@ from rivid.logs.proposal import Proposal, Questions, write_toml
 from rivid.logs.roles import roles_of
 from rivid.logs.spec import MICRO
 from rivid.logs.tags import Tagged, by_tag
-from rivid.logs.times import clock_turns_back
+from rivid.logs.times import clock_turns_back, read_text
 
 __all__ = ["Proposal", "sniff"]
 
@@ -56,13 +57,15 @@ def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> Proposal
 class _Look:
     """What a file seems to be.
 
-    `columns` are names, units and cells of all that may hold numbers: columns of the wide layout, or tags.
+    `columns` are names, units and cells of all that may hold numbers: columns of the wide layout, or tags;
+    `footer` are its last lines, where these hold no data.
     """
 
     layout: Layout
     time: TimeLayout
     tagged: Tagged | None
     columns: list[tuple[str, str, list[str]]] = field(default_factory=list)
+    footer: list[str] = field(default_factory=list)
 
 
 def _look(path: Path) -> _Look:
@@ -72,7 +75,9 @@ def _look(path: Path) -> _Look:
         raise DataError(
             f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
         )
-    if len(content) > LOOKED_AT:
+    whole, bigendian = len(content) <= LOOKED_AT, content[:2] == b"\xfe\xff"
+    tail = content[-(TAIL + len(content) % 2) :]  # an even number of bytes from the end or from the beginning
+    if not whole:
         content = content[: content.rfind(b"\n", 0, LOOKED_AT) + 1] or content[:LOOKED_AT]
     layout = guess_layout(content, name)
     del layout.rows[ROWS:], layout.blocks[ROWS:]
@@ -82,8 +87,11 @@ def _look(path: Path) -> _Look:
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             "set [input] time and time_format"
         )
+    footer = _footer_in(tail, bigendian, layout, time)
+    while whole and footer and layout.rows and not _has_time(layout.rows[-1], time):
+        layout.rows.pop()
     tagged = by_tag(layout, time, path.name)
-    look = _Look(layout, time, tagged)
+    look = _Look(layout, time, tagged, footer=footer)
     if tagged is not None:
         look.columns = [(tag, tagged.units.get(tag, ""), cells) for tag, cells in tagged.cells.items()]
         look.time = replace(time, steps=tagged.shortest)
@@ -92,6 +100,20 @@ def _look(path: Path) -> _Look:
         if i not in time.columns and column:
             look.columns.append((column, layout.units[i], [row[i] for row in layout.rows]))
     return look
+
+
+def _footer_in(tail: bytes, bigendian: bool, layout: Layout, time: TimeLayout) -> list[str]:
+    """The last lines of a file that hold no data."""
+    encoding = layout.encoding
+    if encoding == "utf-16":  # the mark that tells the order of bytes stands at the other end
+        encoding = "utf-16-be" if bigendian else "utf-16-le"
+    lines = LINE.split(tail.decode(encoding, "replace"))
+    found = footer_lines(lines, time.columns, layout.separator, time.time_format, layout.comment)
+    return [lines[at] for at in found]
+
+
+def _has_time(row: Sequence[str], time: TimeLayout) -> bool:
+    return read_text(" ".join(row[i] for i in time.columns), time.time_format) is not None
 
 
 def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
@@ -113,7 +135,8 @@ def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
     ]
     columns = [column for column in found if column is not None]
     questions.ask("time_format", time.doubt)
-    roles, kind = roles_of(columns, questions)
+    meant = roles_of(columns, questions)
+    roles, kind = meant.groups, meant.kind
     used = [column for group in roles.values() for column in group]
     step = sorted(time.steps)[len(time.steps) // 2] / MICRO if time.steps else 0.0
     every = min((column.every for column in used), default=1)
@@ -135,6 +158,7 @@ def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
     keys |= {"encoding": layout.encoding, "separator": layout.separator, "decimal": decimal}
     keys |= {"thousands": thousands, "comment": layout.comment, "skip_rows": layout.skip_rows}
     keys |= {"header_rows": layout.header_rows, "unit_rows": layout.unit_rows}
+    keys |= {"footer_rows": max(len(look.footer) for look in looks)}
     if layout.repeated:
         keys["repeated_header"] = "drop"
     texts = list(dict.fromkeys(text for column in used for text in column.texts))
@@ -154,6 +178,10 @@ def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
     _ask_of_times(first, beside, time_zone, keys, questions)
     _ask_of_units(roles, questions)
     _add_flags(beside, roles, tagged is not None, keys, tables, questions)
+    if footer := max((look.footer for look in looks), key=len):
+        ends = ", ".join(repr(line.strip()[:30]) for line in footer[:3])
+        lines = f"the last {len(footer)} lines hold" if len(footer) > 1 else "the last line holds"
+        questions.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
     steps = [tagged.steps.get(c.name, []) for c in used] if tagged else [time.steps]
     if any(map(_unsteady, steps)):
         tables["interval"] = {}
@@ -163,15 +191,24 @@ def _propose(looks: list[_Look], name: str, time_zone: str | None) -> Proposal:
             "longest time that one holds, and [reach] sample_time",
         )
     else:
+        late = f" ({step * every:g} s)" if step else ""
         questions.ask(
             "stamp",
-            "does a value stand for the interval before its time, after it, or the instant? ([input.stamp])",
+            'does a value stand for the interval before its time ("end"), after it ("start"), or the '
+            f'"instant"? ([input.stamp]) Nothing said is the instant; if that is wrong of a flow, a delay is '
+            f"off by up to one interval{late}",
         )
     left = [column.name for column in columns if column not in used]
     if left:
         questions.ask("", f"{'tags' if tagged else 'columns'} left out: {', '.join(left)}")
     needed = {k: v for k, v in keys.items() if v is not None and v != getattr(default, k)}
-    return write_toml(name, kind, step * every, needed, tables, undecided, questions)
+    instead = {
+        role: [_one_or_all([c.name for c in group]) for group in groups]
+        for role, groups in meant.instead.items()
+    }
+    if any(instead.values()):
+        questions.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
+    return write_toml(name, kind, step * every, needed, tables, undecided, questions, instead)
 
 
 def _kind(look: _Look) -> tuple[Any, ...]:
@@ -187,7 +224,9 @@ def _ask_of_times(
         return
     if time_zone is None and not beside.zones:
         questions.ask(
-            "time_zone", "its times carry no UTC offset: set time_zone to the zone of the log's clock"
+            "time_zone",
+            "its times carry no UTC offset: set time_zone to the zone of the log's clock, as Europe/Paris, "
+            "America/Los_Angeles; without summer time Etc/GMT+8, which is 8 h behind UTC",
         )
     elif time_zone is None and len(set(beside.zones.values())) > 1:
         questions.ask("time_zone", "its clock is changed: set time_zone to the zone whose days are meant")

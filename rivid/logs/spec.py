@@ -1,6 +1,6 @@
 """What the configuration declares about the logs, as one small hashable value."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import Literal
 
@@ -107,7 +107,10 @@ _PLAIN = Dialect()
 
 @dataclass(frozen=True)
 class Spec:
-    """All that reading needs to know; equal specs read a file alike."""
+    """All that reading needs to know; equal specs read a file alike.
+
+    `period_said` is for messages only: whether `[reach] sample_time` is declared, or `period` its default.
+    """
 
     signals: tuple[Signal, ...]
     output: str
@@ -129,6 +132,8 @@ class Spec:
     max_gap: int
     max_filled: float
     dialect: "Dialect" = Dialect()
+    footer_rows: int = field(default=0, repr=False)
+    period_said: bool = field(default=True, repr=False, compare=False)
 
     def __hash__(self) -> int:
         return hash((self.time, self.period, self.time_zone))  # quick: few specs live at a time
@@ -151,7 +156,8 @@ class Spec:
     @property
     def digest(self) -> str:
         """Changes whenever a file would be read otherwise."""
-        return sha256(repr(self).encode()).hexdigest()
+        footer = f"footer_rows={self.footer_rows}" if self.footer_rows else ""
+        return sha256((repr(self) + footer).encode()).hexdigest()
 
 
 _last: tuple[Config, Spec] | None = None
@@ -211,6 +217,8 @@ def _build(config: Config) -> Spec:
         max_gap=round(given.max_gap * MICRO),
         max_filled=given.max_filled,
         dialect=_dialect(given, signals),
+        footer_rows=given.footer_rows,
+        period_said="sample_time" in reach.model_fields_set,
     )
 
 

@@ -140,8 +140,28 @@ def test_a_long_gap_fails_the_day_and_says_where(tmp_path):
 
 def test_too_many_short_gaps_fail_the_day(tmp_path):
     lines = [r for k, r in enumerate(rows()) if k % 3 == 0]
-    with pytest.raises(DataError, match=r"67% of the samples lie in gaps .* u_Qi comes every 7 min"):
+    with pytest.raises(DataError, match=r"67% of the samples lie in gaps .* the log comes every 399 s"):
         read(put(tmp_path, lines))
+
+
+@pytest.mark.parametrize(
+    ("reach", "hint"),
+    [
+        ({}, r"max_filled\); \[reach\] sample_time is not set: the log comes every 300 s"),
+        ({"sample_time": 120}, r"\[reach\] sample_time = 120 s, but the log comes every 300 s"),
+    ],
+)
+def test_a_log_that_comes_less_often_than_the_sample_time_asks_for_that_first(tmp_path, reach, hint):
+    put(tmp_path, rows(n=288, step=300))
+    with pytest.raises(DataError, match=hint + r": set \[reach\] sample_time = 300; or, .*interval\] u_Qi"):
+        read(tmp_path, reach=reach)
+    assert read(tmp_path, reach={"sample_time": 300}).n_filled == 0
+
+
+def test_one_column_that_comes_less_often_than_the_others_is_asked_for_its_interval(tmp_path):
+    lines = [[r[0], r[1] if k % 3 == 0 else "", *r[2:]] for k, r in enumerate(rows(n=288, step=300))]
+    with pytest.raises(DataError, match=r"; u_Qi comes every 15 min: .* set \[input.interval\] u_Qi = 900$"):
+        read(put(tmp_path, lines), reach={"sample_time": 300})
 
 
 def test_a_coarser_log_is_read_when_it_says_so(tmp_path):

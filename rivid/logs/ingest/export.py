@@ -8,8 +8,9 @@ from typing import Any
 from rivid.errors import DataError
 from rivid.logs import csvfast
 from rivid.logs.columns import Columns, Seen
-from rivid.logs.csvtext import LINE, WideReader, read_tolerant
+from rivid.logs.csvtext import WideReader, read_tolerant
 from rivid.logs.files import MANY, read_bytes, refuse_rows, refuse_size, shown
+from rivid.logs.footer import LINE, cut_footer
 from rivid.logs.guess import unit_said
 from rivid.logs.header import Header, UndeclaredError, check_names, plain_bytes, read_odd_header, split_cells
 from rivid.logs.longtext import LongReader, is_unit_column, read_long
@@ -69,12 +70,14 @@ def read_export(path: Path, spec: Spec) -> Export:
     refuse_rows(name, content.count(b"\n"), MANY)
     try:
         header = read_odd_header(content, spec, name, some=True)
+        content, footers = cut_footer(content, header, spec)
         if spec.dialect.long:
             long = read_long(content, header, spec, name, stem, watch=True)
             export = Export(name, long.tags, long.seen, long.lacking)
         else:
             export = _wide(_wide_columns(content, header, spec, name), name)
             export.seen.units.update(_unit_cells(content, header, spec))
+        export.seen.footers = footers
     except UnicodeDecodeError:
         raise UndeclaredError(f"{name}: not {spec.encoding}: set [input] encoding") from None
     _refuse_flags(export, spec)

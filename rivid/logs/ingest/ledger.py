@@ -56,7 +56,7 @@ class FileCount:
     name : str
     rows, unreadable : int
         Of data; and of these, such as cannot be read.
-    comments, headers, empty : int
+    comments, headers, empty, footers : int
         Lines without data.
     others : Counter
         Rows of tags that are not asked for.
@@ -69,11 +69,13 @@ class FileCount:
     headers: int
     empty: int
     others: Counter[str]
+    footers: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         named = {"file": self.name, "rows": self.rows, "unreadable_rows": self.unreadable}
         lines = {"comment_lines": self.comments, "repeated_headers": self.headers, "empty_lines": self.empty}
+        lines["footer_lines"] = self.footers
         return named | lines | {"rows_of_other_tags": dict(self.others)}
 
 

@@ -39,6 +39,17 @@ def refuse_place(out: Path, exports: Sequence[Path]) -> None:
             )
 
 
+def differs(out: Path, date: dt.date, format: str, data: bytes) -> bool:
+    """Whether a log of that day is there, and another one."""
+    path = out / f"{date}.{format}"
+    there = [out / f"{date}{suffix}" for suffix in SUFFIXES]
+    if any(other.exists() or other.is_symlink() for other in there if other != path):
+        return True
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        return True
+    return path.is_file() and (path.stat().st_size != len(data) or path.read_bytes() != data)
+
+
 def put(out: Path, date: dt.date, format: str, data: bytes, *, force: bool) -> tuple[Written, str]:
     """Write a day's log.
 

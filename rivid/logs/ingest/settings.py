@@ -1,8 +1,9 @@
 """The configuration with which the logs that were written are read: `[input]` says no more of the exports."""
 
 import json
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from rivid.atomic import write_text
 from rivid.config import Config, parse
@@ -36,11 +37,20 @@ def settings_for_logs(config: Config) -> str:
         own["interval"] = intervals
     raw = {key: value for key, value in raw.items() if key in ("reach",)} | {"input": own} | raw
     parse(raw, Config, "the configuration for the logs")
-    lines = ["# Written by `rivid ingest`: how `rivid run` reads the logs that were made of the exports."]
+    lines: list[str] = []
     for section, entries in raw.items():
         if entries:
             lines += ["", *_table(section, entries)]
-    return "\n".join(lines) + "\n"
+    body = "\n".join(lines) + "\n"
+    return _first_line(body) + body
+
+
+def _first_line(body: str) -> str:
+    """The first line of what ingest writes: it tells, of the rest, whether people have changed it."""
+    mark = sha256(body.encode()).hexdigest()[:12]
+    return (
+        f"# Written by `rivid ingest` for the logs it made of the exports; it keeps this up to date. {mark}\n"
+    )
 
 
 def _table(name: str, entries: dict[str, Any]) -> list[str]:
@@ -58,27 +68,34 @@ def _said(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
-def refuse_settings(path: Path, text: str, *, force: bool) -> bool:
-    """Whether the file is still to be written; another one in its place is not overwritten unasked.
+Standing = Literal["absent", "same", "own", "other"]
+
+
+def standing(path: Path, text: str) -> Standing:
+    """What is there in place of the settings: nothing, the same, others that ingest wrote, or others."""
+    if not path.exists():
+        return "absent"
+    try:
+        there = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return "other"
+    if there == text:
+        return "same"
+    first, _, body = there.partition("\n")
+    return "own" if f"{first}\n" == _first_line(body) else "other"
+
+
+def refuse_settings(path: Path) -> None:
+    """Refuse to overwrite unasked what people wrote, or what other logs are read with.
 
     Raises
     ------
     ConfigError
     """
-    if not path.exists():
-        return True
-    try:
-        there = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        there = ""
-    if there == text:
-        return False
-    if not force:
-        raise ConfigError(
-            f"{shown(str(path))} is there and says otherwise: --force writes it and differing days again, "
-            "--run-config writes it elsewhere"
-        )
-    return True
+    raise ConfigError(
+        f"{shown(str(path))} is there and says otherwise: --force writes it and differing days again, "
+        "--run-config writes it elsewhere"
+    )
 
 
 def write_settings(path: Path, text: str) -> None:

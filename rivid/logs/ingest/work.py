@@ -16,9 +16,9 @@ from rivid.logs.header import UndeclaredError
 from rivid.logs.ingest.days import DayLog, dates_of, judge, settle
 from rivid.logs.ingest.export import Export, read_export
 from rivid.logs.ingest.ledger import Fate, FileCount, Ledger
-from rivid.logs.ingest.place import put, refuse_place
+from rivid.logs.ingest.place import differs, put, refuse_place
 from rivid.logs.ingest.series import Gathered, gather
-from rivid.logs.ingest.settings import refuse_settings, settings_for_logs, write_settings
+from rivid.logs.ingest.settings import refuse_settings, settings_for_logs, standing, write_settings
 from rivid.logs.ingest.signals import canonical
 from rivid.logs.spec import Spec, spec_of
 from rivid.logs.write import Format
@@ -116,6 +116,9 @@ class Outcome:
 def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None = None) -> Outcome:
     """Make daily logs of exports.
 
+    The configuration that it wrote beside the logs is written again where nothing but that changes; where
+    logs differ, or people have edited it, it stays.
+
     Parameters
     ----------
     exports : sequence of Path
@@ -136,13 +139,14 @@ def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None
     DataError
         Where a file cannot be read.
     NoDataError
-        Where the exports hold no value that is asked for.
-    """
+        Where the exports hold no value that is asked for."""
     wish, spec = wish or Wish(), spec_of(config)
     run_config = wish.run_config or run_config_beside(out)
     text = settings_for_logs(config)
     refuse_place(out, exports)
-    unwritten = refuse_settings(run_config, text, force=wish.force) and not wish.dry_run
+    there = standing(run_config, text)
+    if there == "other" and not wish.force:
+        refuse_settings(run_config)
     read = _read(exports, spec)
     try:
         gathered = gather(read, spec)
@@ -157,11 +161,22 @@ def ingest(exports: Sequence[Path], out: Path, config: Config, wish: Wish | None
         if (wish.first or date) <= date <= (wish.last or date)
     ]
     today = wish.today or dt.datetime.now(gathered.zone).date()
+    if (
+        there == "own" and not wish.force
+    ):  # its own file is brought up to date, beside logs that stay as they are
+        for date in dates:
+            day = judge(date, columns, gathered, spec, today)
+            if day.status == "good" and differs(out, date, wish.format, _bytes_of(day, gathered, wish)[0]):
+                refuse_settings(run_config)
     results = []
     for date in dates:
         day = judge(date, columns, gathered, spec, today)
         results.append(_finish(day, gathered, out, wish))
-    if unwritten and any(result.status in ("written", "identical") for result in results):
+    if (
+        there != "same"
+        and not wish.dry_run
+        and any(result.status in ("written", "identical") for result in results)
+    ):
         write_settings(run_config, text)
     return Outcome(results, _ledger(read, gathered), run_config, _notes(read))
 
@@ -192,7 +207,8 @@ def _read(exports: Sequence[Path], spec: Spec) -> list[Export]:
                     said = f"no export holds {source!r} for {signal.name}{nearest}"
                     raise UndeclaredError(f"{said}: set [input] {signal.name} to the export's own name")
     except UndeclaredError as error:
-        raise ConfigError(f"{error}; {SNIFF}") from None
+        more = "" if "rivid sniff" in str(error) else f"; {SNIFF}"
+        raise ConfigError(f"{error}{more}") from None
     return read
 
 
@@ -201,12 +217,9 @@ def _finish(day: DayLog, gathered: Gathered, out: Path, wish: Wish) -> DayResult
     if day.status != "good":
         settle(day, Fate.REFUSED if day.status == "refused" else Fate.PENDING)
         return DayResult(day.date, day.status, day.reason)
-    there = np.any([np.isfinite(values) for values in day.columns.values()], axis=0)
-    times = day.times[there]
-    columns = {name: values[there] for name, values in day.columns.items()}
+    data, count = _bytes_of(day, gathered, wish)
     status, name = "written", f"{day.date}.{wish.format}"
     if not wish.dry_run:
-        data = rows_as_bytes(times, columns, gathered.zone, wish.format)
         status, name = put(out, day.date, wish.format, data, force=wish.force)
     settle(day, Fate.STANDING if status == "differs" else Fate.USED)
     reason = ""
@@ -214,7 +227,14 @@ def _finish(day: DayLog, gathered: Gathered, out: Path, wish: Wish) -> DayResult
         reason = f"{name} is there and differs: --force writes it again"
         if name != f"{day.date}.{wish.format}":
             reason = f"{name} is there already: take it away, or choose its --format"
-    return DayResult(day.date, status, reason, name, len(times), day.n_filled)
+    return DayResult(day.date, status, reason, name, count, day.n_filled)
+
+
+def _bytes_of(day: DayLog, gathered: Gathered, wish: Wish) -> tuple[bytes, int]:
+    """The log of a good day as a file, and how many rows it has."""
+    there = np.any([np.isfinite(values) for values in day.columns.values()], axis=0)
+    columns = {name: values[there] for name, values in day.columns.items()}
+    return rows_as_bytes(day.times[there], columns, gathered.zone, wish.format), int(there.sum())
 
 
 def _ledger(read: Sequence[Export], gathered: Gathered) -> Ledger:
@@ -228,7 +248,14 @@ def _ledger(read: Sequence[Export], gathered: Gathered) -> Ledger:
         unreadable = seen.rows - seen.others.total() - _good_rows(export)
         ledger.files.append(
             FileCount(
-                export.name, seen.rows, unreadable, seen.comments, seen.headers, seen.empty, seen.others
+                export.name,
+                seen.rows,
+                unreadable,
+                seen.comments,
+                seen.headers,
+                seen.empty,
+                seen.others,
+                seen.footers,
             )
         )
     return ledger
@@ -247,6 +274,8 @@ def _notes(read: Sequence[Export]) -> list[str]:
     notes = []
     if unread:
         notes.append(f"columns not read: {', '.join(name[:40] for name in unread)}")
+    if footers := sum(export.seen.footers for export in read):
+        notes.append(f"last lines of files that hold no data (footer_rows): {footers:,d} passed over")
     if others:
         tags = ", ".join(f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12))
         notes.append(f"tags not asked for: {tags}{', ...' if len(others) > 12 else ''}")

@@ -424,11 +424,41 @@ def hourly_means():
     return Case({"means.csv": joined(lines).encode()}, config, truth)
 
 
+def two_plants():
+    """A historian's extract: the plant above in three parts, the dam below; titles above, averages below."""
+    truth = world(MARCH, 2)
+    texts, _ = rewritten(truth, (CFS, CFS, FT), ("{:.1f}", "{:,.1f}", "{:.2f}"))
+    names = ["UPR.G1.FLOW (cfs)", "UPR.G2.FLOW (cfs)", "UPR.GATES (cfs)", "LWR.TOTAL.RELEASE (cfs)"]
+    lines = ['"Report: TWO PLANTS"', '"Generated 03/15/2008 7:02 AM"', '"Point","x"']
+    lines.append(",".join(["Timestamp", *(f'"{name}"' for name in [*names, "LWR.POND.ELEV (ft)"])]))
+    bad, meant = {(20, 1): "Bad Input", (21, 4): "I/O Timeout"}, {}
+    for k, (second, (inflow, outflow, level)) in enumerate(texts.items()):
+        parts = [f"{float(inflow) * share:,.1f}" for share in (0.4, 0.35, 0.25)]
+        cells = [bad.get((k, j), cell) for j, cell in enumerate([*parts, outflow, level])]
+        quoted = [f'"{cell}"' if "," in cell else cell for cell in cells]
+        moment = dt.datetime.fromtimestamp(second, CET)
+        date = f"{moment.month}/{moment.day}/{moment.year}"
+        lines.append(",".join([f"{date} {moment.hour % 12 or 12}:{moment:%M:%S %p}", *quoted]))
+        numbers = [float(part.replace(",", "")) for part in parts]
+        flows = [sum(numbers) * CFS, float(outflow.replace(",", "")) * CFS]
+        meant[second] = [*flows, float(level) * FT]
+    lines += ["Average,,,,,", '"*** End of report ***"']
+    holes(meant, [(20, 0), (21, 2)])
+    config = REACH + (
+        'time = "Timestamp"\nu_Qi = ["UPR.G1.FLOW (cfs)", "UPR.G2.FLOW (cfs)", "UPR.GATES (cfs)"]\n'
+        'u_Qo = "LWR.TOTAL.RELEASE (cfs)"\nh_L = "LWR.POND.ELEV (ft)"\n'
+        'time_format = "%m/%d/%Y %I:%M:%S %p"\ntime_zone = "Etc/GMT-1"\nthousands = ","\nskip_rows = 3\n'
+        'footer_rows = 2\nmissing = ["", "Bad Input", "I/O Timeout"]\nmax_gap = 1800\n\n'
+        '[input.units]\nu_Qi = "cfs"\nu_Qo = "cfs"\nh_L = "ft"\n'
+    )
+    return Case({"extract.csv": joined(lines, "\r\n").encode()}, config, meant)
+
+
 CASES = {
     f.__name__: f
     for f in (
         campbell, usgs, fews, zrxp, french, german, american, undecidable, utf16, historian, exception,
-        tag_files, split, october, march, units_of_plant, hourly_means,
+        tag_files, split, october, march, units_of_plant, hourly_means, two_plants,
     )
 }  # fmt: skip
 """Every case by name."""
