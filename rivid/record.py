@@ -59,11 +59,25 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
         "d_min": settings.d_min,
         "d_max": settings.d_max,
         "delay_scale": settings.delay_scale,
+        "assumed": assumed(config),
         "data_dir": str(data_dir),
         "started": started.isoformat(timespec="seconds"),
         "versions": versions,
         "config": config.as_used(),
     }
+
+
+def assumed(config: Config) -> list[str]:
+    """Keys of the geometry that nobody gave: the defaults in their place are another reach's (Table I).
+
+    Examples
+    --------
+    >>> assumed(Config()), assumed(Config.model_validate({"reach": {"length": 15e3, "bed_level": 90.0}}))
+    (['length', 'width', 'depth'], ['width'])
+    """
+    reach = config.reach
+    given = reach.model_fields_set | ({"depth"} if reach.bed_level is not None else set())
+    return [key for key in ("length", "width", "depth") if key not in given]
 
 
 def unfinished(out: Path, record: dict[str, Any]) -> None:

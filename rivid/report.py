@@ -9,7 +9,8 @@ import numpy as np
 
 from rivid import __version__
 from rivid.figures import FigureFile
-from rivid.figures.attention import SHOWN, Attention
+from rivid.figures.arrival import samples_first
+from rivid.figures.attention import SHOWN, Attention, missing, spans
 from rivid.figures.glance import glance
 from rivid.figures.headline import facts, headline, leading
 from rivid.figures.lately import Lately, lately
@@ -34,6 +35,9 @@ from rivid.results import EstimatorResults, Results
 
 MOST = 400
 """Rows of days to look at on the page at all; delays.csv has every one."""
+
+MOST_SPANS = 40
+"""Days or spans of days without a log that are listed at all, the latest."""
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
@@ -86,6 +90,8 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
     first = top.headline if top else sentences[0]
     lead, river = leading(results), leading_response(results)
     speaker = river or lead
+    gone = missing(dates)
+    by_prior = facts(results, lead).prior_only if lead and not river else 0
     numbered = list(enumerate(rows[:MOST]))
     return {
         "reach": results.reach,
@@ -107,6 +113,10 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "most": MOST,
         "attention": numbered[:SHOWN],
         "more": numbered[SHOWN:],
+        "no_log": spans(gone)[-MOST_SPANS:],
+        "most_spans": MOST_SPANS,
+        "gone": count(len(gone), "day"),
+        "by_prior": count(by_prior, "day") if by_prior else "",
         "unlisted": max(len(rows) - MOST, 0),
         "estimators": [_row(results, e) for e in results.estimators if e.dates],
         "groups": _groups(figures, speaker.estimator if speaker else ""),
@@ -132,12 +142,12 @@ def _strip(results: Results, recent: Lately, rows: Sequence[Attention]) -> dict[
     if name in UNJUDGED | PROBABLE and not recent.passage:
         named = LOOKS | {"sure": "delay"}
     looks = [(sign(look), words) for look, words in named.items() if look in drawn.looks]
-    what = "t50" if recent.passage else "Delay"
+    what = "t50" if recent.passage else "Travel time" if recent.travel else "Delay"
     text = f"{what} of each day by {name}; the last week is shaded, the time is on the right."
+    if not (recent.passage or recent.travel):
+        text += " A delay of d samples is a travel time of d to d + 1 samples; the time stands at its middle."
     if drawn.medians:
         looks.append((sign("median"), "median of a week"))
-        if "prior" in drawn.looks:
-            text += " Medians are of the days that the data decide."
     return {"strip": svg(drawn, text, MOST), "looks": looks, "strip_words": text}
 
 
@@ -162,13 +172,14 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
     p = passage(results, e)
     modal = ""
     if with_delay:
-        modal = f"{' and '.join(number(d) for d in f.common)}: {share(f.common_days, f.with_delay)}"
+        days = f"{f.common_days:,} of {count(f.with_delay, 'day')}"
+        modal = f"{' and '.join(number(d) for d in f.common)}: {days}"
     return {
         "name": e.estimator,
         "words": estimator_words(e.estimator),
         "answered": f"{f.answered:,} of {f.days:,}",
         "t50": delays([round(p.median, 1)], T_s) if p.with_t50 else "–",
-        "median": given(delays([f.median], T_s)),
+        "median": samples_first([f.median], T_s) if with_delay else "–",
         "modal": given(modal),
         "at_bound": given(f"{f.at_bound:,}"),
         "probability": "–" if e.probability is None else given(probability(f.probability)),

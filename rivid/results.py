@@ -58,6 +58,8 @@ class EstimatorResults:
         Ends of the smallest set of delays that holds 90 % [samples].
     fir_sd : ndarray, shape (n, M), or None
         Standard deviation of `fir`.
+    travel_s : ndarray, shape (n,), or None
+        Travel time with its fraction [s]; None where the estimator knows no more than d.
     """
 
     estimator: str
@@ -82,6 +84,7 @@ class EstimatorResults:
     delay_low: Floats | None = None
     delay_high: Floats | None = None
     fir_sd: Floats | None = None
+    travel_s: Floats | None = None
 
     @property
     def answered(self) -> Bools:
@@ -105,6 +108,9 @@ class Results:
         sigma_d in use [samples], the mode of the Rayleigh prior.
     estimators : list of EstimatorResults
         In the order of the configuration.
+    assumed : tuple of str
+        Keys of the reach's geometry that nobody gave. Bounds (5) of an assumed reach are no bounds of this
+        one: they are NaN then.
     """
 
     reach: str
@@ -112,6 +118,7 @@ class Results:
     output_unit: str
     delay_scale: float
     estimators: list[EstimatorResults]
+    assumed: tuple[str, ...] = ()
 
 
 def load_results(out: Path | str) -> Results:
@@ -167,10 +174,14 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)
     order = [str(name) for name in run["estimators"]]
+    assumed = tuple(str(key) for key in run.get("assumed") or ())
     estimators = []
     for name in order:
         rows = delays.filter(names == name)
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
+        if assumed:
+            columns |= {f"bound_{wave}_s": np.full(len(rows), None) for wave in ("gravity", "kinematic")}
+        sure = _given(columns["probability"])
         dates: list[dt.date] = rows["date"].to_pylist()
         days = rows["date"].cast(pa.int32()).to_numpy()
         estimators.append(
@@ -186,7 +197,8 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
                 fir=_matrix(fir, name, days, "lag", "value")[1],
                 candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
                 criterion=curve[1],
-                probability=_given(columns["probability"]),
+                probability=sure,
+                travel_s=None if sure is None else _given(columns["delay_s"]),
                 delay_low=_given(columns["delay_low"]),
                 delay_high=_given(columns["delay_high"]),
                 fir_sd=_spread(fir, name, days),
@@ -210,6 +222,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
         output_unit=str(run["output_unit"]),
         delay_scale=float(run["delay_scale"]),
         estimators=estimators,
+        assumed=assumed,
     )
 
 

@@ -185,9 +185,12 @@ def test_names_and_reasons_are_text_and_never_markup(tmp_path):
 
 def test_headline_of_a_good_year():
     said = headline(simple([6] * 200 + [7] * 127 + [5] * 5))
-    assert said[0] == "On 327 of 332 days the delay is 6 or 7 samples (13.3 to 15.5 min)."
+    assert said[0] == (
+        "On 327 of 332 days the inflow reaches the level after 13.3 to 17.7 min "
+        "(delay d = 6 or 7 samples of 133 s)."
+    )
     assert said[1] == "5 days say something else."
-    assert said[2].startswith("The level first moves at sample d + 1, that is 15.5 to 17.7 min after")
+    assert said[2] == "By the hydraulics of the reach, a gravity wave takes 16.7 min."
     assert "On every day with a delay, the data alone say the same, to within a sample." in said
     assert any(s.startswith("The Rayleigh prior alone, without any data, answers 6 or 7") for s in said)
 
@@ -195,7 +198,9 @@ def test_headline_of_a_good_year():
 def test_headline_counts_days_without_an_answer_by_reason():
     nan = np.nan
     said = headline(simple([6, 6, 6, nan, nan, nan], ["ok"] * 3 + ["failed", "failed", "unidentifiable"]))
-    assert said[0] == "On 3 of 6 days the delay is 6 samples (13.3 min)."
+    assert said[0] == (
+        "On 3 of 6 days the inflow reaches the level after 13.3 to 15.5 min (delay d = 6 samples of 133 s)."
+    )
     assert said[1] == "3 days have no answer (2 failed and 1 unidentifiable)."
 
 
@@ -222,15 +227,15 @@ def test_a_uniform_prior_beside_is_quoted():
 
 def test_one_day_is_spoken_of_as_one_day():
     said = headline(simple([6], start=dt.date(2008, 3, 14), prior_only=np.array([True])))
-    assert said[0] == "On 2008-03-14 the delay is 6 samples (13.3 min)."
+    assert said[0] == f"On 2008-03-14 {SIX}."
     assert "But the data alone favour another delay, or none: the answer is the prior's." in said
 
 
 def test_delays_that_spread_are_a_range_and_long_ones_in_hours():
     run = dataclasses.replace(simple(np.arange(1, 16).repeat(4)), sample_time=3600.0)
     assert headline(run)[0] == (
-        "Over 60 days the median delay is 8 samples (8.0 h); on four days of five it is 2 to 14 samples "
-        "(2.0 to 14.0 h)."
+        "Over 60 days the median delay is 8 samples (8 to 9 h); on four days of five it is 2 to 14 samples "
+        "(2 to 15 h)."
     )
 
 
@@ -386,6 +391,10 @@ def test_a_figure_that_is_gone_is_said(tmp_path):
         write_report(run, files, tmp_path, summary={})
 
 
+SIX = "the inflow reaches the level after 13.3 to 15.5 min (delay d = 6 samples of 133 s)"
+SEVEN = "The inflow reaches the level after 15.5 to 17.7 min (delay d = 7 samples of 133 s)"
+NINE = "The inflow reaches the level after 19.9 to 22.2 min (delay d = 9 samples of 133 s)"
+
 STEADY = [7, 7, 6, 7, 7, 6, 7] * 9
 """Nine weeks that are all alike."""
 
@@ -399,25 +408,33 @@ def top(run):
 
 def test_a_steady_delay_is_said_to_be_as_before_with_its_scatter_beside():
     said, lines = top(simple(STEADY))
-    assert said == "The delay is 15.5 min (7 samples), as in the weeks before."
-    assert lines["Now"].strong == "15.5 min (7 samples)"
+    assert said == f"{SEVEN}, as in the weeks before."
+    assert lines["Now"].strong == "15.5 to 17.7 min (7 samples)"
     assert lines["Now"].text == (
-        "The median of 2008-02-26 to 2008-03-03: 7 of 7 days with a delay, from 13.3 to 15.5 min."
+        "The median of 2008-02-26 to 2008-03-03: 7 of 7 days with a delay, from 13.3 to 17.7 min."
     )
     moved = lines["Has it moved?"]
     assert moved.strong == "No" and not moved.doubt
-    said = "Median 15.5 min in the last week, 15.5 min in the 8 weeks before; each of these has that median."
+    said = (
+        "Median 15.5 to 17.7 min in the last week, 15.5 to 17.7 min in the 8 weeks before; each of these has "
+        "that median."
+    )
     assert moved.text.startswith(f"{said} Mean inflow ")
-    assert (lines["To look at"].strong, lines["To look at"].links) == ("No day of the last week", ())
+    look = lines["To look at"]
+    assert (look.strong, look.links) == ("No day failed or stands out in the last week", ())
+    assert look.text == "" and not look.doubt
     assert lines["The prior's part"].strong == "0 of 7 days"
+    wave = lines["The hydraulics"]
+    assert (wave.strong, wave.doubt) == ("16.7 min", False)
+    assert wave.text == "for a gravity wave, the fastest of the reach, at the flows of these days."
 
 
 def test_a_delay_that_has_moved_is_told_with_the_size_of_the_move():
     said, lines = top(simple(STEADY[:-7] + [9, 9, 8, 9, 9, 9, 8]))
-    assert said == "The delay is 19.9 min (9 samples): 4.4 min longer than in the weeks before."
+    assert said == f"{NINE}: 4.4 min longer than in the weeks before."
     moved = lines["Has it moved?"]
     assert moved.strong == "Yes, 4.4 min longer" and moved.doubt
-    assert moved.text.startswith("Median 19.9 min in the last week, 15.5 min in the 8 weeks before; each of")
+    assert moved.text.startswith("Median 19.9 to 22.2 min in the last week, 15.5 to 17.7 min in the 8 weeks")
     said, lines = top(simple([9, 9, 8, 9, 9, 9, 8] * 8 + [7, 6, 7, 7, 7, 7, 6]))
     assert said.endswith(": 4.4 min shorter than in the weeks before.")
 
@@ -425,12 +442,15 @@ def test_a_delay_that_has_moved_is_told_with_the_size_of_the_move():
 def test_a_change_within_the_scatter_of_weeks_is_not_called_a_move():
     weeks = [5, 9, 6, 8, 7, 5, 9, 6, 8]
     said, lines = top(simple([d for week in weeks for d in [week] * 7]))
-    assert said == "The delay is 17.7 min (8 samples), within the scatter of the weeks before."
+    assert said == (
+        "The inflow reaches the level after 17.7 to 19.9 min (delay d = 8 samples of 133 s), within the "
+        "scatter of the weeks before."
+    )
     moved = lines["Has it moved?"]
     assert moved.strong == "Not beyond its scatter" and not moved.doubt
     assert moved.text.startswith(
-        "3.3 min longer. Median 17.7 min in the last week, 14.4 min in the 8 weeks before; "
-        "theirs lie from 11.1 to 19.9 min."
+        "3.3 min longer. Median 17.7 to 19.9 min in the last week, 13.3 to 17.7 min in the 8 weeks before; "
+        "theirs lie from 11.1 to 22.2 min."
     )
 
 
@@ -439,23 +459,29 @@ def test_a_week_whose_days_are_mostly_the_priors_claims_nothing_of_a_move():
     prior[-5:] = True
     run = simple(STEADY[:-7] + [9] * 7, prior_only=prior)
     said, lines = top(run)
-    assert said == "The delay is 19.9 min (9 samples), but the prior says so more than the data."
+    assert said == f"{NINE}, on 5 of 7 days by the prior's word."
     moved = lines["Has it moved?"]
     assert moved.strong == "Cannot be told"
     assert moved.text == "It takes 3 days that have a delay that the data decide; the last week has 2."
     word = lines["The prior's part"]
     assert word.strong == "5 of 7 days" and word.doubt
-    assert word.text.endswith("In the whole record 5 of 63 days (8 %).")
+    assert word.text == (
+        "There the data alone favour another delay, or none. The prior is what the reach's hydraulics let "
+        "expect before looking at the data, sigma_d = 6.5 samples. In the whole record 5 of 63 days (8 %)."
+    )
+    assert lines["To look at"].text == "But see the prior's part."
 
 
 def test_a_record_of_the_prior_alone_says_so_and_a_uniform_priors_says_chance():
     everything = np.ones(63, bool)
     said, lines = top(simple(STEADY, prior_only=everything))
-    assert said.endswith(", but the prior says so more than the data.")
+    assert said == f"{SEVEN}, on all 7 days by the prior's word."
     assert lines["Has it moved?"].strong == "Cannot be told"
     assert lines["The prior's part"].strong == "7 of 7 days"
     said, lines = top(simple(STEADY, prior_only=everything, name="jmap-uniform"))
-    assert said.endswith(", but it may be chance.") and lines["Perhaps chance"].strong == "7 of 7 days"
+    assert said == f"{SEVEN}, on all 7 days perhaps by chance."
+    word = lines["Perhaps chance"]
+    assert word.strong == "7 of 7 days" and "The prior is" not in word.text
 
 
 def test_days_of_the_prior_take_no_part_in_what_is_said_of_a_move():
@@ -474,7 +500,7 @@ def test_a_last_week_without_a_good_day_says_so_and_names_the_last_delay():
     assert said == "No day of the last week has a delay: 6 failed and 1 pending."
     assert lines["Now"].strong == "not known" and lines["Now"].doubt
     assert lines["Now"].text == (
-        "No delay on 2008-02-26 to 2008-03-03; the last one is of 2008-02-25: 15.5 min (7 samples)."
+        "No delay on 2008-02-26 to 2008-03-03; the last one is of 2008-02-25: 15.5 to 17.7 min."
     )
     assert lines["Has it moved?"].strong == "Cannot be told"
     look = lines["To look at"]
@@ -484,10 +510,10 @@ def test_a_last_week_without_a_good_day_says_so_and_names_the_last_delay():
 
 def test_one_day_alone_has_no_trend():
     said, lines = top(simple([6], start=dt.date(2008, 3, 14)))
-    assert said == "On 2008-03-14 the delay is 13.3 min (6 samples)."
+    assert said == f"On 2008-03-14 {SIX}."
     assert lines["Now"].text == "One day alone."
     assert lines["Has it moved?"].text == "There are no weeks before to compare with."
-    assert lines["To look at"].strong == "No day"
+    assert lines["To look at"].strong == "No day failed or stands out"
 
 
 def test_all_days_failing_and_all_days_pending_are_told_apart():
@@ -532,7 +558,7 @@ def test_days_far_outside_the_band_are_rows_and_links_of_the_page(tmp_path):
         ("2008-03-01", "far outside"),
     ]
     assert rows[1].reason == (
-        "the delay is 12 samples (26.6 min): nine days in ten lie between 6 and 7 samples"
+        "the delay is 12 samples (26.6 to 28.8 min): nine days in ten lie between 6 and 7 samples"
     )
     _, page = write(run, tmp_path)
     leads = [attrs["href"] for tag, attrs in page.tags if tag == "a" and "look-" in attrs["href"]]
@@ -544,7 +570,7 @@ def test_days_doubted_by_other_estimators_only_are_counted_apart():
     run = simple(STEADY)
     other = simple([15] * 2 + STEADY[2:], name="jmap-uniform").estimators
     _, lines = top(dataclasses.replace(run, estimators=run.estimators + other))
-    assert lines["To look at"].strong == "No day of the last week"
+    assert lines["To look at"].strong == "No day failed or stands out in the last week"
     assert lines["To look at"].text == "2 days that only other estimators doubt."
 
 

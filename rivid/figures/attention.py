@@ -1,10 +1,12 @@
 """Days to look at, with reasons: those without an answer, and answers to doubt."""
 
 import datetime as dt
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rivid.figures.arrival import samples_first
 from rivid.figures.selection import candidates, found
-from rivid.figures.words import NO_ANSWER, day_range, delays, number, share
+from rivid.figures.words import NO_ANSWER, day_range, number, share
 from rivid.results import EstimatorResults, Results
 
 SHOWN = 25
@@ -97,6 +99,38 @@ def _doubts(e: EstimatorResults, sample_time: float) -> list[tuple[dt.date, str,
         elif status == "degenerate" and not by_making:
             doubts.append((date, status, message or "alpha ran away: the data do not hold the response"))
         elif with_delay[i] and e.at_bound[i] and not by_making:
-            words = delays([float(e.delay[i])], sample_time)
+            words = samples_first([float(e.delay[i])], sample_time)
             doubts.append((date, "at a bound", f"the delay is {words}, the edge of what was tried"))
     return doubts
+
+
+def missing(dates: Sequence[dt.date]) -> list[dt.date]:
+    """Days between the first and the last that have no row: there is no log of them.
+
+    Examples
+    --------
+    >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
+    [datetime.date(2024, 6, 12)]
+    """
+    if not dates or (dates[-1] - dates[0]).days + 1 == len(dates):
+        return []
+    there = set(dates)
+    every = (dates[0] + dt.timedelta(days=k) for k in range((dates[-1] - dates[0]).days))
+    return [day for day in every if day not in there]
+
+
+def spans(days: Sequence[dt.date]) -> list[str]:
+    """Days in order, with neighbours joined.
+
+    Examples
+    --------
+    >>> spans([dt.date(2024, 6, 12), dt.date(2024, 6, 14), dt.date(2024, 6, 15)])
+    ['2024-06-12', '2024-06-14 to 2024-06-15']
+    """
+    runs: list[list[dt.date]] = []
+    for day in days:
+        if runs and (day - runs[-1][1]).days == 1:
+            runs[-1][1] = day
+        else:
+            runs.append([day, day])
+    return [day_range(first, last) for first, last in runs]

@@ -101,7 +101,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     path = folder / f"delay_map_{e.estimator}.png"
     style.save(page.figure, path)
     return style.figure_file(
-        page, "delay_map", e.estimator, path, "Delay of each day", _caption(e.estimator, results.output_unit)
+        page, "delay_map", e.estimator, path, "Delay of each day", _caption(e, results.output_unit)
     )
 
 
@@ -141,11 +141,13 @@ def bound_lines(axes: Axes, x: Floats, e: EstimatorResults, results: Results, *,
     return lines
 
 
-def _caption(name: str, unit: str) -> str:
-    text = (
-        "One mark per day. The blue line is the travel time of the wave at the day's discharge, as a delay: "
-        f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. "
-    )
+def _caption(e: EstimatorResults, unit: str) -> str:
+    name, text = e.estimator, "One mark per day. "
+    if np.isfinite(e.bound_gravity_s).any():
+        text += (
+            "The blue line is the travel time of the wave at the day's discharge, as a delay: "
+            f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. "
+        )
     if name in UNJUDGED:
         text += "Triangles lie at d_min or d_max."
     elif name in PROBABLE:

@@ -88,7 +88,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     path = folder / f"delay_discharge_{e.estimator}.png"
     style.save(page.figure, path)
     return style.figure_file(
-        page, "delay_discharge", e.estimator, path, "Delay and discharge", _caption(results, e.estimator)
+        page, "delay_discharge", e.estimator, path, "Delay and discharge", _caption(results, e)
     )
 
 
@@ -150,12 +150,18 @@ def _smooth(values: Floats, groups: int = 60) -> Floats:
     return np.array([np.median(part) for part in np.array_split(values, groups)])
 
 
-def _caption(results: Results, name: str) -> str:
-    return _CAPTION if results.output_unit == "m" else f"{_CAPTION} {no_jump(name)}"
+def _caption(results: Results, e: EstimatorResults) -> str:
+    text = _CAPTION
+    if np.isfinite(e.bound_gravity_s).any():
+        text += f" {_BOUNDS}"
+    return text if results.output_unit == "m" else f"{text} {no_jump(e.estimator)}"
 
 
 _CAPTION = (
     "Each mark is a day, at the first sample that moves, d + 1, and so at (d + 1) T_s. Marks of equal delay "
-    "are spread a little to show how many they are. The wave itself arrives between d T_s and (d + 1) T_s. "
+    "are spread a little to show how many they are. The wave itself arrives between d T_s and (d + 1) T_s."
+)
+
+_BOUNDS = (
     "No wave is faster than the gravity wave (full line); the kinematic wave (dashed) is the slow bound."
 )

@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rivid.errors import ConfigError
 from rivid.figures import FigureFile, style
+from rivid.figures.arrival import samples_first
 from rivid.figures.tdr import grey_limits
 from rivid.figures.words import PROBABLE, delays, method, probability, response_unit
 from rivid.results import EstimatorResults, Results
@@ -124,7 +125,7 @@ def _panel(
     if np.isfinite(d):
         axes.axvspan(d, d + 1, color=style.ACCENT, alpha=0.18, linewidth=0)
         axes.plot([d, d + 1], h[int(d) : int(d) + 2], color=style.ACCENT, lw=1.8, marker="o", ms=3.2)
-        notes.append(f"d = {delays([float(d)], sample_time)}")
+        notes.append(f"d = {samples_first([float(d)], sample_time)}")
         if e.probability is not None:
             notes.append(f"probability {probability(float(e.probability[i]))}")
     if np.isfinite(e.t50[i]):

@@ -1,25 +1,31 @@
 """What a reader with one minute has to know: the delay now, its trend, days to look at, whose word it is."""
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.figures.attention import Attention
+from rivid.figures.arrival import about, step, travel, travel_first
+from rivid.figures.attention import Attention, missing, spans
 from rivid.figures.headline import facts, leading
-from rivid.figures.lately import FEWEST_DAYS, WEEK, WEEKS, Lately, Trend, weeks_ago
+from rivid.figures.lately import WEEK, Lately
 from rivid.figures.looking import looking
+from rivid.figures.moved import change, lasting, moved
 from rivid.figures.selection import candidates, estimates_delay
+from rivid.figures.waves import FASTER, gravity, not_compared, too_fast
 from rivid.figures.words import (
     PROBABLE,
     RAYLEIGH,
     UNJUDGED,
     count,
     day_range,
-    duration,
     minutes_first,
+    number,
+    output_words,
     probability,
+    samples,
     share,
     statuses,
 )
@@ -72,9 +78,12 @@ def glance(results: Results, recent: Lately, rows: Sequence[Attention]) -> Glanc
     """
     lines = [_now(results, recent)]
     if np.isfinite(recent.values).any():
-        lines.append(_moved(results, recent))
+        strong, text, doubt = moved(results, recent)
+        lines.append(Line("Has it moved?", strong, text, doubt=doubt))
     lines.append(_look(results, recent, rows))
-    return Glance(_headline(results, recent), (*lines, *_word(results, recent)))
+    return Glance(
+        _headline(results, recent), (*lines, *_word(results, recent), *_hydraulics(results, recent))
+    )
 
 
 def _headline(results: Results, recent: Lately) -> str:
@@ -86,18 +95,48 @@ def _headline(results: Results, recent: Lately) -> str:
         return f"None of {count(len(e.dates), 'day')} has a {what}{_why(e, np.ones(len(e.dates), bool))}."
     if not np.isfinite(recent.median):
         return f"No day of the last week has a {what}{_why(e, recent.week)}."
-    words = minutes_first(recent.median, T_s)
-    said = f"Half of a step arrives after {words}" if recent.passage else f"The delay is {words}"
+    if recent.passage:
+        said = f"Half of a step arrives after {minutes_first(recent.median, T_s)}"
+    else:
+        said = f"The inflow reaches the {output_words(results.output_unit)} after {_answer(recent, T_s)}"
     if len(e.dates) == 1:
         said = f"On {e.dates[0]} {said[0].lower()}{said[1:]}"
+    given, asked = int(recent.with_value.sum()), int(recent.week.sum())
+    if 2 * given < asked:
+        said += f", on {given} of {asked} days (the others have no answer)"
     if t is not None and t.moved:
-        return f"{said}: {_change(t, T_s)} than in the weeks before."
-    if 2 * recent.by_prior > int(recent.with_value.sum()):
-        whose = "the prior says so more than the data" if e.estimator in RAYLEIGH else "it may be chance"
-        return f"{said}, but {whose}."
-    if t is None:
-        return f"{said}."
-    return f"{said}, {'as in' if t.now == t.before else 'within the scatter of'} the weeks before."
+        said += f": {change(t, T_s)} than in the weeks before"
+    elif t is not None and 2 * recent.by_prior <= given:
+        said += f", {'as in' if t.now == t.before else 'within the scatter of'} the weeks before"
+    said += f"{_whose(results, recent)}."
+    fast = too_fast(results, e, passage=recent.passage) & recent.with_value
+    return f"{said} That is {FASTER}" if 2 * int(fast.sum()) >= given else said
+
+
+def _answer(recent: Lately, sample_time: float) -> str:
+    """The travel time of the last week, and its delay."""
+    if not recent.travel:
+        return travel_first([recent.delay], sample_time)
+    d = f"{samples([recent.delay])} of {step(sample_time)}"
+    return f"{about(recent.median * sample_time)} (delay d = {d})"
+
+
+def _whose(results: Results, recent: Lately) -> str:
+    """That the prior, or chance, decides a third of the days or more; of the week, or else of the record."""
+    given, by_prior, e = int(recent.with_value.sum()), recent.by_prior, recent.estimator
+    word = "by the prior's word" if e.estimator in RAYLEIGH else "perhaps by chance"
+    if by_prior and 3 * by_prior >= given:
+        if given == 1:
+            return f", {word}"
+        return (
+            f", on all {given} days {word}"
+            if by_prior == given
+            else f", on {by_prior} of {given} days {word}"
+        )
+    f = facts(results, e)
+    if not recent.passage and f.prior_only and 3 * f.prior_only >= f.with_delay:
+        return f", over the record on {f.prior_only:,} of {f.with_delay:,} days {word}"
+    return ""
 
 
 def _why(e: EstimatorResults, days: NDArray[np.bool_]) -> str:
@@ -114,86 +153,30 @@ def _now(results: Results, recent: Lately) -> Line:
         days = np.flatnonzero(np.isfinite(recent.values))
         before = "."
         if days.size:
-            value = minutes_first(float(recent.values[days[-1]]), T_s)
+            value = lasting(recent, [float(recent.values[days[-1]])], T_s)
             before = f"; the last one is of {e.dates[days[-1]]}: {value}."
         return Line("Now", "not known", f"No {what} on {when}{before}", doubt=True)
     values = recent.values[given]
     low, high = float(values.min()), float(values.max())
-    span = f"from {duration([low * T_s, high * T_s])}" if low < high else "all the same"
-    text = f"The median of {day_range(max(recent.first, e.dates[0]), recent.last)}"
-    text += f": {values.size} of {count(int(recent.week.sum()), 'day')} with a {what}"
+    span = f"from {lasting(recent, [low, high], T_s)}" if low < high else "all the same"
+    text = f"The median of {when}: {values.size} of {count(int(recent.week.sum()), 'day')} with a {what}"
     text += f", {span}." if values.size > 1 else "."
     if len(e.dates) == 1:
         text = "One day alone."
-    edge = not recent.passage and recent.median in _ends(e)
+    edge = not recent.passage and recent.delay in _ends(e)
     if edge:
         text += " It is an end of what was tried: the true delay may lie outside."
-    return Line("Now", minutes_first(recent.median, T_s), text, doubt=edge)
+    now = minutes_first(recent.median, T_s)
+    if not recent.passage:
+        time = about(recent.median * T_s) if recent.travel else travel([recent.delay], T_s)
+        now = f"{time} ({samples([recent.delay])})"
+    return Line("Now", now, text, doubt=edge)
 
 
 def _ends(e: EstimatorResults) -> tuple[float, ...]:
     """The shortest and the longest delay tried [samples]."""
     tried = candidates(e)
     return (float(tried[0]), float(tried[-1])) if tried.size > 2 else ()
-
-
-def _moved(results: Results, recent: Lately) -> Line:
-    """Whether it has moved: the size of the change beside the scatter of weeks."""
-    t, T_s, e = recent.trend, results.sample_time, recent.estimator
-    if t is None:
-        return Line("Has it moved?", "Cannot be told", _untold(recent))
-    before = f"the {t.weeks} weeks before"
-    on = ", on the days that the data decide" if recent.by_prior else ""
-    text = (
-        f"Median {duration([t.now * T_s])} in the last week, {duration([t.before * T_s])} in {before}{on}; "
-    )
-    low, high = duration([t.low * T_s]), duration([t.high * T_s])
-    if low == high:
-        text += "each of these has that median."
-    else:
-        text += f"theirs lie from {duration([t.low * T_s, t.high * T_s])}."
-    if e.estimator in UNJUDGED and not recent.passage:
-        text += f" {e.estimator} does not tell on which days the data decide."
-    text += _flow(recent)
-    if t.moved:
-        return Line("Has it moved?", f"Yes, {_change(t, T_s)}", text, doubt=True)
-    if t.now == t.before:
-        return Line("Has it moved?", "No", text)
-    return Line("Has it moved?", "Not beyond its scatter", f"{_change(t, T_s).capitalize()}. {text}")
-
-
-def _change(t: Trend, sample_time: float) -> str:
-    """The size of a move.
-
-    Examples
-    --------
-    >>> _change(Trend(8.0, 7.0, 6.0, 7.0, 7, 8, 4.0, True), 133)
-    '2.2 min longer'
-    """
-    change = (t.now - t.before) * sample_time
-    return f"{duration([abs(change)])} {'longer' if change > 0 else 'shorter'}"
-
-
-def _untold(recent: Lately) -> str:
-    """Why nothing is said of a move."""
-    if recent.whole:
-        return "There are no weeks before to compare with."
-    of = "have a t50" if recent.passage else "have a delay that the data decide"
-    if recent.estimator.estimator in UNJUDGED | PROBABLE and not recent.passage:
-        of = "have a delay"
-    days = int((recent.week & recent.carried).sum())
-    if days < FEWEST_DAYS:
-        return f"It takes {FEWEST_DAYS} days that {of}; the last week has {days}."
-    return f"Of the {WEEKS} weeks before, too few have {FEWEST_DAYS} days that {of}."
-
-
-def _flow(recent: Lately) -> str:
-    """The mean inflow of both spans: a delay may well move with the flow."""
-    Q, ago = recent.estimator.mean_inflow, weeks_ago(recent.estimator.dates)
-    now, before = (Q[np.isfinite(Q) & part] for part in (ago == 0, (ago > 0) & (ago <= WEEKS)))
-    if not now.size or not before.size:
-        return ""
-    return f" Mean inflow {now.mean():,.0f} m³/s, in the weeks before {before.mean():,.0f}."
 
 
 def _look(results: Results, recent: Lately, rows: Sequence[Attention]) -> Line:
@@ -206,10 +189,51 @@ def _look(results: Results, recent: Lately, rows: Sequence[Attention]) -> Line:
         said.append(f"{seen.earlier:,} before it, the latest {seen.latest}.")
     if seen.others:
         said.append(f"{count(seen.others, 'day')} that only other estimators doubt.")
+    gone = missing(recent.estimator.dates)
+    if gone:
+        said.append(_no_log(gone))
     strong = f"{seen.days:,} {of}" if recent.whole else f"{count(seen.days, 'day')} {of}"
     if not seen.days:
-        strong = "No day" if recent.whole else f"No day {of}"
-    return Line("To look at", strong, " ".join(said), seen.late[:NAMED], doubt=seen.days > 0)
+        strong = "No day failed or stands out" + ("" if recent.whole else " in the last week")
+        if _whose(results, recent):
+            said.insert(
+                0,
+                "But see the prior's part."
+                if recent.estimator.estimator in RAYLEIGH
+                else "But it may be chance: see below.",
+            )
+    late = any(day >= recent.first for day in gone)
+    return Line("To look at", strong, " ".join(said), seen.late[:NAMED], doubt=seen.days > 0 or late)
+
+
+def _no_log(gone: Sequence[dt.date]) -> str:
+    """Days of which there is no log, the latest named."""
+    named = spans(gone)
+    text = ", ".join(named[-NAMED:])
+    if len(named) > NAMED:
+        text = f"the latest {text}"
+    return f"No log on {count(len(gone), 'day')} ({text})."
+
+
+def _hydraulics(results: Results, recent: Lately) -> list[Line]:
+    """What the waves of the reach say of the answer; of a river, only where it contradicts them."""
+    name, e = "The hydraulics", recent.estimator
+    if results.assumed:
+        return [Line(name, "Not compared", not_compared(results))]
+    given = recent.with_value if recent.with_value.any() else np.isfinite(recent.values)
+    wave = gravity(e, given)
+    if not wave:
+        return []
+    fast = too_fast(results, e, passage=recent.passage)
+    if (fast & given).any():
+        days = f"{int((fast & given).sum()):,} of {count(int(given.sum()), 'day')}"
+        return [Line(name, f"{wave} at least", f"On {days} the answer is {FASTER}", doubt=True)]
+    if recent.passage:
+        return []
+    text = "for a gravity wave, the fastest of the reach, at the flows of these days."
+    if fast.any():
+        text += f" On {count(int(fast.sum()), 'earlier day')} the answer is {FASTER}"
+    return [Line(name, wave, text, doubt=bool(fast.any()))]
 
 
 def _word(results: Results, recent: Lately) -> list[Line]:
@@ -231,6 +255,13 @@ def _word(results: Results, recent: Lately) -> list[Line]:
         return [Line("Probability", probability(float(np.median(sure))), f"{text}least sure.")]
     name = "The prior's part" if e.estimator in RAYLEIGH else "Perhaps chance"
     what = "There the data alone favour another delay, or none."
+    if e.estimator in RAYLEIGH:
+        expected = f"sigma_d = {number(results.delay_scale)} samples"
+        if not results.assumed:
+            expected = f"the reach's hydraulics let expect before looking at the data, {expected}"
+        else:
+            expected = f"is expected before looking at the data, here by {expected}"
+        what += f" The prior is what {expected}."
     record = f"{f.prior_only:,} of {count(f.with_delay, 'day')} ({share(f.prior_only, f.with_delay)})"
     if recent.whole or not n:
         return [Line(name, record, what, doubt=2 * f.prior_only > f.with_delay)]

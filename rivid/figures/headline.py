@@ -6,19 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from rivid.figures import passage
+from rivid.figures.arrival import about, samples_first, travel_first, travel_within
 from rivid.figures.selection import candidates, estimates_delay, found, rayleigh
+from rivid.figures.waves import not_compared, too_fast, waves
 from rivid.figures.words import (
     PROBABLE,
     RAYLEIGH,
     UNJUDGED,
     count,
-    delays,
-    duration,
     listed,
     method,
     number,
     output_words,
     probability,
+    samples,
     share,
     statuses,
 )
@@ -52,7 +53,7 @@ class Facts:
     at_bound, prior_only, degenerate : int
         Days, among those with a delay.
     too_fast : int
-        Days whose wave would arrive more than a sample before the gravity wave of (5).
+        Days of :func:`too_fast`.
     condition, noise_sd, alpha : float
         Medians; noise_sd in the output's unit, alpha in (m3/s)^2.
     probability, least : float
@@ -92,7 +93,7 @@ def facts(results: Results, estimator: EstimatorResults) -> Facts:
         at_bound=int((e.at_bound & days).sum()),
         prior_only=int((e.prior_only & days).sum()),
         degenerate=e.status.count("degenerate"),
-        too_fast=int(((e.delay + 2) * results.sample_time < e.bound_gravity_s)[days].sum()),
+        too_fast=int((too_fast(results, e) & days).sum()),
         condition=_median(e.condition[e.answered]),
         noise_sd=_median(e.noise_sd[e.answered]),
         alpha=_median(e.alpha[e.answered]),
@@ -143,6 +144,8 @@ def headline(results: Results) -> list[str]:
     river = passage.leading_response(results)
     if river is not None:
         said = passage.sentences(results, river)
+        if results.assumed:
+            said.append(not_compared(results))
         if f.with_delay:
             said += _jump(results, e, f, passage.passage(results, river)) + _doubts(results, e, f)
         return said
@@ -152,17 +155,22 @@ def headline(results: Results) -> list[str]:
         return [f"None of {count(f.days, 'day')} has a delay: {statuses(e.status)}.", *_reasons(e)]
     said = [_main(results, e, f)]
     if e.estimator in PROBABLE:
-        said += _sure(e, f) + _rest(e, f) + _reasons(e) + _wave(results, e, f)
+        said += _sure(e, f) + _rest(e, f) + _reasons(e) + ([] if _piled(e, f) else waves(results, e))
     else:
-        said += _rest(e, f) + _wave(results, e, f) + _prior(results, e, f)
+        said += _rest(e, f) + ([] if _piled(e, f) else waves(results, e)) + _prior(results, e, f)
     return said + _doubts(results, e, f)
 
 
 def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
     T_s = results.sample_time
-    words = delays(f.common, T_s)
+    reaches = f"the inflow reaches the {output_words(results.output_unit)} after"
+    words = f"{reaches} {travel_first(f.common, T_s)}"
+    if e.travel_s is not None:
+        time = about(float(np.median(e.travel_s[found(e)])))
+        middle = "" if f.with_delay == 1 else " on the median day"
+        words = f"the delay is {samples(f.common)}; {reaches} {time}{middle}"
     if f.days == 1:
-        return f"On {e.dates[0]} the delay is {words}."
+        return f"On {e.dates[0]} {words}."
     if _piled(e, f):
         edges = " or ".join(number(d) for d in f.common)
         return (
@@ -172,12 +180,12 @@ def _main(results: Results, e: EstimatorResults, f: Facts) -> str:
     if f.common_days < SPREAD_OUT * f.with_delay:
         low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
         return (
-            f"Over {count(f.with_delay, 'day')} the median delay is {delays([f.median], T_s)}; on four days "
-            f"of five it is {number(low)} to {number(high)} samples ({duration([low * T_s, high * T_s])})."
+            f"Over {count(f.with_delay, 'day')} the median delay is {samples_first([f.median], T_s)}; on four"
+            f" days of five it is {number(low)} to {number(high)} samples ({travel_within(low, high, T_s)})."
         )
     if f.common_days == f.days:
-        return f"On all {f.days:,} days the delay is {words}."
-    return f"On {f.common_days:,} of {f.days:,} days the delay is {words}."
+        return f"On all {f.days:,} days {words}."
+    return f"On {f.common_days:,} of {f.days:,} days {words}."
 
 
 def _piled(e: EstimatorResults, f: Facts) -> bool:
@@ -221,28 +229,6 @@ def _reasons(e: EstimatorResults) -> list[str]:
     return [f"Unidentifiable on {count(n, 'day')}: {reason}." for reason, n in said.most_common(MOST_REASONS)]
 
 
-def _wave(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
-    """When the output first moves, and what the hydraulics say of it."""
-    if _piled(e, f):
-        return []
-    T_s, days = results.sample_time, found(e)
-    output = output_words(results.output_unit)
-    usual = f.common if f.common_days >= SPREAD_OUT * f.with_delay else (f.median,)
-    arrival = duration([(d + 1) * T_s for d in usual], "to" if _adjacent(usual) else "or")
-    text = f"The {output} first moves at sample d + 1, that is {arrival} after the inflow changes."
-    waves = []
-    bounds = [("gravity", e.bound_gravity_s)]
-    if results.output_unit != "m":
-        bounds.append(("kinematic", e.bound_kinematic_s))
-    for name, seconds in bounds:
-        finite = seconds[days & np.isfinite(seconds)]
-        if finite.size:
-            waves.append(f"a {name} wave takes {duration([float(finite.min()), float(finite.max())])}")
-    if waves:
-        text += f" By the hydraulics of the reach, {listed(waves)}."
-    return [text]
-
-
 def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -> list[str]:
     """What the jump delay is worth in a river."""
     T_s = results.sample_time
@@ -253,7 +239,7 @@ def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -
     text = (
         f"The jump delay d of {e.estimator} {worth}: the {method(e.estimator)} looks for a jump, and a "
         "dispersive river has none. "
-        f"{'It' if f.with_delay == 1 else 'Its median'} is {delays([f.median], T_s)}"
+        f"{'It' if f.with_delay == 1 else 'Its median'} is {samples_first([f.median], T_s)}"
     )
     if f.with_delay > passage.FEW:
         text += f", on four days in five it lies anywhere from {number(low)} to {number(high)}"
@@ -264,10 +250,6 @@ def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -
     if e.estimator in RAYLEIGH:
         said.append(f"The Rayleigh prior alone, without any data, answers {_of_prior(results, e)[1]}.")
     return said
-
-
-def _adjacent(values: tuple[float, ...]) -> bool:
-    return all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
 
 
 def _prior(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
@@ -309,7 +291,7 @@ def _without_prior(results: Results) -> str:
         if e.estimator.startswith("jmap-uniform") and (f := facts(results, e)).with_delay:
             return (
                 f" With a uniform prior, {e.estimator} puts {f.common_days:,} of {f.with_delay:,} days on "
-                f"{delays(f.common, results.sample_time)}."
+                f"{samples_first(f.common, results.sample_time)}."
             )
     return " The estimator jmap-uniform-estimated works without it: run it beside."
 

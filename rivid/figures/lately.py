@@ -77,8 +77,8 @@ class Lately:
     Attributes
     ----------
     estimator : EstimatorResults
-    passage : bool
-        The values are t50, not delays d.
+    passage, travel : bool
+        The values are t50, or travel times with their fraction, not delays d.
     values : ndarray, shape (n,)
         Of every day of the record [samples]; NaN where it has none.
     carried : ndarray of bool, shape (n,)
@@ -95,6 +95,7 @@ class Lately:
 
     estimator: EstimatorResults
     passage: bool
+    travel: bool
     values: Floats
     carried: Bools
     week: Bools
@@ -115,6 +116,12 @@ class Lately:
         return given
 
     @property
+    def delay(self) -> float:
+        """Median delay d of the last week [samples]; NaN where none of its days has one."""
+        inside = self.estimator.delay[self.with_value]
+        return float(np.median(inside)) if inside.size else float("nan")
+
+    @property
     def by_prior(self) -> int:
         """Days of the last week whose value the data alone do not give."""
         return int((self.with_value & ~self.carried).sum())
@@ -133,7 +140,12 @@ def lately(results: Results) -> Lately | None:
     if e is None or (river is None and not estimates_delay(e)):
         return None
     days = has_t50(e) if river else found(e)
-    values = np.where(days, e.t50 if river else e.delay, np.nan)
+    travel = not river and e.travel_s is not None
+    every = e.t50 if river else e.delay
+    if e.travel_s is not None and travel:
+        every = e.travel_s / results.sample_time
+        days = days & np.isfinite(every)
+    values = np.where(days, every, np.nan)
     carried = days if river else days & ~e.prior_only
     ago = weeks_ago(e.dates)
     week = ago == 0
@@ -142,6 +154,7 @@ def lately(results: Results) -> Lately | None:
     return Lately(
         estimator=e,
         passage=river is not None,
+        travel=travel,
         values=values,
         carried=carried,
         week=week,

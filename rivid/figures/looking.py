@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rivid.figures.arrival import samples_first
 from rivid.figures.attention import Attention, attention
 from rivid.figures.headline import leading
 from rivid.figures.lately import Lately, band
@@ -48,10 +49,13 @@ def outlying(results: Results, recent: Lately) -> list[Attention]:
     usual = f"nine days in ten lie between {number(round(limits.low, 1))} and {number(round(limits.high, 1))}"
     if limits.low == limits.high:
         usual = f"nine days in ten have {number(limits.low)}"
-    what = "t50" if recent.passage else "the delay"
+    what = "t50" if recent.passage else "the travel time" if recent.travel else "the delay"
     rows = []
     for i in np.flatnonzero(limits.far(recent.values) & ~told):
-        words = delays([round(float(recent.values[i]), 1)], T_s)
+        value = float(recent.values[i])
+        words = samples_first([value], T_s)
+        if recent.passage or recent.travel:
+            words = delays([round(value, 1)], T_s)
         doubt = "" if recent.carried[i] else "; the data alone favour another delay, or none"
         date = e.dates[i]
         rows.append(

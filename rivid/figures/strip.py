@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rivid.figures.arrival import travel_first
 from rivid.figures.lately import FEWEST_DAYS, WEEK, WEEKS, Lately, weeks_ago
 from rivid.figures.selection import kinds
-from rivid.figures.words import minutes_first, time_unit
+from rivid.figures.words import duration, minutes_first, samples, time_unit
 from rivid.results import Results
 
 if TYPE_CHECKING:
@@ -102,7 +103,8 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
     e, T_s = recent.estimator, results.sample_time
     ago = weeks_ago(e.dates)
     shown = ago <= WEEKS
-    values = recent.values[shown & np.isfinite(recent.values)]
+    given = np.isfinite(recent.values)
+    values = recent.values[shown & given]
     if values.size < 2:
         return None
     low, high = _limits(values)
@@ -122,11 +124,11 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
         date, value = e.dates[i], float(recent.values[i])
         told, at = e.status[i], floor + 7
         if np.isfinite(value):
-            told, at = minutes_first(value, T_s), y(value)
+            told, at = _told(recent, int(i), T_s), y(value)
         marks.append(Mark(x(date), at, looks[i], f"{date}: {told}", rows.get(date)))
     medians = []
     for w in range(WEEKS + 1):
-        days = np.flatnonzero((ago == w) & recent.carried)
+        days = np.flatnonzero((ago == w) & given)
         if days.size >= FEWEST_DAYS:
             begin = max(first, e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1))
             end = e.dates[-1] - dt.timedelta(days=WEEK * w)
@@ -134,12 +136,15 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
             medians.append((round(ends[0], 1), round(ends[1], 1), y(float(np.median(recent.values[days])))))
     unit, seconds = time_unit(high * T_s)
     scale = T_s / seconds
+    late = 0.0 if recent.passage or recent.travel else 0.5  # d is a time from d to d + 1: its middle
     begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
     return Strip(
         marks=tuple(marks),
         medians=tuple(medians),
         lags=tuple((y(lag), text) for lag, text in ticks(low, high)),
-        times=tuple((y(t / scale), text) for t, text in ticks(low * scale, high * scale)),
+        times=tuple(
+            (y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)
+        ),
         dates=tuple((x(date), f"{date:%m-%d}") for date in begins if date >= first)
         or ((x(first), f"{first:%m-%d}"),),
         week=round(x(max(first, recent.first)) - step / 2, 1),
@@ -147,6 +152,16 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
         looks=frozenset(mark.look for mark in marks),
         unit=unit,
     )
+
+
+def _told(recent: Lately, i: int, sample_time: float) -> str:
+    """The value of a day."""
+    value, d = float(recent.values[i]), float(recent.estimator.delay[i])
+    if recent.passage:
+        return minutes_first(value, sample_time)
+    if recent.travel:
+        return f"{duration([value * sample_time])} (delay d = {samples([d])})"
+    return travel_first([d], sample_time)
 
 
 def _limits(values: Floats) -> tuple[float, float]:

@@ -176,6 +176,8 @@ def _flow_caption(results: Results, e: EstimatorResults) -> str:
         low, _, high = (duration([m * results.sample_time]) for m in t.medians)
         text += f" The bars are the medians of the thirds of days, {low} at low and {high} at high flow"
         text += ": more water, a faster wave." if t.longer >= CLEAR else "."
+    if not np.isfinite(e.bound_gravity_s).any():
+        return text
     return (
         f"{text} The blue lines are the bounds of the travel time by the hydraulics: no wave is faster than "
         "the gravity wave, the kinematic wave is the slow bound."
@@ -185,5 +187,5 @@ def _flow_caption(results: Results, e: EstimatorResults) -> str:
 _MAP_CAPTION = (
     "One mark per day, at the lag by which half of a step of the inflow has arrived at the lower end. It is "
     "a travel time at the middle of the response and compares directly with the travel times of the waves at "
-    "the day's discharge (blue)."
+    "the day's discharge (blue, where they are known)."
 )

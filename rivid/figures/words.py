@@ -133,22 +133,41 @@ def duration(seconds: Sequence[float], joint: str = "to") -> str:
     ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h')
     """
 
-    def spell(values: Sequence[float], unit: str) -> str:
-        texts = list(dict.fromkeys(f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values))
-        return f"{listed(texts, joint)} {unit}"
+    unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
+    return f"{listed(list(dict.fromkeys(spelt([s / size for s in seconds]))), joint)} {unit}"
 
-    if min(seconds) < HOURS_FROM:
-        return spell([s / 60 for s in seconds], "min")
-    return spell([s / 3600 for s in seconds], "h")
+
+def spelt(values: Sequence[float]) -> list[str]:
+    """Durations without their unit: no decimal from 100 on.
+
+    Examples
+    --------
+    >>> spelt([25, 13.33, 365.2, 0.05])
+    ['25.0', '13.3', '365', '0.05']
+    """
+    return [f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values]
+
+
+def samples(values: Sequence[float]) -> str:
+    """Delays in samples.
+
+    Examples
+    --------
+    >>> samples([6, 7]), samples([1])
+    ('6 or 7 samples', '1 sample')
+    """
+    return f"{listed([number(v) for v in values], 'or')} {'sample' if list(values) == [1] else 'samples'}"
 
 
 def delays(values: Sequence[float], sample_time: float) -> str:
-    """One delay, or several alternatives, in samples and in minutes or hours.
+    """One lag, or several alternatives, in samples and in minutes or hours: d as d T_s, or a t50.
+
+    The page tells the travel time that a delay stands for instead: :mod:`rivid.figures.arrival`.
 
     Parameters
     ----------
     values : sequence of float
-        Delays d [samples], lowest first.
+        Lags [samples], lowest first.
     sample_time : float
         T_s [s].
 
@@ -158,18 +177,17 @@ def delays(values: Sequence[float], sample_time: float) -> str:
     ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 19.9 min)')
     """
     together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
-    noun = "sample" if list(values) == [1] else "samples"
     span = duration([v * sample_time for v in values], "to" if together else "or")
-    return f"{listed([number(v) for v in values], 'or')} {noun} ({span})"
+    return f"{samples(values)} ({span})"
 
 
 def minutes_first(value: float, sample_time: float) -> str:
-    """A delay as a person asks for it: minutes or hours, then samples.
+    """A t50 as a person asks for it: minutes or hours, then samples.
 
     Parameters
     ----------
     value : float
-        Delay or t50 [samples].
+        t50 [samples].
     sample_time : float
         T_s [s].
 

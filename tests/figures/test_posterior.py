@@ -145,7 +145,10 @@ def test_the_headline_says_how_sure_and_why_days_have_no_answer():
     e, f = run.estimators[0], facts(run, run.estimators[0])
     said = headline(run)
     answered = np.isfinite(e.delay)
-    assert said[0] == "On 26 of 30 days the delay is 6 or 7 samples (13.3 to 15.5 min)."
+    assert said[0] == (
+        "On 26 of 30 days the inflow reaches the level after 13.3 to 17.7 min "
+        "(delay d = 6 or 7 samples of 133 s)."
+    )
     assert said[1] == (
         f"posterior answers 26 of 30 days (87 %); the probability that its delay is right is "
         f"{np.median(e.probability[answered]):.2f} on the median day and "
@@ -181,7 +184,7 @@ def test_the_page_has_a_column_for_it_and_no_trace_without_it(tmp_path):
     median = facts(run, run.estimators[0]).probability
     page = Page(write(run, tmp_path)[0])
     assert "Probability At a bound Prior only" in page.words
-    assert f"6 and 7: 100 % {median:.2f} 0 –" in page.words
+    assert f"6 and 7: 26 of 26 days {median:.2f} 0 –" in page.words
     assert "90 % set" in page.words and "For posterior also" in page.words
     plain = Page(write(results(("jmap",), dates_of(5)), tmp_path)[0]).words
     assert not any(word in plain for word in ("Probability", "90 % set", "posterior"))
