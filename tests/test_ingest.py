@@ -110,6 +110,51 @@ class TestWhatIsThere:
         go(tmp_path, wide(), Wish(force=True))
         assert load_config(tmp_path / "logs_run.toml").reach.sample_time == 900
 
+    def test_its_own_configuration_is_brought_up_to_date_without_force(self, tmp_path):
+        go(tmp_path, wide())
+        path = tmp_path / "logs_run.toml"
+        before, log = path.read_text(), (tmp_path / "logs" / f"{DAY}.csv").stat()
+        assert before.startswith("# Written by `rivid ingest`")
+        again = go(tmp_path, wide(), reach={"name": "lower-river", "length": 15000})
+        assert statuses(again) == ["identical"] and again.exit_code == 0
+        assert load_config(path).reach.name == "lower-river" and path.read_text() != before
+        after = (tmp_path / "logs" / f"{DAY}.csv").stat()
+        assert (after.st_ino, after.st_mtime_ns) == (log.st_ino, log.st_mtime_ns)
+        go(tmp_path, wide())  # and back again: the mark is renewed
+        assert path.read_text() == before
+
+    @pytest.mark.parametrize("edit", ["\n[run]\nwindow_days = 2\n", "# a remark\n", " "])
+    def test_once_people_have_edited_it_it_stays(self, tmp_path, edit):
+        go(tmp_path, wide())
+        path = tmp_path / "logs_run.toml"
+        path.write_text(path.read_text() + edit)
+        mine = path.read_text()
+        with pytest.raises(ConfigError, match="says otherwise: --force"):
+            go(tmp_path, wide(), reach={"name": "lower-river"})
+        assert path.read_text() == mine
+        path.write_text("# " + mine)
+        with pytest.raises(ConfigError, match="says otherwise: --force"):
+            go(tmp_path, wide())
+
+    def test_it_stays_too_where_the_logs_would_differ_and_then_none_is_written(self, tmp_path):
+        go(tmp_path, wide())
+        before = (tmp_path / "logs_run.toml").read_text()
+        rows = wide(192)
+        rows[5][1] = "333"
+        with pytest.raises(ConfigError, match="says otherwise: --force"):
+            go(tmp_path, rows, reach={"name": "lower-river"})
+        assert os.listdir(tmp_path / "logs") == [f"{DAY}.csv"]
+        assert (tmp_path / "logs_run.toml").read_text() == before
+        forced = go(tmp_path, rows, Wish(force=True), reach={"name": "lower-river"})
+        assert statuses(forced) == ["written", "written"]
+        assert load_config(tmp_path / "logs_run.toml").reach.name == "lower-river"
+
+    def test_a_dry_run_leaves_its_own_configuration_as_it_is(self, tmp_path):
+        go(tmp_path, wide())
+        before = (tmp_path / "logs_run.toml").read_text()
+        go(tmp_path, wide(), Wish(dry_run=True), reach={"name": "lower-river"})
+        assert (tmp_path / "logs_run.toml").read_text() == before
+
     def test_a_dry_run_counts_and_writes_nothing(self, tmp_path):
         outcome = go(tmp_path, wide(), Wish(dry_run=True))
         assert statuses(outcome) == ["written"] and value(outcome)["used"] == 96
@@ -448,6 +493,14 @@ class TestCommand:
             assert isinstance(result.exception, ConfigError)
             assert "choose another --run-config" in str(result.exception)
         assert (tmp_path / "logs_run.toml").read_text() == "[reach]\nsample_time = 900\n"
+
+    def test_the_first_line_is_never_empty(self, tmp_path):
+        write(tmp_path / "e.csv", wide())
+        first, *_ = self.invoke(tmp_path).output.splitlines()
+        assert first.startswith("values ")
+        write(tmp_path / "e.csv", wide(n=150))
+        first, *rest = self.invoke(tmp_path).output.splitlines()
+        assert first.startswith("2008-03-11  refused") and "" in rest
 
     def test_it_prints_what_to_do_next(self, tmp_path):
         write(tmp_path / "e.csv", wide())

@@ -1,14 +1,20 @@
 """What sniff proposes for the corpus: right by itself where it is sure, and a question where it is not."""
 
+import datetime as dt
 import tomllib
+from zoneinfo import ZoneInfo
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
+from rivid.input_config import USUAL_ZONES
+from rivid.logs.find import find_days
 from rivid.logs.ingest.work import ingest
+from rivid.logs.read import read_window
 from rivid.logs.sniff import sniff
 from tests.test_ingest_corpus import CASES, HERE, differences, expected_of, files_of, found_in
 
@@ -121,6 +127,83 @@ def test_flags_are_shown_and_only_those_known_or_common_are_taken_as_good():
     assert raw["good"] == ["A"] and "good" in proposal.open_keys
     assert raw["quality"] == {"u_Qi": "111_00060_cd", "u_Qo": "222_00060_cd", "h_L": "333_00065_cd"}
     assert raw["zones"] == {"MDT": "-06:00", "MST": "-07:00"}
+
+
+def test_what_people_must_fill_in_stands_in_comments_of_a_block_that_ends_with_an_empty_line():
+    (path,) = files_of("american")
+    proposal = sniff(path, "Etc/GMT-1").toml
+    block = proposal[proposal.index("[reach]\n") : proposal.index("\n\n")]
+    for key in ("name", "length", "width", "depth", "surface_area", "discharge_range"):
+        assert f"\n# {key} = " in block
+    assert tomllib.loads(block) == {"reach": {"kind": "pool", "sample_time": 900}}
+    filled = block.replace("# length =  ", "length = 15000").replace('# name = "..."', 'name = "lower-river"')
+    assert parse(tomllib.loads(filled), Config).reach.length == 15000
+
+
+def test_the_stamp_is_asked_with_what_applies_if_nothing_is_said_and_how_much_it_matters():
+    (path,) = files_of("american")
+    (question,) = [q for q in sniff(path, "Etc/GMT-1").open_questions if "[input.stamp]" in q]
+    assert "Nothing said is the instant" in question and "up to one interval (900 s)" in question
+
+
+def test_the_choices_in_comments_mean_the_same_when_the_command_has_made_them_narrow():
+    (path,) = files_of("two_plants")
+    result = CliRunner().invoke(cli, ["sniff", str(path)], standalone_mode=False)
+    assert max(map(len, result.output.splitlines())) <= 80
+    lines = result.output.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("# u_Qo = ["))
+    end = next(i for i, line in enumerate(lines) if i >= at and line.endswith("]"))
+    chosen = tomllib.loads("\n".join(line[2:] for line in lines[at : end + 1]))
+    assert chosen == {"u_Qo": ANSWERS["two_plants"]["u_Qi"]}
+
+
+@pytest.mark.parametrize(
+    ("said", "near"),
+    [
+        ("PST", "near: America/Los_Angeles;"),
+        ("Pacific Standard Time", "near: America/Los_Angeles;"),
+        ("Eastern", "near: America/New_York;"),
+        ("MEZ", "near: Europe/Berlin;"),
+        ("Europe/Pariss", "near: Europe/Paris;"),
+        ("los angeles", "near: America/Los_Angeles;"),
+        ("xyzzy", "America/Los_Angeles or UTC; Etc/GMT"),
+    ],
+)
+def test_a_zone_that_is_none_is_told_with_those_near_and_the_sign_of_etc(said, near):
+    (path,) = files_of("american")
+    result = CliRunner().invoke(cli, ["sniff", str(path), "--time-zone", said], standalone_mode=False)
+    assert isinstance(result.exception, RividError) and near in str(result.exception)
+    assert "Etc/GMT+8 is 8 h behind UTC" in str(result.exception) and "\n" not in str(result.exception)
+
+
+def test_the_sign_of_etc_zones_is_as_told():
+    noon = dt.datetime(2024, 6, 3, 12, tzinfo=ZoneInfo("Etc/GMT+8"))
+    assert noon.utcoffset() == dt.timedelta(hours=-8)
+    assert all(ZoneInfo(zone).key == zone for zone in USUAL_ZONES.values())
+
+
+@pytest.mark.parametrize("name", ["american", "french", "two_plants", "historian"])
+def test_reading_an_export_without_its_declaration_points_to_sniff(name, tmp_path):
+    (path,) = files_of(name)
+    done = CliRunner().invoke(cli, ["check", str(path)], standalone_mode=False)
+    assert isinstance(done.exception, RividError)
+    assert "`rivid sniff FILE` proposes" in str(done.exception) or "encoding" in str(done.exception)
+
+
+def test_a_directory_of_wide_exports_is_read_without_ingest(tmp_path):
+    (path,) = files_of("two_plants")
+    (tmp_path / "exports").mkdir()
+    (tmp_path / "exports" / path.name).write_bytes(path.read_bytes())
+    config = load_config(HERE / "two_plants" / "config.toml")
+    outcome = ingest([path], tmp_path / "logs", config)
+    straight, made = find_days(tmp_path / "exports", config).days, find_days(tmp_path / "logs", config).days
+    assert [d.date for d in straight] == [d.date for d in made] == [d.date for d in outcome.days]
+    read = load_config(outcome.run_config)
+    for a, b in zip(straight, made, strict=True):
+        one = read_window(tmp_path / "exports", [a], config)
+        two = read_window(tmp_path / "logs", [b], read)
+        for x, y in ((one.inflow, two.inflow), (one.outflow, two.outflow), (one.output, two.output)):
+            np.testing.assert_allclose(x, y, rtol=1e-12)
 
 
 def test_the_command_takes_files_that_belong_together(tmp_path):

@@ -35,8 +35,8 @@ _ROLES = (
     ),
     (
         "u_Qo",
-        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit ?\d|groupe|salien"
-        r"|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
+        r"|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
     ),
     (
         "u_Qi",

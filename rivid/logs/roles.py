@@ -18,7 +18,7 @@ _NO_SITE = re.compile(
 )
 """First words of names that tell a quantity or a machine, not a place."""
 _TOTAL = re.compile(r"(?<![a-z])(total|sum|gesamt|summe|somme|suma|totale)(?![a-z])")
-_TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])uw(?![a-z])|down|aval|abajo")
+_TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|abajo")
 
 
 @dataclass
@@ -96,7 +96,7 @@ def _river(flows: Group, questions: Questions) -> Roles:
 def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:
     """Whether names alone tell the inflow and the outflow, and no other could be meant."""
     sure_in = [c for c in flows if c.sure and c.role == "u_Qi"]
-    sure_out = [c for c in flows if c.sure and c.role == "u_Qo"]
+    sure_out = [c for c in flows if c.sure and c.role != "u_Qi"]
     return len(ins) == 1 and len(outs) <= 1 and ins == sure_in and outs == sure_out
 
 
@@ -136,7 +136,7 @@ def _leaving(group: Group) -> Group:
 
 def _said_site(name: str, site: str) -> str:
     at = name.lower().find(site)
-    return name[at : at + len(site)]
+    return name[: at + len(site)]
 
 
 def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[str, str]]:
@@ -151,6 +151,8 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
     if all(sites[c.name] for c in outs):  # sites are never mixed in a sum
         outs = [c for c in outs if sites[c.name] == sites[outs[0].name]]
     outs = [c for c in outs if _TOTAL.search(c.name.lower())][:1] or outs
+    if not ins:
+        ins = [c for c in called_out if c not in outs and sites[c.name] != sites[outs[0].name]][:1]
     guessed = "guessed by its name"
     first = "it is only the first discharge" if ins and ins[0].role == "flow" else guessed
     return ins, outs, (first, "its name does not tell" if outs and outs[0].role == "flow" else guessed)
@@ -173,7 +175,7 @@ def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dic
     for column in flows:
         if sites[column.name]:
             by_site.setdefault(sites[column.name], []).append(column)
-    whole = [g for g in by_site.values() if len(g) > 1]
+    whole = [_leaving(group) for group in by_site.values()]
     left = [[c] for c in flows if c not in ins and c not in outs]
     return {
         "u_Qi": _distinct([outs, *whole, *left], ins),

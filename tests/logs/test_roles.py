@@ -1,0 +1,129 @@
+"""Which discharge is which: by site and by name, always asked where either leaves a doubt."""
+
+import tomllib
+
+import pytest
+
+from rivid.logs.sniff import sniff
+
+UNITS = {"flow": "m3/s", "level": "m"}
+
+
+@pytest.fixture
+def proposed(tmp_path):
+    """What sniff makes of a table with these columns."""
+
+    def propose(*names):
+        rows = [
+            ",".join([f"2024-04-03T{h:02d}:00Z", *(f"{10 * j + h % 5}.5" for j, _ in enumerate(names, 1))])
+            for h in range(24)
+        ]
+        path = tmp_path / "export.csv"
+        path.write_text("\n".join([",".join(["time", *names]), *rows]) + "\n", encoding="utf-8")
+        return sniff(path)
+
+    return propose
+
+
+def given(proposal):
+    return tomllib.loads(proposal.toml)["input"]
+
+
+def choices(proposal, key):
+    """What stands in comments, ready to be used in place of a key."""
+    lines = [line[2:] for line in proposal.toml.split("\n") if line.startswith(f"# {key} = ")]
+    return [tomllib.loads(line)[key] for line in lines]
+
+
+PLANTS = ("LR.U1.FLOW", "LR.U2.FLOW", "LR.SPILL", "MD.TOTAL.RELEASE", "MD.FOREBAY.ELEV")
+
+
+def test_the_site_of_the_level_is_downstream_and_the_flows_of_the_other_are_the_inflow(proposed):
+    found = given(proposed(*PLANTS))
+    assert found["u_Qi"] == list(PLANTS[:3]) and found["u_Qo"] == PLANTS[3]
+    assert found["h_L"] == "MD.FOREBAY.ELEV"
+
+
+def test_both_are_asked_for_and_the_other_choices_stand_below_them(proposed):
+    proposal = proposed(*PLANTS)
+    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys)
+    assert choices(proposal, "u_Qi") == ["MD.TOTAL.RELEASE"]
+    assert choices(proposal, "u_Qo") == [list(PLANTS[:3])]
+    assert "a list is a sum" in proposal.toml and "choices, in their place" in proposal.toml
+
+
+@pytest.mark.parametrize(
+    ("names", "inflow", "outflow"),
+    [
+        (("LR.OUTFLOW", "MD.OUTFLOW", "MD.LEVEL"), "LR.OUTFLOW", "MD.OUTFLOW"),
+        (("MD.INFLOW", "MD.OUTFLOW", "MD.LEVEL", "LR.OUTFLOW"), "LR.OUTFLOW", "MD.OUTFLOW"),
+        (("MD.U1.Q", "MD.U2.Q", "MD.TOTAL.Q", "LR.Q", "MD.ELEV"), "LR.Q", "MD.TOTAL.Q"),
+        (("A.FLOW", "B.FLOW", "C.FLOW", "C.LEVEL"), "A.FLOW", "C.FLOW"),
+        (("A.SPILL", "B.SPILL", "LEVEL"), "B.SPILL", "A.SPILL"),
+        (("Station 1 Flow", "Station 2 Flow", "Station 2 Stage"), "Station 1 Flow", "Station 2 Flow"),
+        (("P.LR_TW", "P.LR_Q", "P.MD_FLOW", "P.MD_LEVEL"), "P.LR_Q", "P.MD_FLOW"),
+        (("Q Unterwasser", "Q Oberwasser", "Pegel"), "Q Oberwasser", "Q Unterwasser"),
+        (("Q_UW", "Q_OW", "Pegel"), "Q_OW", "Q_UW"),
+        (("débit aval", "débit amont", "cote"), "débit amont", "débit aval"),
+        (("caudal aguas abajo", "caudal aguas arriba", "nivel"), "caudal aguas arriba", "caudal aguas abajo"),
+        (("flow b", "flow a", "level"), "flow b", "flow a"),
+    ],
+)
+def test_what_names_leave_open_is_asked_with_the_way_out(proposed, names, inflow, outflow):
+    proposal = proposed(*names)
+    found = given(proposal)
+    assert (found["u_Qi"], found["u_Qo"]) == (inflow, outflow)
+    assert {"u_Qi", "u_Qo"} <= set(proposal.open_keys)
+    assert outflow in choices(proposal, "u_Qi") and inflow in choices(proposal, "u_Qo")
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("inflow", "outflow", "level"),
+        ("u_Qi", "u_Qo", "h_L"),
+        ("Zufluss", "Abfluss", "Wasserstand"),
+        ("débit entrant", "débit sortant", "cote"),
+        ("PLANT.UP.FLOW_IN", "PLANT.DN.FLOW_OUT", "PLANT.DN.LEVEL"),
+    ],
+)
+def test_names_that_say_it_are_not_asked_about(proposed, names):
+    proposal = proposed(*names)
+    assert not {"u_Qi", "u_Qo"} & set(proposal.open_keys)
+    assert given(proposal).get("u_Qi", "u_Qi") == names[0]
+    assert given(proposal).get("u_Qo", "u_Qo") == names[1]
+    assert not choices(proposal, "u_Qi")
+
+
+def test_no_sum_holds_columns_of_two_sites(proposed):
+    for names in (
+        PLANTS,
+        ("A.GATE", "B.GATE", "inflow", "level"),
+        ("A.Q", "B.Q", "B.SPILL", "C.SPILL", "C.H"),
+    ):
+        proposal = proposed(*names)
+        sums = [given(proposal).get(key) for key in ("u_Qi", "u_Qo")]
+        sums += choices(proposal, "u_Qi") + choices(proposal, "u_Qo")
+        for columns in sums:
+            assert isinstance(columns, str) or len({name.split(".")[0] for name in columns}) == 1
+
+
+def test_units_of_one_plant_are_summed_whatever_their_numbers(proposed):
+    found = given(proposed("inflow", "unit_1", "unit_2", "gates", "level"))
+    assert found["u_Qo"] == ["unit_1", "unit_2", "gates"]
+
+
+def test_a_level_that_is_called_like_a_side_of_the_dam_is_a_level(proposed):
+    found = given(proposed("OW [m]", "UW [m]", "Q OW [m3/s]", "Q UW [m3/s]"))
+    assert (found["h_L"], found["u_Qi"], found["u_Qo"]) == ("OW [m]", "Q OW [m3/s]", "Q UW [m3/s]")
+
+
+def test_the_opening_of_a_gate_is_no_discharge_taken_silently(proposed):
+    proposal = proposed("inflow", "outflow", "gate [m]", "level [m]")
+    assert given(proposal)["u_Qo"] == "outflow"
+
+
+def test_two_discharges_of_a_river_are_asked_about_unless_named(proposed):
+    proposal = proposed("Q1 [m3/s]", "Q2 [m3/s]")
+    assert "u_Qi" in proposal.open_keys and choices(proposal, "Q_L") == ["Q1 [m3/s]"]
+    assert "u_Qi" not in proposed("u_Qi", "Q_L").open_keys
