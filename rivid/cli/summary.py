@@ -41,6 +41,8 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
         for text in rest:
             click.echo(wrapped(text, width + 4))
     print_failures(summary)
+    if not summary.reused:
+        click.echo("new here? `rivid check` says whether units, clocks and gauge look right")
     click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 
 
