@@ -108,7 +108,8 @@ def _headline(results: Results, recent: Lately) -> str:
         said += f": {change(t, T_s)} than in the weeks before"
     elif t is not None and 2 * recent.by_prior <= given:
         said += f", {'as in' if t.now == t.before else 'within the scatter of'} the weeks before"
-    said += f"{_whose(results, recent)}."
+    whose = _whose(results, recent)
+    said += f"{whose}." if said.endswith(")") else f"{whose.replace(',', ';', 1)}."
     fast = too_fast(results, e, passage=recent.passage) & recent.with_value
     return f"{said} That is {FASTER}" if 2 * int(fast.sum()) >= given else said
 
@@ -224,16 +225,13 @@ def _hydraulics(results: Results, recent: Lately) -> list[Line]:
     wave = gravity(e, given)
     if not wave:
         return []
-    fast = too_fast(results, e, passage=recent.passage)
-    if (fast & given).any():
-        days = f"{int((fast & given).sum()):,} of {count(int(given.sum()), 'day')}"
-        return [Line(name, f"{wave} at least", f"On {days} the answer is {FASTER}", doubt=True)]
-    if recent.passage:
-        return []
     text = "for a gravity wave, the fastest of the reach, at the flows of these days."
-    if fast.any():
-        text += f" On {count(int(fast.sum()), 'earlier day')} the answer is {FASTER}"
-    return [Line(name, wave, text, doubt=bool(fast.any()))]
+    if fast := int((too_fast(results, e, passage=recent.passage) & given).sum()):
+        asked = (
+            FASTER if 2 * fast >= int(given.sum()) else "faster than that by more than a sample: doubt it."
+        )
+        text += f" On {fast:,} of {count(int(given.sum()), 'day')} the answer is {asked}"
+    return [Line(name, wave, text, doubt=fast > 0)] if fast or not recent.passage else []
 
 
 def _word(results: Results, recent: Lately) -> list[Line]:
