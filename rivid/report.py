@@ -1,6 +1,7 @@
 """report.html: one self-contained page that says what a run found, and shows it."""
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,9 @@ from rivid.results import EstimatorResults, Results
 
 MOST = 400
 """Rows of days to look at on the page at all; delays.csv has every one."""
+
+UNITS = re.compile(r"(\d) (min|h|s|samples?|days?)\b")
+"""A number and its unit: no line of the headline ends between them."""
 
 MOST_SPANS = 40
 """Days or spans of days without a log that are listed at all, the latest."""
@@ -106,7 +110,7 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "names": [e.estimator for e in results.estimators],
         "unjudged": any(e.estimator in UNJUDGED for e in results.estimators),
         "probable": any(e.estimator in PROBABLE for e in results.estimators),
-        "headline": first,
+        "headline": UNITS.sub("\\1\u00a0\\2", first),
         "lines": top.lines if top else (),
         "sentences": [text for text in sentences if text != first],
         **(_strip(results, recent, rows) if recent else {"strip": None}),
@@ -140,7 +144,7 @@ def _strip(results: Results, recent: Lately, rows: Sequence[Attention]) -> dict[
         return {"strip": None}
     named = LOOKS | {"sure": "t50"} if recent.passage else LOOKS
     if name in UNJUDGED | PROBABLE and not recent.passage:
-        named = LOOKS | {"sure": "delay"}
+        named = LOOKS | {"sure": "travel time" if recent.travel else "delay"}
     looks = [(sign(look), words) for look, words in named.items() if look in drawn.looks]
     what = "t50" if recent.passage else "Travel time" if recent.travel else "Delay"
     text = f"{what} of each day by {name}; the last week is shaded, the time is on the right."

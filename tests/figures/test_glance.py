@@ -272,3 +272,9 @@ def test_results_are_read_without_bounds_where_the_geometry_was_assumed(keys):
     (e,) = got.estimators
     assert got.assumed == tuple(keys or ()) and e.travel_s.tolist() == [1650.0]
     assert np.isnan([e.bound_gravity_s[0], e.bound_kinematic_s[0]]).tolist() == [bool(keys)] * 2
+
+
+def test_no_line_of_the_headline_ends_between_a_number_and_its_unit(tmp_path):
+    html, page = write(simple([7] * 14), tmp_path)
+    assert "15.5 to 17.7\u00a0min (delay d = 7\u00a0samples of 133\u00a0s)." in html
+    assert "after 15.5 to 17.7 min" in page.words
