@@ -120,19 +120,19 @@ def jmap(
 
 
 def delay_words(delay: float, sample_time: float | None) -> str:
-    """A delay in samples and, where T_s is known, minutes or hours; or that there is none.
+    """A delay in samples and, where T_s is known, the travel time it stands for; or that there is none.
 
     Examples
     --------
     >>> delay_words(6.0, 133.0), delay_words(6.0, None), delay_words(float("nan"), 133.0)
-    ('d = 6 samples (13.3 min)', 'd = 6 samples', 'no delay')
+    ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
-    from rivid.figures.words import duration
+    from rivid.figures.arrival import travel
 
     if not np.isfinite(delay):
         return "no delay"
     samples = f"d = {delay:.0f} sample{'' if delay == 1 else 's'}"
-    return samples if sample_time is None else f"{samples} ({duration([delay * sample_time])})"
+    return samples if sample_time is None else f"{samples} ({travel([delay], sample_time)})"
 
 
 def days_words(status: ArrayLike, delay: ArrayLike) -> str:

@@ -155,6 +155,10 @@ def main() -> None:
     except OSError as error:
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         code = _hush()
+    except Exception:  # compiled code may make one of its own of the signal's
+        if not _came:
+            raise
+        code = 1
     if _came:
         code = 128 + _came[0]
         _say_interrupted()

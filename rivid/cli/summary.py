@@ -9,7 +9,8 @@ import numpy as np
 
 from rivid.cli.telling import fitted, wrapped
 from rivid.config import Config
-from rivid.figures.words import RAYLEIGH, count, delays, duration, number, probability, share
+from rivid.figures.arrival import samples_first
+from rivid.figures.words import RAYLEIGH, count, duration, number, probability, share
 from rivid.run import Summary
 
 NAME_WIDTH = 14
@@ -74,7 +75,7 @@ def _numbers(name: str, rows: Any, config: Config) -> list[str]:
         values, n = np.unique(d, return_counts=True)
         most = np.sort(values[np.argsort(-n, kind="stable")][:2])
         often = int(np.isin(d, most).sum())
-        lines.append(f"delay {delays([float(v) for v in most], T_s)} on {share(often, len(d))} of days")
+        lines.append(f"delay {samples_first([float(v) for v in most], T_s)} on {often} of {len(d)} days")
         prior = sum(bool(p) for p in rows["prior_only"].to_pylist())
         if prior:
             whose = "the prior's answer" if name in RAYLEIGH else "perhaps chance"
