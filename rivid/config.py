@@ -30,7 +30,7 @@ from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
 __all__ = ["FLOWS", "UNITS", "Config", "InputConfig", "ReachConfig", "load_config", "load_toml", "parse"]
 
 T = TypeVar("T", bound=BaseModel)
-NAME = r"^[A-Za-z0-9._-]+$"
+NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
 MOST_BYTES = 1_000_000
 """Of a configuration file; a bomb is refused unread."""
 MOST_DEPTH = 20

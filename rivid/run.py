@@ -14,7 +14,7 @@ from rivid import record
 from rivid.batch import Batch, Window
 from rivid.config import Config
 from rivid.drawing import draw_here, draw_with
-from rivid.errors import ConfigError, NoDataError, RividError
+from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.estimators import build
 from rivid.merge import write_merged
 from rivid.plan import Options, Plan, make_plan
@@ -203,6 +203,13 @@ def _others(kept: Rows, rows: Rows) -> list[str]:
 def _refuse_places(data_dir: Path, out: Path) -> None:
     if not data_dir.exists():
         raise NoDataError(f"{data_dir} does not exist: expected a directory of logs")
+    try:
+        str(out).encode()
+    except UnicodeEncodeError:
+        raise ConfigError(
+            f"OUT ({printable(str(out))}): its name is not UTF-8, and Parquet files cannot be written there; "
+            "give another --out"
+        ) from None
     if data_dir.resolve() == out.resolve():
         raise ConfigError(f"OUT is DATA_DIR ({out}): its tables would be taken for logs; give another --out")
 

@@ -130,9 +130,14 @@ def _listen() -> None:
 
 
 def _calm() -> None:
-    """No more alarms: the way out is not interrupted."""
+    """No more alarms, and no signals: the way out is not interrupted.
+
+    Python gives a signal that it handles back to the system when it ends, which would end it with another code.
+    """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
+    for name in ("SIGINT", "SIGTERM"):
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def main() -> None:
@@ -140,9 +145,9 @@ def main() -> None:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # before numpy: days run side by side, one thread each
     _listen()
-    from rivid.cli.telling import complain
-
     try:
+        from rivid.cli.telling import complain
+
         try:
             code = _run()
             sys.stdout.flush()

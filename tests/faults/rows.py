@@ -363,6 +363,7 @@ ROWS = (
             "test_a_name_that_leads_elsewhere_is_refused",
             "test_hostile_names_of_reaches_of_a_fleet",
             "test_names_of_devices_and_options_for_reaches_logs_and_directories",
+            "test_an_out_that_parquet_cannot_name_is_one_line",
             "test_out_with_links_that_lead_out_writes_nothing_through_them",
         )
         | {

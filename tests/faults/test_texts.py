@@ -3,6 +3,7 @@
 import csv
 import html.parser
 import itertools
+import os
 
 import pyarrow.parquet as pq
 import pytest
@@ -156,17 +157,29 @@ def test_a_reach_is_called_by_letters_digits_dot_underscore_hyphen(name):
         config = parse({"reach": {"name": name}}, Config)
     except ConfigError as error:
         assert len(str(error).splitlines()) == 1
-        assert not name or len(name) > 80 or not set(name) <= set(allowed)
+        assert not name or len(name) > 80 or name[0] == "." or not set(name) <= set(allowed)
     else:
         assert config.reach.name == name and set(name) <= set(allowed) and 0 < len(name) <= 80
+        assert name[0] != "."
 
 
-@pytest.mark.parametrize("name", ["../x", "/etc/x", "a/b", "x\n", "x\0", "ï", "=1", "C:\\x", ""])
+@pytest.mark.parametrize(
+    "name", ["..", ".", ".x", "../x", "/etc/x", "a/b", "x\n", "x\0", "ï", "=1", "C:\\x", ""]
+)
 def test_a_name_that_leads_elsewhere_is_refused(tmp_path, tried, name):
     write_days(tmp_path / "data", 1)
     with pytest.raises(ConfigError):
         parse({"reach": {"name": name}}, Config)
     tried(f"reach.name = {name!r}")
+
+
+def test_an_out_that_parquet_cannot_name_is_one_line(tmp_path, tried):
+    write_days(tmp_path / "data", 1)
+    done = command(
+        "run", tmp_path / "data", "--out", os.fsdecode(bytes(tmp_path) + b"/caf\xe9"), "--no-figures"
+    )
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "not UTF-8" in done.stderr
+    tried("OUT whose name is not UTF-8")
 
 
 def test_out_with_links_that_lead_out_writes_nothing_through_them(tmp_path, tried):

@@ -43,7 +43,7 @@ def test_the_page_shows_every_figure_and_links_to_nothing_else(drawn):
     links = set(re.findall(r'(?:src|href)="([^"#]+)"', page))
     assert links == {path.name for f in figures for path in (f.vector, f.png)}
     assert page.count("<figure") == len(figures)
-    assert "prefers-color-scheme: dark" in page and "http" not in page
+    assert "prefers-color-scheme: dark" in page and "http:" not in page and "https:" not in page
     for f in figures:
         assert f"Fig. {f.number}." in page
 
