@@ -132,7 +132,7 @@ def _listen() -> None:
 def _calm() -> None:
     """No more alarms, and no signals: the way out is not interrupted.
 
-    Python gives a signal that it handles back to the system when it ends, which would end it with another code.
+    Python, when it ends, gives a signal that it handles back to the system: the code would be another.
     """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
