@@ -232,7 +232,7 @@ def main() -> None:
         parts = [core(season), year(season, work, 2 if quick else 7)]
         parts.append(scale(season, work, [1, 2] if quick else [1, 10, 100]))
         parts.append(fleet(season, work, [2] if quick else [3, 30, 100]))
-        parts.append(engines(season, work, 500 if quick else 20_000, 1 if quick else 5))
+        parts.append(engines(season, work, 500 if quick else 20_000, 1 if quick else 3))
         parts.append(sections())
     text = (
         "# Performance\n\nWritten by `make bench`. Ratios are medians of pairs measured in turn in one run; "
