@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -31,6 +32,16 @@ STARTS = 3
 
 AT_LEAST = 16
 """Tasks that a standing scheduler is offered even where it has few workers: an adaptive one grows by them."""
+
+OURS = {
+    "distributed.scheduler.allowed-failures": 0,  # the task that a worker died of is told at once
+    "distributed.worker.profile.enabled": False,
+    # one thread of BLAS; and not Dask's MALLOC_TRIM_THRESHOLD_, which gives memory back after every array
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(
+        ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
+    ),
+}
+"""Settings of a cluster on this machine."""
 
 VERSION = f"{__version__}, method {METHOD_VERSION}"
 
@@ -132,7 +143,7 @@ class Dask:
                     "start one (`dask scheduler`), or leave --scheduler out for workers of this machine"
                 ) from None
         else:
-            with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+            with dask.config.set(OURS):
                 self._cluster = self._start(LocalCluster)
             self._client = Client(self._cluster, set_as_default=False)
         self._executor = self._client.get_executor(pure=False)
@@ -171,6 +182,17 @@ def _everywhere(value: Any) -> Any:
     return value.absolute() if isinstance(value, Path) else value
 
 
+@cache
+def _settle() -> None:
+    """Make a worker of ours ready, once: what it has imported stays, nothing looks through it for rubbish."""
+    import gc
+
+    from rivid.lean import spare_pandas
+
+    spare_pandas()
+    gc.freeze()
+
+
 def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any) -> Any:
     """What a Dask worker does: one task at a time, for drawing is not made for threads.
 
@@ -182,8 +204,6 @@ def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any)
             "install the same on both, and start the workers again"
         )
     if own:
-        from rivid.lean import spare_pandas
-
-        spare_pandas()
+        _settle()
     with _one_at_a_time:
         return task(*arguments)
