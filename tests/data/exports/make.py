@@ -10,6 +10,8 @@ import datetime as dt
 import math
 import shutil
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -440,7 +442,7 @@ def two_plants():
         date = f"{moment.month}/{moment.day}/{moment.year}"
         lines.append(",".join([f"{date} {moment.hour % 12 or 12}:{moment:%M:%S %p}", *quoted]))
         numbers = [float(part.replace(",", "")) for part in parts]
-        flows = [sum(numbers) * CFS, float(outflow.replace(",", "")) * CFS]
+        flows = [reduce(add, numbers) * CFS, float(outflow.replace(",", "")) * CFS]
         meant[second] = [*flows, float(level) * FT]
     lines += ["Average,,,,,", '"*** End of report ***"']
     holes(meant, [(20, 0), (21, 2)])
