@@ -42,7 +42,11 @@ def verdict_of(study: "Study", gap: Gap, unknown: Unknown | None) -> tuple[Verdi
         if unknown is None:
             return "no_gap", "No candidate stands out, and what is left shows neither rhythm nor place."
         return "unknown", f"Something is left that no known effect explains: {unknown.drivers[0]}."
-    names = ", ".join(r.choice.proposal.name for r in named if r.choice is not None)
+    all_names = [r.choice.proposal.name.replace("_", " ") for r in named if r.choice is not None]
+    names = ", ".join(
+        f"{name}, {n} times" if (n := all_names.count(name)) > 1 else name
+        for name in dict.fromkeys(all_names)
+    )
     shown = f"{base[1]:.3g} {unit} to {end[1]:.3g} {unit} after 4 h"
     if fails(study, base, end):
         return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
@@ -54,7 +58,7 @@ def verdict_of(study: "Study", gap: Gap, unknown: Unknown | None) -> tuple[Verdi
             f"{first.proposal.name} or {others}: these data cannot tell. The error: {shown}.",
         )
     if unknown is not None:
-        return "partly_explained", f"{names} is named; {unknown.drivers[0]} is left. The error: {shown}."
+        return "partly_explained", f"Named: {names}. Left: {unknown.drivers[0]}. The error: {shown}."
     return "explained", f"{names}. On days kept apart the error goes from {shown}."
 
 

@@ -158,8 +158,11 @@ def _sized(effect: NamedEffect) -> str:
 
 def _named(effect: NamedEffect) -> str:
     """A name with its size alone."""
+    size = size_words(effect).partition(" (")[0]
     main = main_parameter(effect)
-    return name_words(effect.name) + (f" ({estimate_words(main).partition(' (')[0]})" if main else "")
+    if main is not None:  # without the parameter's own name: "135 m3/s", "54 to 205 m3/s"
+        size = size.removeprefix(main.name.split("[")[0].replace("_", " ")).removeprefix(" from").strip()
+    return name_words(effect.name) + (f" ({size})" if size else "")
 
 
 def unknown_words(unknown: Unknown, unit: str = "m³/s") -> str:
