@@ -186,7 +186,9 @@ def engines(season: Season, work: Path, days: int, runs: int) -> str:
         memory = [f"{max(u.own_mb for u in used):.0f} MB", f"{max(u.peak_mb for u in used):.0f} MB"]
         rows.append([name, f"{median([u.seconds for u in used]):.1f} s", f"{ratio:.2f}", *memory])
     head = ["engine", "wall time", "times processes", "the command itself", "largest process"]
-    text = f"## Dask beside processes, {days:,} days\n\nParquet logs of one reach, `jmap`, two workers, tables "
+    text = (
+        f"## Dask beside processes, {days:,} days\n\nParquet logs of one reach, `jmap`, two workers, tables "
+    )
     text += "without figures; start and end of the cluster included. The tables are the same bytes.\n\n"
     return text + table(head, rows)
 

@@ -173,7 +173,7 @@ two files are alike. CSV: a file a day. Parquet: a file a year. Two workers, `jm
 {grown(runs)}
 From {small.days:,} to {large.days:,} days of {large.name} logs the days a second differ by {(max(rates) / min(rates) - 1) * 100:.0f} %. The
 last columns are the peaks of the command itself and of the largest of all its processes. Each reach is whole in one
-worker, which holds 1.3 kB for each of its days; the command holds a few numbers for each reach.
+worker; the command holds a few numbers for each reach.
 
 ## {REACHES:,} reaches, {YEARS} years
 

@@ -169,11 +169,10 @@ class Dask:
 
     def _close(self, cancel: bool) -> None:
         client, self._client = self._client, None
-        if client is None:
-            return
-        self._executor.shutdown(wait=not cancel)
-        client.close(timeout=2)
-        if self._cluster is not None:
+        if client is not None:
+            self._executor.shutdown(wait=not cancel)
+            client.close(timeout=2)
+        if self._cluster is not None:  # also one that no client has reached
             self._cluster.close(timeout=2)
 
 

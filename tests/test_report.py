@@ -5,7 +5,6 @@ import dataclasses
 import datetime as dt
 import hashlib
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from rivid.figures.lately import lately
 from rivid.figures.looking import to_look_at
 from rivid.report import write_report
 from tests.figures.synthetic import dates_of, estimator, results, river, without_answers
+from tests.pages import Page
 
 SUMMARY = {
     "config": {"reach": {"length": 8200.0, "bed_level": None}, "run": {"estimators": ["jmap"]}},
@@ -29,34 +29,6 @@ SUMMARY = {
     "d_min": 1,
     "d_max": 15,
 }
-VOID = {"meta", "br", "img", "link", "hr", "input"}
-
-
-class Page(HTMLParser):
-    """Collects text, attributes and unbalanced tags."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.text, self.tags = [], [], []
-        self.feed(html)
-        assert not self.open, f"never closed: {self.open}"
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-1:]}"
-        self.open.pop()
-
-    def handle_data(self, data):
-        if "style" not in self.open:
-            self.text.append(data)
-
-    @property
-    def words(self):
-        return re.sub(r"\s+", " ", " ".join(self.text))
 
 
 def write(run, out, figures=(), summary=SUMMARY):

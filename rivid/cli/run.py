@@ -12,9 +12,6 @@ from rivid.cli import options as shared
 from rivid.cli.telling import Teller, complain
 from rivid.core.settings import ESTIMATORS
 
-PAPERS = 133.0
-"""T_s of Table I [s]."""
-
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
 """Settings that are in samples."""
 
@@ -115,9 +112,10 @@ def command(
 
     gc.disable()  # what is imported stays: looking through it for rubbish is a tenth of the start
     from rivid.cli.fleet_run import run_all, say_plan
-    from rivid.config import load_config, parse
+    from rivid.config import ReachConfig, load_config, parse
     from rivid.lean import spare_pandas
     from rivid.plan import Options, make_plan
+    from rivid.record import assumed
     from rivid.run import run
 
     spare_pandas()
@@ -150,7 +148,7 @@ def command(
         tell.phase("the fleet's report")
         return code
     settings = load_config(config)
-    unsaid = [name for name in ("length", "width", "depth") if name not in settings.reach.model_fields_set]
+    unsaid, papers = assumed(settings), ReachConfig().sample_time
     if estimators:
         raw = settings.model_dump(mode="json", exclude_none=True)
         raw["run"]["estimators"] = list(estimators)
@@ -173,9 +171,9 @@ def command(
         complain(f"damaged, its days are computed again: {name}")
     if config and unsaid:
         tell.note(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
-    if not unsaid and settings.reach.sample_time != PAPERS and not settings.jmap.model_fields_set & SCALED:
+    if not unsaid and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
         tell.note(
-            f"[jmap] is not set: its delays and prior are the paper's, for samples of {PAPERS:g} s; "
+            f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
             "`rivid bounds` proposes those of this reach"
         )
     if part and not as_json and not quiet:

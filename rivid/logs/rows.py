@@ -1,5 +1,7 @@
 """Rows of an export, line by line: what is a row of data, what its time is, and what is wrong with it."""
 
+from abc import ABC, abstractmethod
+
 from rivid.logs.columns import BadRow, Seen
 from rivid.logs.header import Header, split_cells
 from rivid.logs.numbers import NumberReader
@@ -11,7 +13,7 @@ MANY_TEXTS = 20
 ENDLESS = 10**9
 
 
-class RowReader:
+class RowReader(ABC):
     """The rows read so far; what is kept of each is left to :meth:`keep`.
 
     Parameters
@@ -95,13 +97,13 @@ class RowReader:
             time = time[0] - self.zones[zone] * MICRO, self.zones[zone]
         self.keep(number, cells, time)
 
+    @abstractmethod
     def keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:
         """Take the values of a row."""
-        raise NotImplementedError
 
+    @abstractmethod
     def drop_last(self, number: int) -> None:
         """Forget the row of a line, if it was kept: it proves to be cut off."""
-        raise NotImplementedError
 
     def refuse(self, number: int, reason: str, cut: bool = False) -> None:
         """Note a row that cannot be used."""

@@ -5,7 +5,6 @@ import dataclasses
 import datetime as dt
 import math
 import re
-from html.parser import HTMLParser
 
 import pytest
 
@@ -19,37 +18,10 @@ from rivid.errors import RividError
 from rivid.figures import FigureFile
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
+from tests.pages import Page
 
 EVIDENCE = evidence_of()
 RIVER = evidence_of(record_of(kind="river"), amplitude=40.0)
-VOID = {"meta", "br", "img", "link", "hr", "input"}
-
-
-class Page(HTMLParser):
-    """Collects text, attributes and unbalanced tags."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.text, self.tags = [], [], []
-        self.feed(html)
-        assert not self.open, f"never closed: {self.open}"
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-1:]}"
-        self.open.pop()
-
-    def handle_data(self, data):
-        if "style" not in self.open:
-            self.text.append(data)
-
-    @property
-    def words(self):
-        return re.sub(r"\s+", " ", " ".join(self.text))
 
 
 def page(folder, verdict, evidence=EVIDENCE, **changes):
