@@ -12,7 +12,7 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 ORDER = [
     {"errors"},
-    {"core", "input_config", "shard"},
+    {"core", "input_config", "shard", "toml"},
     {"estimator_config"},
     {"config", "answers", "atomic", "lean", "leash", "reach", "settled"},
     {"tables"},
