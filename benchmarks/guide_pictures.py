@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import rivid
 from rivid.core.fir import half_time
-from rivid.figures import style
+from rivid.plots import style
 from rivid.reach.response import theoretical_fir
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ from benchmarks.accuracy import one_season, settings_of, spread
 from benchmarks.measure import table
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.jmap import jmap
-from rivid.figures.travel_time import TravelTimes, draw
+from rivid.plots.travel_time import TravelTimes, draw
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
 from rivid.scenario import load_scenario

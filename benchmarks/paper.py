@@ -43,10 +43,10 @@ from rivid.cli.figures import simulated_cascade
 from rivid.config import Config, ReachConfig, load_config, parse
 from rivid.core.fir import ml
 from rivid.core.jmap import jmap
-from rivid.figures.paper import draw_paper
-from rivid.figures.paper.cascade import CascadeReach, of_year, own_bounds, shortest
-from rivid.figures.paper.estimates import estimate
-from rivid.figures.paper.year import Year, read_year, year_of
+from rivid.plots.paper import draw_paper
+from rivid.plots.paper.cascade import CascadeReach, of_year, own_bounds, shortest
+from rivid.plots.paper.estimates import estimate
+from rivid.plots.paper.year import Year, read_year, year_of
 from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import simulate_cascade
 

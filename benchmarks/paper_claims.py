@@ -22,11 +22,11 @@ from benchmarks.paper_measures import (
 from rivid.core.change import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.search import direct
-from rivid.figures.paper.cascade import shortest
-from rivid.figures.paper.estimates import estimate
-from rivid.figures.paper.hydraulics import daily_range
-from rivid.figures.paper.one_day import choose
-from rivid.figures.paper.year import Year
+from rivid.plots.paper.cascade import shortest
+from rivid.plots.paper.estimates import estimate
+from rivid.plots.paper.hydraulics import daily_range
+from rivid.plots.paper.one_day import choose
+from rivid.plots.paper.year import Year
 from rivid.reach.response import theoretical_fir
 
 Readings = dict[str, dict[str, Floats]]

@@ -120,7 +120,7 @@ def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from rivid.figures import style
+    from rivid.plots import style
 
     looks = {
         "Table VI": {"color": style.INK, "lw": 1.8, "marker": "o", "ms": 3.5},

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rivid.figures import FigureFile, Job
+    from rivid.plots.draw import Job
+    from rivid.plots.style import FigureFile
     from rivid.results import Results
     from rivid.workers import Engine
 
@@ -18,7 +19,7 @@ _read: "tuple[Path, Results] | None" = None
 
 def draw_here(out: Path, summary: Mapping[str, Any]) -> list[Path]:
     """Draw all figures and the report in this process; gives the files written."""
-    from rivid.figures import draw_all
+    from rivid.plots.draw import draw_all
     from rivid.report import write_report
     from rivid.results import load_results
 
@@ -44,7 +45,7 @@ def draw_with(engine: "Engine", out: Path, summary: Mapping[str, Any]) -> list[P
     RividError
         Where a file cannot be written.
     """
-    from rivid.figures import drop_old
+    from rivid.plots.draw import drop_old
 
     try:
         wanted = engine.submit(_wanted, out).result()
@@ -80,13 +81,13 @@ def _results(out: Path) -> "Results":
 
 
 def _wanted(out: Path) -> "list[Job]":
-    from rivid.figures import jobs
+    from rivid.plots.draw import jobs
 
     return jobs(_results(out))
 
 
 def _paint(out: Path, job: "Job") -> "FigureFile | None":
-    from rivid.figures import draw
+    from rivid.plots.draw import draw
 
     return draw(_results(out), job, out / "figures")
 

@@ -20,7 +20,7 @@ DRAWING = (
     "rivid.results",
     "rivid.report",
     "jinja2",
-    *(f"rivid.figures.{name}" for name in ("tdr", "histogram", "delay_map", "discharge", "fir_day", "t50")),
+    *(f"rivid.plots.{name}" for name in ("tdr", "histogram", "delay_map", "discharge", "fir_day", "t50")),
     "pyarrow.parquet",
 )
 """What a worker needs that draws figures."""

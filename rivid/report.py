@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 
 from rivid import __version__
-from rivid.figures import FigureFile
-from rivid.figures.arrival import samples_first
-from rivid.figures.attention import SHOWN, Attention, missing, spans
-from rivid.figures.glance import glance
-from rivid.figures.headline import facts, headline, leading
-from rivid.figures.lately import Lately, lately
-from rivid.figures.looking import dates_of, to_look_at
-from rivid.figures.passage import leading_response, passage
-from rivid.figures.selection import estimates_delay
-from rivid.figures.strip import sign, strip, svg
-from rivid.figures.words import (
+from rivid.page import write_page
+from rivid.plots.arrival import samples_first
+from rivid.plots.attention import SHOWN, Attention, missing, spans
+from rivid.plots.glance import glance
+from rivid.plots.headline import facts, headline, leading
+from rivid.plots.lately import Lately, lately
+from rivid.plots.looking import dates_of, to_look_at
+from rivid.plots.passage import leading_response, passage
+from rivid.plots.selection import estimates_delay
+from rivid.plots.strip import sign, strip, svg
+from rivid.plots.style import FigureFile
+from rivid.plots.words import (
     PROBABLE,
     UNJUDGED,
     count,
@@ -31,7 +32,6 @@ from rivid.figures.words import (
     probability,
     share,
 )
-from rivid.page import write_page
 from rivid.results import EstimatorResults, Results
 
 MOST = 400

@@ -13,15 +13,15 @@ import pytest
 from benchmarks.browser import NAMES, browser, installed
 from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
 from rivid.errors import RividError
-from rivid.figures import draw, draw_all
-from rivid.figures.attention import attention
-from rivid.figures.glance import glance
-from rivid.figures.headline import facts, headline
-from rivid.figures.lately import lately
-from rivid.figures.looking import to_look_at
+from rivid.plots.attention import attention
+from rivid.plots.draw import draw, draw_all
+from rivid.plots.glance import glance
+from rivid.plots.headline import facts, headline
+from rivid.plots.lately import lately
+from rivid.plots.looking import to_look_at
 from rivid.report import write_report
-from tests.figures.synthetic import dates_of, estimator, results, river, without_answers
 from tests.pages import Page
+from tests.plots.synthetic import dates_of, estimator, results, river, without_answers
 
 SUMMARY = {
     "config": {"reach": {"length": 8200.0, "bed_level": None}, "run": {"estimators": ["jmap"]}},

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from benchmarks.posterior.accuracy import Bin
 from benchmarks.posterior.score import wilson
-from rivid.figures.style import ACCENT, GREY, INK, WATER, dot, key, save, sheet, styled
+from rivid.plots.style import ACCENT, GREY, INK, WATER, dot, key, save, sheet, styled
 
 
 def draw(lines: dict[str, list[Bin]], path: Path, title: str, note: str) -> None:

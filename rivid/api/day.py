@@ -111,7 +111,7 @@ class Day:
     def plot(self) -> "Picture":
         """The flows, and below them the level or the discharge."""
         from rivid.api.picture import picture
-        from rivid.figures import style
+        from rivid.plots import style
 
         reach = self.config.reach
         with style.styled():

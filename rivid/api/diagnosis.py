@@ -120,7 +120,7 @@ class DiagnosisResult:
         """The unexplained inflow of each day, and the error on the days kept apart, before and after."""
         from rivid.api.picture import date_axes, picture
         from rivid.diagnosis.telling.wording import headline
-        from rivid.figures import style
+        from rivid.plots import style
 
         with style.styled():
             figure, (course, errors) = picture(
@@ -154,7 +154,7 @@ def _daily(values: Floats, record: Record) -> list[float]:
 
 def _draw_gap(axes: "Axes", gap: Gap | None) -> None:
     """Two bars for each horizon."""
-    from rivid.figures import style
+    from rivid.plots import style
 
     if gap is None:
         style.say(axes, "no days kept apart to judge by")

@@ -50,7 +50,7 @@ class DelayEstimate(JmapResult):
     def plot(self) -> "Picture":
         """One day: its response, and the criterion of every delay; many days: a column for each day."""
         from rivid.api.picture import picture
-        from rivid.figures import style
+        from rivid.plots import style
 
         title = f"Delay and impulse response{f', {self.date}' if self.date else ''}"
         with style.styled():
@@ -127,7 +127,7 @@ def delay_words(delay: float, sample_time: float | None) -> str:
     >>> delay_words(6.0, 133.0), delay_words(6.0, None), delay_words(float("nan"), 133.0)
     ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
-    from rivid.figures.arrival import travel
+    from rivid.plots.arrival import travel
 
     if not np.isfinite(delay):
         return "no delay"
@@ -153,7 +153,7 @@ def days_words(status: ArrayLike, delay: ArrayLike) -> str:
 
 def mark(axes: "Axes", delay: float) -> None:
     """The step from d to d + 1, where the response jumps."""
-    from rivid.figures import style
+    from rivid.plots import style
 
     if np.isfinite(delay):
         axes.axvspan(delay, delay + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
@@ -161,8 +161,8 @@ def mark(axes: "Axes", delay: float) -> None:
 
 def draw_response(axes: "Axes", fir: Any, sd: Any, delay: float, unit: str) -> None:
     """An impulse response with its jump, and two standard deviations to either side where there are any."""
-    from rivid.figures import style
-    from rivid.figures.words import response_unit
+    from rivid.plots import style
+    from rivid.plots.words import response_unit
 
     k = np.arange(len(fir))
     axes.axhline(0, color=style.LIGHT, lw=0.7)
@@ -177,8 +177,8 @@ def draw_response(axes: "Axes", fir: Any, sd: Any, delay: float, unit: str) -> N
 
 def draw_days(axes: "Axes", fir: Any, delay: Any) -> None:
     """A column for each day, a row for each lag; black is high, the line is the delay."""
-    from rivid.figures import style
-    from rivid.figures.tdr import grey_limits
+    from rivid.plots import style
+    from rivid.plots.tdr import grey_limits
 
     low, high = grey_limits(fir)
     days, order = fir.shape

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from rivid.figures import style
-from rivid.figures.dates import date_axis
-from rivid.figures.words import shorten
+from rivid.plots import style
+from rivid.plots.dates import date_axis
+from rivid.plots.words import shorten
 
 LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.78, 0.72, 0.86, 0.6, 0.34
 

@@ -73,7 +73,7 @@ class DelayProbabilities:
             return f"DelayProbabilities({days_words(self.status, self.delay)})"
         if str(self.status) != "ok":
             return f"DelayProbabilities({self.status}: {self.reason})"
-        from rivid.figures.words import probability
+        from rivid.plots.words import probability
 
         low, high = float(self.delay_low), float(self.delay_high)
         return (
@@ -84,7 +84,7 @@ class DelayProbabilities:
     def plot(self) -> "Picture":
         """One day: its response, and the probability of every delay; many days: a column for each day."""
         from rivid.api.picture import picture
-        from rivid.figures import style
+        from rivid.plots import style
 
         title = f"How probable each delay is{f', {self.date}' if self.date else ''}"
         with style.styled():

@@ -67,7 +67,7 @@ class SimulatedSeason(Season):
     def plot(self) -> "Picture":
         """Daily mean flows and level, and the true delay."""
         from rivid.api.picture import date_axes, picture
-        from rivid.figures import style
+        from rivid.plots import style
 
         at = [date.toordinal() for date in self.dates]
         with style.styled():

@@ -12,7 +12,7 @@ from rivid.cli import options as shared
 from rivid.cli.telling import Teller
 
 if TYPE_CHECKING:
-    from rivid.figures.paper.cascade import CascadeReach
+    from rivid.plots.paper.cascade import CascadeReach
 
 CASCADE = Path("configs", "scenarios", "cascade.toml")
 """The cascade of Fig. 19 where none is given, here or beside the package."""
@@ -71,7 +71,7 @@ def command(
         return _paper(out, day.date() if day else None, logs, cascade, tell)
     import json
 
-    from rivid.figures import draw_all
+    from rivid.plots.draw import draw_all
     from rivid.report import write_report
     from rivid.results import load_results
     from rivid.store import Store
@@ -90,10 +90,10 @@ def command(
 
 
 def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], tell: Teller) -> int:
-    from rivid.figures.paper import STEPS, draw_paper
-    from rivid.figures.paper.cascade import of_year
-    from rivid.figures.paper.estimates import estimate
-    from rivid.figures.paper.year import read_run
+    from rivid.plots.paper import STEPS, draw_paper
+    from rivid.plots.paper.cascade import of_year
+    from rivid.plots.paper.estimates import estimate
+    from rivid.plots.paper.year import read_run
     from rivid.store import Store
 
     given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
@@ -134,8 +134,8 @@ def _default_cascade() -> list[Path]:
 def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
     """The reaches of a scenario, estimated with what their hydraulics propose, and their truth."""
     from rivid.config import Config, ReachConfig
-    from rivid.figures.paper.cascade import of_year, own_bounds
-    from rivid.figures.paper.year import year_of
+    from rivid.plots.paper.cascade import of_year, own_bounds
+    from rivid.plots.paper.year import year_of
     from rivid.scenario import load_scenario
     from rivid.simulation import simulate_cascade
 

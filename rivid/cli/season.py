@@ -68,9 +68,9 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
         joined, law = join(days, both_ways), law_of(days)
         tell.phase("joining them, and the law")
         write_season(days, joined, law, out)
-        from rivid.figures import law as law_figure
-        from rivid.figures import season as season_figure
-        from rivid.figures import style
+        from rivid.plots import law as law_figure
+        from rivid.plots import season as season_figure
+        from rivid.plots import style
 
         with style.styled():
             season_figure.draw(days, joined, out / "figures")

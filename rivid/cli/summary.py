@@ -9,8 +9,8 @@ import numpy as np
 
 from rivid.cli.telling import fitted, wrapped
 from rivid.config import Config
-from rivid.figures.arrival import samples_first
-from rivid.figures.words import RAYLEIGH, count, duration, number, probability, share
+from rivid.plots.arrival import samples_first
+from rivid.plots.words import RAYLEIGH, count, duration, number, probability, share
 from rivid.run import Summary
 
 NAME_WIDTH = 14

@@ -12,10 +12,10 @@ import pyarrow.csv
 
 from rivid import __version__
 from rivid.atomic import replacing, write_text
-from rivid.figures.words import count, duration, number
 from rivid.fleet.outcome import Outcome, worst
 from rivid.merge import safe_for_spreadsheets
 from rivid.page import write_page
+from rivid.plots.words import count, duration, number
 from rivid.tables import write_parquet
 
 SCHEMA_VERSION = 1

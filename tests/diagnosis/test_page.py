@@ -15,7 +15,7 @@ from rivid.diagnosis.telling.wording import LABELS, MAY_NOT_SAY
 from rivid.diagnosis.telling.writing import write_diagnosis
 from rivid.effects import effect_classes
 from rivid.errors import RividError
-from rivid.figures import FigureFile
+from rivid.plots.style import FigureFile
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
 from tests.pages import Page

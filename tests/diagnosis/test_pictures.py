@@ -10,8 +10,8 @@ from PIL import Image
 
 from rivid.diagnosis.telling.pictures import draw_pictures, drop_pictures
 from rivid.errors import RividError
-from rivid.figures import style
-from rivid.figures.diagnosis import KINDS, binned, heat, loop, one_day, season
+from rivid.plots import style
+from rivid.plots.diagnosis import KINDS, binned, heat, loop, one_day, season
 from tests.diagnosis.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import loop_of, with_loop
 

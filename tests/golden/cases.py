@@ -69,7 +69,9 @@ def run_tables(out, prefix, every=1):
 
 def runs(tmp):
     """Tables and exit codes of a fleet, of all estimators, and of a river's posterior."""
-    code, _ = rivid("run", ROOT / "sample_data", "-c", ROOT / "configs/fleet", "-o", tmp / "fleet", "--no-figures", "-q")
+    code, _ = rivid(
+        "run", ROOT / "sample_data", "-c", ROOT / "configs/fleet", "-o", tmp / "fleet", "--no-figures", "-q"
+    )
     yield "fleet/exit", code
     for reach in ("basse_isere", "basse_isere_csv", "glen_canyon"):
         yield from run_tables(tmp / "fleet" / reach, f"fleet/{reach}", every=30)
@@ -96,12 +98,15 @@ def corpus(tmp):
         code, text = rivid("ingest", *files, "-c", case / "config.toml", "-o", out, "--json")
         logs = {p.name: p.read_text() for p in sorted(out.glob("*.csv"))} if out.exists() else {}
         config = out.parent / f"{case.name}_run.toml"
-        yield f"ingest/{case.name}", {
-            "exit": code,
-            "json": _without_paths(json.loads(text)) if text.strip() else None,
-            "logs": {name: _columns(body) for name, body in logs.items()},
-            "config": tomllib.loads(config.read_text()) if config.exists() else None,
-        }
+        yield (
+            f"ingest/{case.name}",
+            {
+                "exit": code,
+                "json": _without_paths(json.loads(text)) if text.strip() else None,
+                "logs": {name: _columns(body) for name, body in logs.items()},
+                "config": tomllib.loads(config.read_text()) if config.exists() else None,
+            },
+        )
 
 
 def _columns(body):
@@ -113,8 +118,14 @@ def _columns(body):
 
 def checks(tmp):
     """What check finds in the sample data."""
-    for name, config in {"basse_isere": "basse_isere", "basse_isere_csv": "basse_isere", "glen_canyon": "glen_canyon"}.items():
-        code, text = rivid("check", ROOT / "sample_data" / name, "-c", ROOT / f"configs/{config}.toml", "--json")
+    for name, config in {
+        "basse_isere": "basse_isere",
+        "basse_isere_csv": "basse_isere",
+        "glen_canyon": "glen_canyon",
+    }.items():
+        code, text = rivid(
+            "check", ROOT / "sample_data" / name, "-c", ROOT / f"configs/{config}.toml", "--json"
+        )
         yield f"check/{name}", {"exit": code, "json": _without_paths(json.loads(text))}
 
 
@@ -124,11 +135,16 @@ def diagnoses(tmp, names=tuple(DIAGNOSES)):
         logs, out = tmp / name, tmp / f"{name}_found"
         rivid("simulate", ROOT / DIAGNOSES[name], "-o", logs, "-q")
         code, _ = rivid("diagnose", logs, "-o", out, "--no-figures", "-q", "--to", DIAGNOSED_TO)
-        yield f"diagnosis/{name}", {
-            "exit": code,
-            "json": json.loads((out / "diagnosis.json").read_text()),
-            "model": tomllib.loads((out / "model.toml").read_text()) if (out / "model.toml").exists() else None,
-        }
+        yield (
+            f"diagnosis/{name}",
+            {
+                "exit": code,
+                "json": json.loads((out / "diagnosis.json").read_text()),
+                "model": tomllib.loads((out / "model.toml").read_text())
+                if (out / "model.toml").exists()
+                else None,
+            },
+        )
 
 
 def _without_paths(value):
@@ -151,12 +167,18 @@ def differences(found, expected, at=""):
     if isinstance(expected, list):
         if not isinstance(found, list) or len(found) != len(expected):
             return [f"{at}: {found!r} is not of length {len(expected)}"]
-        return [d for k, (a, b) in enumerate(zip(found, expected, strict=True)) for d in differences(a, b, f"{at}/{k}")]
+        return [
+            d
+            for k, (a, b) in enumerate(zip(found, expected, strict=True))
+            for d in differences(a, b, f"{at}/{k}")
+        ]
     if isinstance(expected, bool) or expected is None:
         return [] if found is expected else [f"{at}: {found!r} instead of {expected!r}"]
     if isinstance(expected, (int, float)):
         near = isinstance(found, (int, float)) and (
-            math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-12) or found != found and expected != expected
+            math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-12)
+            or found != found
+            and expected != expected
         )
         return [] if near else [f"{at}: {found!r} instead of {expected!r}"]
     if isinstance(expected, str) and expected.count(" ") >= 2:  # a sentence

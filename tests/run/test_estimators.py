@@ -14,7 +14,7 @@ from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.settings import ESTIMATORS
 from rivid.estimators import Days, build
-from rivid.figures.words import ESTIMATOR_WORDS
+from rivid.plots.words import ESTIMATOR_WORDS
 from rivid.results import load_results
 from tests.daily import FIRST, ZONE, a_day, write_days
 from tests.run.test_run import bytes_of, rivid

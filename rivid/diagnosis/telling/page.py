@@ -37,8 +37,8 @@ from rivid.diagnosis.telling.wording import (
 )
 from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
-from rivid.figures import FigureFile
-from rivid.figures.words import count, number
+from rivid.plots.style import FigureFile
+from rivid.plots.words import count, number
 
 MOST = 12
 """Parameters that a card shows; diagnosis.json has all."""

@@ -9,9 +9,9 @@ from rivid.diagnosis.result import Diagnosis, Gap
 from rivid.diagnosis.telling.evidence import Evidence
 from rivid.diagnosis.telling.spelling import name_words, scale_of
 from rivid.diagnosis.telling.wording import loop_words
-from rivid.figures import FigureFile
-from rivid.figures.diagnosis import KINDS
-from rivid.figures.words import count
+from rivid.plots.diagnosis import KINDS
+from rivid.plots.style import FigureFile
+from rivid.plots.words import count
 
 
 def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) -> list[FigureFile]:
@@ -34,9 +34,9 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
     RividError
         Where a file cannot be written.
     """
-    from rivid.figures import style
-    from rivid.figures.diagnosis import heat, one_day, season
-    from rivid.figures.diagnosis.panels import Window
+    from rivid.plots import style
+    from rivid.plots.diagnosis import heat, one_day, season
+    from rivid.plots.diagnosis.panels import Window
 
     folder = out / "figures"
     files: list[FigureFile] = []
@@ -82,7 +82,7 @@ def drop_pictures(out: Path, kept: list[FigureFile]) -> None:
 
 
 def _gap(folder: Path, gap: Gap) -> FigureFile:
-    from rivid.figures.diagnosis.gap import Row, draw
+    from rivid.plots.diagnosis.gap import Row, draw
 
     factor, unit = scale_of(gap)
 
@@ -101,7 +101,7 @@ def _gap(folder: Path, gap: Gap) -> FigureFile:
 
 
 def _loop(folder: Path, loop: ClosedLoop, day: LoopDay, named: bool) -> FigureFile:
-    from rivid.figures.diagnosis.loop import draw
+    from rivid.plots.diagnosis.loop import draw
 
     curves = 3 if named else 2
     return draw(

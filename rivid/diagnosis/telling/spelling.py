@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 
 from rivid.diagnosis.result import Estimate, Gap, Where
-from rivid.figures.words import count, day_range
+from rivid.plots.words import count, day_range
 
 
 def name_words(name: str) -> str:

@@ -21,7 +21,7 @@ from rivid.diagnosis.telling.wording import (
     size_words,
     unknown_words,
 )
-from rivid.figures.words import listed
+from rivid.plots.words import listed
 
 WIDTH = 80
 INDENT = 11

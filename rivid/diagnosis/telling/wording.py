@@ -22,7 +22,7 @@ from rivid.diagnosis.telling.spelling import (
     scale_of,
     when_words,
 )
-from rivid.figures.words import count, listed
+from rivid.plots.words import count, listed
 
 LABELS: dict[str, str] = {
     "no_gap": "No gap",

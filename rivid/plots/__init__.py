@@ -1,0 +1,1 @@
+"""Figures: functions on matplotlib axes, and the files made of them."""

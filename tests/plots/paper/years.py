@@ -1,0 +1,48 @@
+"""Small simulated years for the tests of the paper's figures."""
+
+import dataclasses
+from functools import cache
+from pathlib import Path
+
+from rivid.config import Config, ReachConfig, parse
+from rivid.plots.paper.year import Year, year_of
+from rivid.scenario import Scenario, load_scenario
+from rivid.simulation import Season, simulate
+
+SCENARIO = Path(__file__).parents[3] / "configs" / "scenarios" / "basse_isere.toml"
+
+
+@cache
+def season(days: int = 14, missing: int = 2, seed: int = 11) -> Season:
+    """A short season of the sample year's reach."""
+    raw = load_scenario(SCENARIO).model_dump(exclude_unset=True)
+    return simulate(parse({**raw, "days": days, "missing_days": missing}, Scenario, "test"), seed)
+
+
+def year(days: int = 14, missing: int = 2, seed: int = 11) -> Year:
+    """The same as logs."""
+    s = season(days, missing, seed)
+    config = Config(reach=ReachConfig(name="basse-isere"))
+    return year_of(config, s.dates, s.inflow, s.outflow, s.level)
+
+
+def without_outflow(y: Year) -> Year:
+    """The same logs without the downstream command."""
+    return dataclasses.replace(y, outflow=())
+
+
+def still(y: Year, *days: int) -> Year:
+    """The same logs, with an inflow that does not move on some days."""
+    inflow = tuple(u * 0 + u[0] if i in days else u for i, u in enumerate(y.inflow))
+    return dataclasses.replace(y, inflow=inflow)
+
+
+def cut(y: Year, day: int, n: int) -> Year:
+    """The same logs, with a day that is `n` samples shorter."""
+
+    def shorter(columns):
+        return tuple(x[:-n] if i == day else x for i, x in enumerate(columns))
+
+    return dataclasses.replace(
+        y, inflow=shorter(y.inflow), outflow=shorter(y.outflow), level=shorter(y.level)
+    )
