@@ -21,8 +21,8 @@ from benchmarks.measure import table
 from rivid.core.hydraulics import propose_delays
 from rivid.core.jmap import PRIOR_ONLY_SPREAD, JmapResult, jmap
 from rivid.core.settings import DEFAULT_ALPHA, JmapSettings
-from rivid.scenario import load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = {"short": "d 2-3", "basse_isere": "d 6-7", "long": "d 10-12"}

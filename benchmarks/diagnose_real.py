@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.measure import table
 from rivid.config import Config, load_config
+from rivid.diagnosis.answer import tell
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Floats, Record
 from rivid.diagnosis.days import read_record
@@ -22,9 +23,8 @@ from rivid.diagnosis.model.linear import evaluate
 from rivid.diagnosis.result import closed_share
 from rivid.diagnosis.setting import gauge_floor_of, library_of, response_of
 from rivid.diagnosis.study import Study
-from rivid.diagnosis.telling.answer import tell
-from rivid.diagnosis.telling.writing import write_diagnosis
 from rivid.diagnosis.workflow import TRIM, look
+from rivid.report.diagnosis_files import write_diagnosis
 
 ROOT = Path(__file__).parent.parent
 LOGS = ROOT / "sample_data" / "glen_canyon"

@@ -47,8 +47,8 @@ from rivid.plots.paper import draw_paper
 from rivid.plots.paper.cascade import CascadeReach, of_year, own_bounds, shortest
 from rivid.plots.paper.estimates import estimate
 from rivid.plots.paper.year import Year, read_year, year_of
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import simulate_cascade
+from rivid.simulation.scenario import Scenario, load_scenario
 
 PICTURES = {"fig09": "search", "fig12": "day", "fig16": "tdr", "fig18": "histograms", "fig19": "cascade"}
 YEAR = "the sample year's kind"

@@ -19,7 +19,7 @@ from benchmarks.paper_measures import (
     with_ramp,
     within,
 )
-from rivid.core.change import cusum
+from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.search import direct
 from rivid.plots.paper.cascade import shortest

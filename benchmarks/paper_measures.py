@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from rivid.config import parse
-from rivid.core.change import cusum
+from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import JmapResult, jmap
 from rivid.core.search import direct, indirect
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
 from rivid.reach.response import integrator_delay, theoretical_fir
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = ROOT / "configs" / "scenarios"

@@ -16,11 +16,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.generator import write_reach
 from benchmarks.measure import PYTHON, Usage, functions_in_turn, in_turn, machine, median, process, table
 from benchmarks.saint_venant import sections
-from rivid.core import lanes
+from rivid.core import batched as lanes
 from rivid.core.jmap import jmap
 from rivid.logs.write import write_day
-from rivid.scenario import load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import load_scenario
 from tests.core.transcription import table_vi
 
 ROOT = Path(__file__).parent.parent
@@ -59,7 +59,7 @@ def core(season: Season) -> str:
     return text + f"\nThe same delay on {same} of {len(u)} days.\n"
 
 
-STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.lean, rivid.plan, rivid.run; rivid.lean.spare_pandas()"
+STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.lean, rivid.run.plan, rivid.run.run; rivid.run.lean.spare_pandas()"
 """What `rivid run` imports before it looks at its first file."""
 
 

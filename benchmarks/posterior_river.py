@@ -16,9 +16,9 @@ from benchmarks.glen_canyon import CFS, DATA, ROOT, correlation_lag, data_sets
 from benchmarks.measure import table
 from rivid.config import Config, load_config
 from rivid.core.jmap import jmap
-from rivid.core.river.posterior import posterior_river
-from rivid.core.river.response import hastened
-from rivid.core.river.settings import RiverSettings
+from rivid.core.posterior.river import posterior_river
+from rivid.core.posterior.river_response import hastened
+from rivid.core.posterior.settings import RiverSettings
 
 Floats = NDArray[np.float64]
 DAY, FINE, STEADY = 96, 3, 4

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from benchmarks.exam.answering import Logs, answer
 from benchmarks.measure import functions_in_turn, machine, median, table
 from rivid.reach.saint_venant import Channel, Flow, simulate
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate as closed
+from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from benchmarks.generator import write_fleet, write_reach
 from benchmarks.measure import PYTHON, Usage, machine, median, process, table
-from rivid.scenario import load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent
 FOUR = [word for name in ("ml", "map", "jmap", "jmap-uniform") for word in ("--estimator", name)]

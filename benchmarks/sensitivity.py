@@ -20,8 +20,8 @@ from benchmarks.measure import table
 from benchmarks.paper_measures import SCENARIOS, World, changed, of_season, shuffled, within
 from rivid.core.jmap import jmap
 from rivid.core.settings import DEFAULT_ALPHA, JmapSettings
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent
 Floats = NDArray[np.float64]

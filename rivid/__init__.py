@@ -67,8 +67,8 @@ if TYPE_CHECKING:
     from rivid.core.hydraulics import propose_delays, travel_bounds
     from rivid.core.settings import JmapSettings
     from rivid.errors import RividError
-    from rivid.results import load_delays, load_results
-    from rivid.scenario import load_scenario
+    from rivid.results.read import load_delays, load_results
+    from rivid.simulation.scenario import load_scenario
 
 
 def __getattr__(name: str) -> Any:

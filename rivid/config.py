@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from rivid.core.posterior.settings import PosteriorSettings
-from rivid.core.river.settings import RiverSettings
+from rivid.core.posterior.settings import PosteriorSettings, RiverSettings
 from rivid.core.settings import (
     CUSUMS,
     POSTERIORS,

@@ -5,8 +5,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
-from rivid.core.posterior.settings import PosteriorSettings
-from rivid.core.river.settings import RiverSettings, lags_of
+from rivid.core.posterior.settings import PosteriorSettings, RiverSettings, lags_of
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, Moment, SearchSettings
 from rivid.errors import ConfigError
 from rivid.input_config import Means, Section

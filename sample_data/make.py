@@ -10,9 +10,9 @@ import numpy as np
 
 from rivid.atomic import write_text
 from rivid.logs.write import write_days
-from rivid.scenario import load_scenario
 from rivid.simulation import Season, observables, simulate
 from rivid.simulation.observables import ORDER
+from rivid.simulation.scenario import load_scenario
 from rivid.simulation.truth import write_truth
 
 HERE = Path(__file__).parent

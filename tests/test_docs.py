@@ -19,7 +19,7 @@ import rivid
 from rivid.config import Config
 from rivid.effects import CATALOGUE
 from rivid.errors import EXIT_CODES, RividError
-from rivid.scenario import Scenario
+from rivid.simulation.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -1,71 +1,114 @@
-"""Imports go downwards only, and the maths knows no files."""
+"""Imports go downwards only, inside folders too, and the mathematics reads no files."""
 
 import ast
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import rivid
 
 ROOT = Path(rivid.__file__).parent
-ORDER = [
-    {"errors"},
-    {"core", "input_config", "shard", "toml"},
-    {"estimator_config"},
-    {"config", "answers", "atomic", "lean", "leash", "reach", "settled"},
-    {"tables"},
-    {"effects", "logs", "results", "estimators", "page", "preload"},
-    {"scenario", "seasons"},
-    {"simulation", "figures", "rows"},
-    {"diagnosis", "store", "merge", "report", "check", "record"},
-    {"batch", "api"},
-    {"workers", "plan"},
-    {"cluster", "drawing"},
-    {"run"},
-    {"fleet"},
-    {"cli"},
-    {"__main__"},
-]
-LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
-STANDARD = {"abc", "bisect", "collections", "dataclasses", "enum", "functools", "math", "typing"}
-ALLOWED_OUTSIDE = {
-    "core": {"numpy", "scipy", *STANDARD},
-    "reach": {"numpy", "scipy", "numba", *STANDARD},
+LAYERS = (
+    ("types", "errors"),
+    ("core", "atomic", "input_config", "text", "toml"),
+    ("estimator_config", "reach"),
+    ("config", "effects", "logs"),
+    ("estimators", "simulation", "results"),
+    ("check", "diagnosis"),
+    ("plots",),
+    ("report",),
+    ("run", "api"),
+    ("fleet",),
+    ("cli",),
+    ("__main__",),
+)
+"""What stands at the top of rivid/, from the bottom up; a layer imports from those before it."""
+OUTSIDE = {
+    "core": {"numpy", "scipy"},
+    "reach": {"numpy", "scipy", "numba"},
+    "effects": {"numpy", "scipy", "click", "rich"},
 }
+"""Third-party packages that the mathematics may import."""
 
 
-def room(path):
-    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+def module_of(path):
+    return ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {module_of(path): path for path in ROOT.rglob("*.py")}
 
 
 def imports(path):
-    """Full names of all modules that a file imports, functions' imports included."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    """Names of the modules that a file imports, in functions too, but not for types alone."""
+
+    def visit(node):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            return
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            if node.module == "rivid":
-                yield from (f"rivid.{alias.name}" for alias in node.names)
-            else:
-                yield node.module
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in MODULES else node.module
+        for child in ast.iter_child_nodes(node):
+            yield from visit(child)
+
+    yield from visit(ast.parse(path.read_text(encoding="utf-8")))
 
 
-MODULES = sorted(p for p in ROOT.rglob("*.py") if p.name != "__init__.py" or p.parent != ROOT)
+GRAPH = {name: {other for other in imports(path) if other != name} for name, path in MODULES.items()}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_imports_go_downwards(path):
-    here = room(path)
-    assert here in LEVEL, f"{here} has no place in the layers: give it one"
-    for name in imports(path):
-        parts = name.split(".")
-        if parts[0] == "rivid" and len(parts) > 1 and parts[1] != "__version__":
-            there = parts[1]
-            assert there == here or LEVEL[there] < LEVEL[here], f"{path.name} imports upwards: {name}"
-        elif here in ALLOWED_OUTSIDE and parts[0] != "rivid":
-            assert parts[0] in ALLOWED_OUTSIDE[here], f"{path.name}: {here} may not import {name}"
+def circles(graph):
+    """Groups of nodes that reach each other."""
+    reach = {}
+    for start in graph:
+        seen, todo = set(), [start]
+        while todo:
+            new = graph.get(todo.pop(), set()) - seen
+            seen |= new
+            todo += new
+        reach[start] = seen
+    return {frozenset(b for b in reach[a] if a in reach.get(b, ())) for a in graph if a in reach[a]}
+
+
+def inside(folder):
+    """The imports among what stands in a folder, named by its first part."""
+    found = {}
+    for name, others in GRAPH.items():
+        if name.startswith(folder + "."):
+            here = name.removeprefix(folder + ".").split(".")[0]
+            there = {o.removeprefix(folder + ".").split(".")[0] for o in others if o.startswith(folder + ".")}
+            found[here] = found.get(here, set()) | (there - {here})
+    return found
+
+
+def test_imports_go_downwards():
+    level = {name: k for k, names in enumerate(LAYERS) for name in names}
+    graph = inside("rivid")
+    unplaced = set(graph) - set(level) - {"__init__"}
+    assert not unplaced, f"give these a layer: {sorted(unplaced)}"
+    upwards = [(a, b) for a, others in graph.items() for b in others if b in level and level[b] >= level[a]]
+    assert upwards == []
+
+
+def test_no_imports_run_in_circles():
+    folders = {name.rsplit(".", 1)[0] for name in MODULES if "." in name}
+    found = {folder: circles(inside(folder)) for folder in folders}
+    found["modules"] = circles(GRAPH)
+    assert {name: groups for name, groups in found.items() if groups} == {}
+
+
+def test_the_mathematics_imports_numerical_packages_only():
+    wrong = [
+        (name, other)
+        for name, others in GRAPH.items()
+        for other in others
+        if (top := name.split(".")[1] if "." in name else "") in OUTSIDE
+        and (package := other.split(".")[0]) != "rivid"
+        and package not in OUTSIDE[top] | sys.stdlib_module_names
+    ]
+    assert wrong == []
 
 
 def test_importing_rivid_loads_nothing_heavy():

@@ -13,13 +13,13 @@ import pytest
 from benchmarks.browser import NAMES, browser, installed
 from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
 from rivid.errors import RividError
-from rivid.plots.attention import attention
 from rivid.plots.draw import draw, draw_all
-from rivid.plots.glance import glance
-from rivid.plots.headline import facts, headline
-from rivid.plots.lately import lately
-from rivid.plots.looking import to_look_at
-from rivid.report import write_report
+from rivid.report.attention import attention
+from rivid.report.build import write_report
+from rivid.report.glance import glance
+from rivid.report.headline import facts, headline
+from rivid.report.lately import lately
+from rivid.report.looking import to_look_at
 from tests.pages import Page
 from tests.plots.synthetic import dates_of, estimator, results, river, without_answers
 

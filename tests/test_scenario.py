@@ -8,7 +8,7 @@ import pytest
 from rivid.errors import ConfigError
 from rivid.reach.operators import OperatorSettings
 from rivid.reach.response import LinearReach
-from rivid.scenario import Scenario, load_scenario
+from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "configs" / "scenarios"
 

@@ -98,7 +98,7 @@ def no_guard() -> Iterator[None]:
 @contextlib.contextmanager
 def no_gate() -> Iterator[None]:
     """What is left never speaks."""
-    with patch("rivid.diagnosis.telling.answer._unknown", lambda *_: None):
+    with patch("rivid.diagnosis.answer._unknown", lambda *_: None):
         yield
 
 

@@ -19,8 +19,8 @@ from rivid.diagnosis.model.linear import evaluate
 from rivid.diagnosis.setting import gauge_floor_of
 from rivid.diagnosis.workflow import TRIM
 from rivid.effects import Effect, worlds_of
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 NOISES = ("wind_setup", "seiche")

@@ -15,10 +15,9 @@ from benchmarks.posterior.score import randomised_coverage
 from benchmarks.posterior.worlds import KINDS, Recipe, World, worlds
 from rivid.core.posterior.blind import posterior_blind
 from rivid.core.posterior.daily import PosteriorResult, posterior
-from rivid.core.season.joined import season
-from rivid.core.season.settings import SeasonSettings
-from rivid.scenario import Scenario
+from rivid.core.season import SeasonSettings, season
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 SEASON = 6

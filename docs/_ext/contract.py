@@ -5,14 +5,13 @@ import inspect
 import pyarrow as pa
 from markup import code, table
 
-from rivid import tables
 from rivid.cli.effects import TITLES, example
 from rivid.diagnosis.result import VERDICTS
-from rivid.diagnosis.telling import writing as diagnosis
 from rivid.effects import CATALOGUE, FAMILIES, Effect
 from rivid.errors import EXIT_CODES
 from rivid.fleet import report as fleet
-from rivid.seasons import writing as season
+from rivid.report import diagnosis_files as diagnosis
+from rivid.results import season, tables
 
 TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": "true or false",
          "date32[day]": "date", "timestamp[ms]": "time"}  # fmt: skip

@@ -10,7 +10,7 @@ import keys
 from sphinx.application import Sphinx
 
 from rivid.config import Config
-from rivid.scenario import Scenario
+from rivid.simulation.scenario import Scenario
 
 DOCS = Path(__file__).resolve().parents[1]
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((\.\./[^)#\s]+)\)")

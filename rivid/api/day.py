@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rivid.answers import Days
 from rivid.api.given import GivenConfig, GivenDate, as_config, as_date
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
+from rivid.estimators import Days
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.api.picture import Picture
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -166,9 +164,9 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     >>> read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
     Day(2008-03-14, basse-isere: 650 samples of 133 s, inflow 350 to 452 m3/s)
     """
-    from rivid.lean import spare_pandas
     from rivid.logs.find import find_days
     from rivid.logs.read import read_window
+    from rivid.run.lean import spare_pandas
 
     said, wanted, root = as_config(config), as_date(date), Path(path)
     if not root.exists():

@@ -12,11 +12,12 @@ from rivid.api.given import GivenConfig, GivenDate, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.core.hydraulics import propose_delays
-from rivid.diagnosis.data import Floats, Record, as_record
+from rivid.diagnosis.answer import Evidence
+from rivid.diagnosis.data import Record, as_record
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Unknown, Verdict
-from rivid.diagnosis.telling.evidence import Evidence
 from rivid.effects import Effect
 from rivid.errors import NoDataError
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +51,7 @@ class DiagnosisResult:
         return f"DiagnosisResult({self.config.reach.name}: {self.verdict}{named})"
 
     def __str__(self) -> str:
-        from rivid.diagnosis.telling.table import summary
+        from rivid.report.diagnosis_text import summary
 
         return summary(self.answer)
 
@@ -106,7 +107,7 @@ class DiagnosisResult:
         """
         from rivid.diagnosis.model.augmented import write_model
         from rivid.diagnosis.setting import library_of
-        from rivid.diagnosis.telling.writing import write_diagnosis
+        from rivid.report.diagnosis_files import write_diagnosis
 
         page = write_diagnosis(
             Path(out), self.answer, self.evidence, draw=pictures, reach=self.config.reach.name,
@@ -119,8 +120,8 @@ class DiagnosisResult:
     def plot(self) -> "Picture":
         """The unexplained inflow of each day, and the error on the days kept apart, before and after."""
         from rivid.api.picture import date_axes, picture
-        from rivid.diagnosis.telling.wording import headline
         from rivid.plots import style
+        from rivid.report.diagnosis_text import headline
 
         with style.styled():
             figure, (course, errors) = picture(

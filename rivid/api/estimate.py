@@ -127,7 +127,7 @@ def delay_words(delay: float, sample_time: float | None) -> str:
     >>> delay_words(6.0, 133.0), delay_words(6.0, None), delay_words(float("nan"), 133.0)
     ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
-    from rivid.plots.arrival import travel
+    from rivid.text import travel
 
     if not np.isfinite(delay):
         return "no delay"
@@ -162,7 +162,7 @@ def mark(axes: "Axes", delay: float) -> None:
 def draw_response(axes: "Axes", fir: Any, sd: Any, delay: float, unit: str) -> None:
     """An impulse response with its jump, and two standard deviations to either side where there are any."""
     from rivid.plots import style
-    from rivid.plots.words import response_unit
+    from rivid.text import response_unit
 
     k = np.arange(len(fir))
     axes.axhline(0, color=style.LIGHT, lw=0.7)

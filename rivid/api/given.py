@@ -7,7 +7,7 @@ from typing import Any
 
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError
-from rivid.scenario import Scenario, load_scenario
+from rivid.simulation.scenario import Scenario, load_scenario
 
 GivenConfig = Config | Path | str | Mapping[str, Any] | None
 GivenScenario = Scenario | Path | str | Mapping[str, Any] | None

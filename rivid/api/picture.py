@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rivid.plots import style
 from rivid.plots.dates import date_axis
-from rivid.plots.words import shorten
+from rivid.text import shorten
 
 LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.78, 0.72, 0.86, 0.6, 0.34
 

@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.answers import Answer, Days
 from rivid.api.day import Day
 from rivid.api.estimate import days_words, delay_words, draw_days, draw_response, mark
 from rivid.api.given import GivenConfig, as_config
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, RividError
-from rivid.estimators import build
+from rivid.estimators import Answer, Days, build
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.api.picture import Picture
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -73,7 +71,7 @@ class DelayProbabilities:
             return f"DelayProbabilities({days_words(self.status, self.delay)})"
         if str(self.status) != "ok":
             return f"DelayProbabilities({self.status}: {self.reason})"
-        from rivid.plots.words import probability
+        from rivid.text import probability
 
         low, high = float(self.delay_low), float(self.delay_high)
         return (

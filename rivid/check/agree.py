@@ -4,7 +4,8 @@ import datetime as dt
 
 import numpy as np
 
-from rivid.check.record import Floats, Record
+from rivid.check.record import Record
+from rivid.types import Floats
 
 ALIKE = 15 * 60.0
 """Lags that differ by less are the same [s]."""

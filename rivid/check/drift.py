@@ -7,7 +7,8 @@ import numpy as np
 from rivid.check.agree import MOST_PAIRED, slope_of, whose
 from rivid.check.findings import Finding, hours
 from rivid.check.fit import Fit
-from rivid.check.record import Floats, Record
+from rivid.check.record import Record
+from rivid.types import Floats
 
 LEAST = {"pool": 20 * 60.0, "river": 90 * 60.0}
 """A clock that drifts by less over the record is not told of [s]: the delay of a river changes by itself."""

@@ -5,8 +5,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from rivid.types import ONE_DAY
+
 Status = Literal["ok", "pending", "failed"]
-ONE_DAY = dt.timedelta(days=1)
 MOST_RANGES = 4
 """Spans of dates that a sentence names; the rest is a number."""
 

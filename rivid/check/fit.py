@@ -13,11 +13,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rivid.check.record import Floats, Record
+from rivid.check.record import Record
 from rivid.core.hydraulics import propose_delays
 from rivid.errors import ConfigError
+from rivid.types import HOUR, ONE_DAY, Floats
 
-HOUR = 3600.0
 AROUND = 1.75 * HOUR
 """How far beyond what is expected a lag is looked for [s]: an hour off must lie well inside."""
 LONGEST = 24 * HOUR
@@ -25,7 +25,6 @@ LEAST = 24
 """Samples of a day below which nothing is fitted."""
 SINGULAR = 1e-6
 LEAP = 10.0
-ONE_DAY = dt.timedelta(days=1)
 
 
 class Fit(NamedTuple):

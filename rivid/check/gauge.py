@@ -5,9 +5,10 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from rivid.check.findings import ONE_DAY, Finding, hours
+from rivid.check.findings import Finding, hours
 from rivid.check.fits import TOLD, Fits
-from rivid.check.record import Floats, Record
+from rivid.check.record import Record
+from rivid.types import ONE_DAY, Floats
 
 SHORTEST = 2 * 3600.0
 """A gauge that stands still for less is not told of [s]."""

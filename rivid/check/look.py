@@ -7,7 +7,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from rivid.check.clocks import clocks
-from rivid.check.findings import ONE_DAY, DayReport, Finding, Report
+from rivid.check.findings import DayReport, Finding, Report
 from rivid.check.fits import Fits
 from rivid.check.gauge import gauge
 from rivid.check.record import Record
@@ -18,6 +18,7 @@ from rivid.config import Config
 from rivid.errors import DataError, PendingError
 from rivid.logs.find import find_days
 from rivid.logs.read import DataSet, read_window, refuse_columns
+from rivid.types import ONE_DAY
 
 LONGEST = 100_000
 """Days between the first and the last among which missing ones are looked for."""

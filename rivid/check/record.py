@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from rivid.config import ReachConfig
 from rivid.logs.read import DataSet
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 Kept = NDArray[np.float32]
 FINEST = 60.0
 """[s]; finer samples are averaged: what is looked for lasts longer, and decades must fit into memory."""

@@ -6,7 +6,8 @@ from hashlib import sha256
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import Floats, Record
+from rivid.check.record import Record
+from rivid.types import Floats
 
 MOMENT = 300.0
 """A flow that is far off for longer may be what was done [s]."""

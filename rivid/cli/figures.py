@@ -72,9 +72,9 @@ def command(
     import json
 
     from rivid.plots.draw import draw_all
-    from rivid.report import write_report
-    from rivid.results import load_results
-    from rivid.store import Store
+    from rivid.report.build import write_report
+    from rivid.results.read import load_results
+    from rivid.results.store import Store
 
     tell.phase("starting")
     results = load_results(out)  # before the lock, which would make the directory
@@ -94,7 +94,7 @@ def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Pat
     from rivid.plots.paper.cascade import of_year
     from rivid.plots.paper.estimates import estimate
     from rivid.plots.paper.year import read_run
-    from rivid.store import Store
+    from rivid.results.store import Store
 
     given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
     tell.phase("starting")
@@ -136,8 +136,8 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
     from rivid.config import Config, ReachConfig
     from rivid.plots.paper.cascade import of_year, own_bounds
     from rivid.plots.paper.year import year_of
-    from rivid.scenario import load_scenario
     from rivid.simulation import simulate_cascade
+    from rivid.simulation.scenario import load_scenario
 
     reaches = []
     for season in simulate_cascade(load_scenario(scenario)):

@@ -29,8 +29,8 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     from rivid.cli.fleet_run import report
     from rivid.fleet.outcome import worst
     from rivid.fleet.run import fleet_of
-    from rivid.lean import spare_pandas
-    from rivid.store import Store
+    from rivid.results.store import Store
+    from rivid.run.lean import spare_pandas
 
     tell = Teller(quiet, verbose)
     spare_pandas()

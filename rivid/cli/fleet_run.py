@@ -12,8 +12,8 @@ from rivid.cli.telling import complain, fitted, wrapped
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
     from rivid.fleet.outcome import Outcome
-    from rivid.plan import Options
-    from rivid.workers import Engine
+    from rivid.run.plan import Options
+    from rivid.run.workers import Engine
 
 MOST_LINES = 20
 """Reaches that are named on the terminal; the page has all of them."""

@@ -95,8 +95,8 @@ def command(
     """
     from rivid.cli.found import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
-    from rivid.preload import DRAWING, cores, warm
-    from rivid.shard import Shard
+    from rivid.run.plan import Shard
+    from rivid.run.preload import DRAWING, cores, warm
 
     on_dask = _on_dask(engine, scheduler, workers)
     tell = Teller(quiet, verbose)
@@ -113,10 +113,10 @@ def command(
     gc.disable()  # what is imported stays: looking through it for rubbish is a tenth of the start
     from rivid.cli.fleet_run import run_all, say_plan
     from rivid.config import ReachConfig, load_config, parse
-    from rivid.lean import spare_pandas
-    from rivid.plan import Options, make_plan
-    from rivid.record import assumed
-    from rivid.run import run
+    from rivid.results.record import assumed
+    from rivid.run.lean import spare_pandas
+    from rivid.run.plan import Options, make_plan
+    from rivid.run.run import run
 
     spare_pandas()
     gc.freeze()
@@ -213,14 +213,14 @@ def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
 
     if not on_dask:
         return nullcontext()
-    from rivid.cluster import Dask
-    from rivid.preload import cores
+    from rivid.run.dask import Dask
+    from rivid.run.preload import cores
 
     return Dask(scheduler, workers or cores())
 
 
 def _dry_run(planned: Any, out: Path, settings: Any) -> int:
-    from rivid.rows import read_rows
+    from rivid.results.rows import read_rows
 
     rows, _ = read_rows(out / ".rivid" / "segments")
     done = set(rows.table["key"].to_pylist())

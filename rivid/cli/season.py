@@ -9,9 +9,8 @@ from rivid.cli import options as shared
 from rivid.cli.telling import Teller, fitted, wrapped
 
 if TYPE_CHECKING:
-    from rivid.core.law.delay_law import DelayLaw
-    from rivid.seasons.days import SeasonDays
-    from rivid.seasons.joined import Joined
+    from rivid.core.law import DelayLaw
+    from rivid.results.season import Joined, SeasonDays
 
 
 def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
@@ -44,13 +43,11 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
     Of one reach of a fleet:
       rivid season out/fleet --reach basse_isere
     """
-    from rivid import record
     from rivid.errors import NoDataError
-    from rivid.lean import spare_pandas
-    from rivid.seasons.days import read_days
-    from rivid.seasons.joined import join, law_of
-    from rivid.seasons.writing import write_season
-    from rivid.store import Store
+    from rivid.results import record
+    from rivid.results.season import join, law_of, read_days, write_season
+    from rivid.results.store import Store
+    from rivid.run.lean import spare_pandas
 
     tell = Teller(quiet, verbose)
     spare_pandas()
@@ -84,8 +81,8 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
 
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
-    from rivid import record
     from rivid.errors import ConfigError
+    from rivid.results import record
 
     run = record.last(out)
     if run:

@@ -38,8 +38,8 @@ def command(
       rivid simulate configs/scenarios/cascade.toml --out out/cascade
     """
     from rivid.errors import ConfigError
-    from rivid.scenario import load_scenario
     from rivid.simulation import simulate_cascade
+    from rivid.simulation.scenario import load_scenario
 
     tell = Teller(quiet, verbose)
     tell.begin(("scenario", scenario), ("logs to", out))

@@ -9,9 +9,8 @@ import numpy as np
 
 from rivid.cli.telling import fitted, wrapped
 from rivid.config import Config
-from rivid.plots.arrival import samples_first
-from rivid.plots.words import RAYLEIGH, count, duration, number, probability, share
-from rivid.run import Summary
+from rivid.run.run import Summary
+from rivid.text import RAYLEIGH, count, duration, number, probability, samples_first, share
 
 NAME_WIDTH = 14
 """The column of names is no wider; a longer one moves its own line only."""

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core import lanes
+from rivid.core import batched as lanes
 from rivid.core.settings import DEFAULT_ALPHA, MAX_CONDITION
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
-Strings = NDArray[np.str_]
+from rivid.types import Floats, Strings
 
 
 @dataclass(frozen=True)

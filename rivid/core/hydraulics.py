@@ -6,14 +6,13 @@ A rectangular channel of mean width and depth; all arguments broadcast.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.errors import ConfigError
+from rivid.types import Floats
 
 GRAVITY = 9.80665
 """Acceleration of gravity [m/s2]."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

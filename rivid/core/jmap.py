@@ -7,7 +7,7 @@ For one day and one alpha the penalties of all candidates differ from ``P0 = D_0
 
 With ``A = R'R``, ``z = R'^-1 U'y`` and ``V = R'^-1 E'`` for all rows e, each candidate is a 2 x 2 solve in
 the inner products of V and z, criterion included: no candidate needs its own factorisation, nor a
-residual. Days are lanes (:mod:`rivid.core.lanes`), and inside this module lags run backwards, from M - 1
+residual. Days are lanes (:mod:`rivid.core.batched`), and inside this module lags run backwards, from M - 1
 to 0: the rows e sit at short lags, so their forward substitution then has little left to do.
 """
 
@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core import lanes
-from rivid.core.fir import Strings, as_days, motionless, second_difference
+from rivid.core import batched as lanes
+from rivid.core.fir import as_days, motionless, second_difference
 from rivid.core.settings import ALPHA_CAP, MAX_CONDITION, JmapSettings
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from rivid.types import Floats, Ints, Strings
 
 NOISE_FLOOR = 1e-10
 """Smallest noise variance, relative to the mean square of y. Below it the criterion, a difference of two

@@ -6,7 +6,7 @@ d + 1. So the other columns are projected out of everything once, and each candi
 what is left of its column. Residuals are formed sample by sample, never as a difference of sums of squares:
 filtered signals grow like ramps, and the differences between candidates are small against them.
 
-Days are lanes (:mod:`rivid.core.lanes`): a day's bits do not depend on its neighbours.
+Days are lanes (:mod:`rivid.core.batched`): a day's bits do not depend on its neighbours.
 """
 
 from dataclasses import dataclass, replace
@@ -15,15 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core import lanes
+from rivid.core import batched as lanes
 from rivid.core.settings import SearchSettings
 from rivid.errors import RividError
+from rivid.types import Floats, Ints, Strings
 
 __all__ = ["DIRECT_PARAMETERS", "INDIRECT_PARAMETERS", "SearchResult", "SearchSettings", "direct", "indirect"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Strings = NDArray[np.str_]
 
 MIN_INDEPENDENCE = 1e-16
 """A column of which the others leave no larger part (of its squared length) counts as their combination: at

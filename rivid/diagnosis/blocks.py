@@ -13,10 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from rivid.types import Bools, Floats, Ints
 
 SHORT, LONG, SEASON = 3, 7, 90
 """Days in a block: 3 up to 90 days of data, else 7."""

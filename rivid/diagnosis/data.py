@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.effects.base import DAY, World
+from rivid.effects.base import World
 from rivid.errors import RividError
+from rivid.types import DAY, Floats
 
-Floats = NDArray[np.float64]
 Kind = Literal["pool", "river"]
 START_UP = 30
 """Samples, beyond the delay, in which a day that nothing precedes forgets its made-up start."""

@@ -12,8 +12,7 @@ from rivid.diagnosis.data import Record, as_record
 from rivid.errors import DataError, NoDataError
 from rivid.logs.find import find_days
 from rivid.logs.read import read_window
-
-DAY = 86_400.0
+from rivid.types import DAY
 
 
 @dataclass(frozen=True)

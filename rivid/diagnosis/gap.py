@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise import NoiseModel
+from rivid.types import Floats
 
 HOURS = (1.0, 4.0, 24.0)
 """Horizons [h]."""

@@ -123,7 +123,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Regime:
-    """The gap while the reach is in one state; see :mod:`rivid.diagnosis.telling.regimes`.
+    """The gap while the reach is in one state; see :mod:`rivid.diagnosis.regimes`.
 
     Attributes
     ----------

@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field
 
 from rivid.diagnosis.blocks import Split
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.naming import Choice
 from rivid.diagnosis.model.fit import Model
 from rivid.diagnosis.model.linear import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.effects import Effect
+from rivid.types import Floats
 
 
 @dataclass(frozen=True, eq=False)

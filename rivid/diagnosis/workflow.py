@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from rivid.diagnosis.answer import Evidence, no_candidates, tell, too_few, too_still
 from rivid.diagnosis.blocks import Split, split
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.guard import guarded
 from rivid.diagnosis.deciding.naming import Choice, choose
 from rivid.diagnosis.deciding.trying import (
@@ -35,9 +36,8 @@ from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.search.propose import proposals
 from rivid.diagnosis.search.trials import Trial, trials_of
 from rivid.diagnosis.study import Round, Study
-from rivid.diagnosis.telling.answer import no_candidates, tell, too_few, too_still
-from rivid.diagnosis.telling.evidence import Evidence
 from rivid.effects import Effect
+from rivid.types import Floats
 
 MOST_EFFECTS = 4
 NOISES = ("wind_setup", "seiche")

@@ -7,14 +7,12 @@ from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
 from rivid.reach.changes import Changes
+from rivid.types import DAY, Floats
 
-Floats = NDArray[np.float64]
 Family = Literal["flow", "timing", "level"]
-DAY = 86_400.0
 FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
 
 

@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from rivid.effects.base import DAY, Effect, World
-from rivid.effects.held import Floats
+from rivid.effects.base import Effect, World
 from rivid.effects.slow import Sizes
 from rivid.errors import ConfigError
-
-HOUR = 3600.0
+from rivid.types import DAY, HOUR, Floats
 
 
 def each(sizes: Sizes, n: int) -> Floats:

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import DAY, Effect, World, quantity
-from rivid.effects.held import Floats, mean_of
+from rivid.effects.base import Effect, World, quantity
+from rivid.effects.held import mean_of
 from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak
+from rivid.types import DAY, Floats
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
 

@@ -7,11 +7,10 @@ the flow before the first sample is that of the first, the flow after the last t
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rivid.effects.base import DAY, World
+from rivid.effects.base import World
+from rivid.types import DAY, Floats
 
-Floats = NDArray[np.float64]
 REACH = 7.0
 """How far the kernel of :func:`spread` goes, in standard deviations."""
 

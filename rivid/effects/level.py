@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import DAY, Effect, World, quantity
+from rivid.effects.base import Effect, World, quantity
 from rivid.effects.series import Autoregression, draw
 from rivid.reach.changes import Changes
+from rivid.types import DAY
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.effects.base import Effect, World, quantity
-from rivid.effects.events import HOUR, allowed, check_given, drawn_days, drawn_starts, each
+from rivid.effects.events import allowed, check_given, drawn_days, drawn_starts, each
 from rivid.effects.flow import PLACE
-from rivid.effects.held import Floats, mean_of
+from rivid.effects.held import mean_of
 from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes
+from rivid.types import HOUR, Floats
 
 LOW, HIGH = -87_600.0, 876_000.0
 """Ten years before the first day and a hundred after it [h]."""

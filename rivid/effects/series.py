@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.effects.base import World
-from rivid.effects.held import Floats
+from rivid.types import Floats
 
 
 class Autoregression(NamedTuple):

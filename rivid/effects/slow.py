@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rivid.effects.base import DAY, Effect, World
-from rivid.effects.held import Floats
+from rivid.effects.base import Effect, World
 from rivid.errors import ConfigError
+from rivid.types import DAY, Floats
 
 Sizes = float | tuple[float, ...]
 

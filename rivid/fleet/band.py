@@ -6,7 +6,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 WEEK = 7
 """Days at the end of the record that are compared with those before."""

@@ -15,7 +15,7 @@ from rivid.fleet.band import WEEK, Band, band
 
 if TYPE_CHECKING:
     from rivid.config import Config
-    from rivid.run import Summary
+    from rivid.run.run import Summary
 
 FOLDER = Path(".rivid", "outcomes")
 WORST_FIRST = (1, 2, 11, 10, 3, 0)

@@ -13,10 +13,10 @@ import pyarrow.csv
 from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.fleet.outcome import Outcome, worst
-from rivid.merge import safe_for_spreadsheets
-from rivid.page import write_page
-from rivid.plots.words import count, duration, number
-from rivid.tables import write_parquet
+from rivid.report.page import write_page
+from rivid.results.merge import safe_for_spreadsheets
+from rivid.results.tables import write_parquet
+from rivid.text import count, duration, number
 
 SCHEMA_VERSION = 1
 

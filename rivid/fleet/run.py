@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rivid import record
-from rivid.drawing import forget_results
 from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
 from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.files import shown
-from rivid.plan import Options
-from rivid.preload import DRAWING, ESTIMATING, cores
-from rivid.run import ONE_PROCESS_BELOW, TooManyError, run
-from rivid.store import Store
-from rivid.workers import Engine, Here, each, processes
+from rivid.results import record
+from rivid.results.store import Store
+from rivid.run.drawing import forget_results
+from rivid.run.plan import Options
+from rivid.run.preload import DRAWING, ESTIMATING, cores
+from rivid.run.run import ONE_PROCESS_BELOW, TooManyError, run
+from rivid.run.workers import Engine, Here, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
 """A reach with more new days than this is shared out, where workers would otherwise wait for it."""
@@ -65,7 +65,7 @@ def run_fleet(
     options : Options
         Of a shard, every N-th reach is run, whole.
     progress : callable, optional
-        As of :func:`rivid.run.run`; it counts reaches.
+        As of :func:`rivid.run.run.run`; it counts reaches.
     engine : Engine, optional
         By default as many processes as there are cores, and reaches to run.
     tell : callable, optional

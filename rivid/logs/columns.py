@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rivid.types import Floats
+
 Micros = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 class BadRow(NamedTuple):

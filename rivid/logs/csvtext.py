@@ -5,11 +5,12 @@ from collections import Counter
 import numpy as np
 
 from rivid.errors import DataError
-from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.columns import Columns, Micros
 from rivid.logs.footer import LINE, footer_lines
 from rivid.logs.header import Header, UndeclaredError, not_utf8
 from rivid.logs.rows import RowReader
 from rivid.logs.spec import Spec
+from rivid.types import Floats
 
 
 def read_tolerant(content: bytes, header: Header, spec: Spec, name: str, *, watch: bool = False) -> Columns:

@@ -13,10 +13,10 @@ from rivid.logs.catalog import Catalog, DaySource, FileFacts, Part, is_day_file
 from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
 from rivid.logs.load import load
 from rivid.logs.spec import Spec, spec_of
+from rivid.types import ONE_DAY
 
 __all__ = ["Catalog", "DaySource", "FileFacts", "Part", "find_days"]
 
-ONE_DAY = dt.timedelta(days=1)
 FEW_ROWS, FEW_BYTES = 4, 8192
 """Only a log as small as this may hold a single row, and is opened to see."""
 LOOKED_FOR = f"YYYY-MM-DD{', YYYY-MM-DD'.join(SUFFIXES)}, or files of many days with these suffixes"

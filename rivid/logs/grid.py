@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from rivid.errors import DataError
 from rivid.logs.spec import MICRO, Signal, Spec
 from rivid.logs.times import clock
+from rivid.types import Bools, Floats
 
 Micros = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 UNLIKE = 0.02
 """Part of an interval by which the steps of a log may differ from it: clocks are rounded."""

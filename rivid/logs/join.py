@@ -8,8 +8,9 @@ import numpy as np
 
 from rivid.errors import DataError
 from rivid.logs.catalog import DaySource
-from rivid.logs.columns import Floats, Micros
+from rivid.logs.columns import Micros
 from rivid.logs.times import clock, day_bounds
+from rivid.types import Floats
 
 
 def refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:

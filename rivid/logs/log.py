@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.errors import DataError
-from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.columns import Columns, Micros
 from rivid.logs.header import UndeclaredError
 from rivid.logs.numbers import LARGEST
 from rivid.logs.sentinels import undeclared
 from rivid.logs.spec import Signal, Spec
 from rivid.logs.times import clock, day_bounds, fixed_zone, local, to_utc, zone_named
+from rivid.types import Floats
 
 
 class Fault(NamedTuple):

@@ -6,12 +6,13 @@ import pyarrow.compute as compute
 import pyarrow.parquet as pq
 
 from rivid.errors import DataError
-from rivid.logs.columns import BadRow, Columns, Floats, Micros
+from rivid.logs.columns import BadRow, Columns, Micros
 from rivid.logs.files import CutError, Limits, refuse_rows, refuse_size
 from rivid.logs.header import check_names
 from rivid.logs.numbers import NumberReader
 from rivid.logs.spec import Spec
 from rivid.logs.times import FIRST, LAST, UNIX, read_text
+from rivid.types import Floats
 
 LONGEST_TEXT = 100
 """Characters of a cell: a text column is unpacked only when no cell is longer."""

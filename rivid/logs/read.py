@@ -20,8 +20,8 @@ from rivid.logs.load import load
 from rivid.logs.log import Log
 from rivid.logs.spec import Spec, spec_of
 from rivid.logs.times import LAST_ZONE, day_bounds, local, zone_named
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 Micros = NDArray[np.int64]
 Series = dict[str, tuple[Micros, Floats]]
 

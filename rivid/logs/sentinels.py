@@ -4,9 +4,10 @@ import datetime as dt
 
 import numpy as np
 
-from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.columns import Columns, Micros
 from rivid.logs.spec import MICRO, Spec
 from rivid.logs.times import day_bounds, local
+from rivid.types import Floats
 
 PLAIN = (
     *(-999.0, -999.9, -999.99, -999.999, -9999.0, -9999.9, -9999.99, -99999.0, -999999.0),

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 from rivid.errors import RividError
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 Format = Literal["csv", "csv.gz", "parquet"]
 Layout = Literal["day", "month"]
 COLUMNS = ("u_Qi", "u_Qo", "h_L", "Q_L")

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
-from rivid.logs.columns import Floats, Micros
+from rivid.logs.columns import Micros
 from rivid.logs.spec import MICRO
 from rivid.logs.times import EPOCH
 from rivid.logs.write import COLUMNS, Format, number_text, offset_text, write_parquet
+from rivid.types import Floats
 
 
 def rows_as_bytes(times: Micros, columns: Mapping[str, Floats], zone: dt.tzinfo, format: Format) -> bytes:

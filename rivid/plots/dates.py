@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from rivid.plots import style
-from rivid.plots.selection import day_numbers
-from rivid.plots.words import NO_ANSWER
+from rivid.results.selection import day_numbers
+from rivid.text import NO_ANSWER
 
 STATUS_COLOURS = {"failed": style.ACCENT, "unidentifiable": style.INK, "pending": style.LIGHT}
 

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.dates import calendar
-from rivid.plots.selection import candidates, day_numbers, found, kinds
 from rivid.plots.style import FigureFile
-from rivid.plots.words import (
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import candidates, day_numbers, found, kinds
+from rivid.text import (
     PROBABLE,
     UNJUDGED,
     count,
@@ -22,9 +22,7 @@ from rivid.plots.words import (
     output_words,
     trust,
 )
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 MARKS: dict[str, dict[str, Any]] = {
     "data decide": {"marker": "o", "color": style.INK},

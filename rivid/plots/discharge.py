@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.delay_map import MARKS
-from rivid.plots.selection import candidates, found, kinds
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, duration, estimator_words, no_jump, trust
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import candidates, found, kinds
+from rivid.text import count, duration, estimator_words, no_jump, trust
+from rivid.types import Floats
 
 GOLDEN = 0.6180339887498949
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import datetime as dt
 
     from rivid.plots.style import FigureFile
-    from rivid.results import Results
+    from rivid.results.read import Results
 
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day.")
@@ -60,9 +60,9 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
 
 def jobs(results: "Results") -> list[Job]:
     """The figures of a run, in the order of the report."""
-    from rivid.plots.passage import leading_response
-    from rivid.plots.selection import estimates_delay
-    from rivid.plots.words import WITHOUT_FIR
+    from rivid.results.passage import leading_response
+    from rivid.results.selection import estimates_delay
+    from rivid.text import WITHOUT_FIR
 
     speaks = leading_response(results)
     found: list[Job] = []

@@ -10,11 +10,10 @@ from matplotlib.ticker import MaxNLocator
 
 from rivid.errors import ConfigError
 from rivid.plots import style
-from rivid.plots.arrival import samples_first
 from rivid.plots.style import FigureFile
 from rivid.plots.tdr import grey_limits
-from rivid.plots.words import PROBABLE, delays, method, probability, response_unit
-from rivid.results import EstimatorResults, Results
+from rivid.results.read import EstimatorResults, Results
+from rivid.text import PROBABLE, delays, method, probability, response_unit, samples_first
 
 
 def typical_day(results: Results) -> dt.date | None:

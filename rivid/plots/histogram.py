@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import NDArray
 
 from rivid.plots import style
-from rivid.plots.selection import candidates, found, rayleigh
 from rivid.plots.style import FigureFile
-from rivid.plots.words import (
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import candidates, found, rayleigh
+from rivid.text import (
     PROBABLE,
     RAYLEIGH,
     UNJUDGED,
@@ -22,9 +22,7 @@ from rivid.plots.words import (
     time_unit,
     trust,
 )
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 
 def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureFile:

@@ -5,16 +5,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from rivid.core.law.delay_law import DelayLaw
+from rivid.core.law import DelayLaw
 from rivid.plots import style
 from rivid.plots.discharge import flow_axis
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, duration
-from rivid.seasons.days import SeasonDays
-
-Floats = NDArray[np.float64]
+from rivid.results.season import SeasonDays
+from rivid.text import count, duration
+from rivid.types import Floats
 
 
 def draw(days: SeasonDays, law: DelayLaw, folder: Path) -> FigureFile:

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.dates import date_axis
-from rivid.plots.selection import day_numbers
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, day_range
-from rivid.seasons.days import SeasonDays
-from rivid.seasons.joined import Joined
+from rivid.results.season import Joined, SeasonDays
+from rivid.results.selection import day_numbers
+from rivid.text import count, day_range
 
 DARKEST = 0.36
 """Opacity of a cell whose delay is certain: the band lies over it."""

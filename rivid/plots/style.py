@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from rivid.atomic import replacing
 from rivid.plots.palette import reduced
-from rivid.plots.words import shorten, time_unit
+from rivid.text import shorten, time_unit
 
 INK = "#262B31"
 GREY = "#68707A"

@@ -5,20 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.dates import calendar
 from rivid.plots.delay_map import MARKS, bound_lines
 from rivid.plots.discharge import bounds_over_flow, flow_axis
-from rivid.plots.passage import CLEAR, has_t50, thirds
-from rivid.plots.selection import day_numbers
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, day_range, duration, estimator_words
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.results.passage import CLEAR, has_t50, thirds
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import day_numbers
+from rivid.text import count, day_range, duration, estimator_words
+from rivid.types import Bools, Floats
 
 FAR = 6.0
 """Days so many interquartile ranges beyond the quartiles are marked at the edge: one must not squeeze all."""

@@ -5,18 +5,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.dates import calendar
-from rivid.plots.passage import has_t50
-from rivid.plots.selection import day_numbers, found
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, day_range, estimator_words, output_words, response_unit
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.results.passage import has_t50
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import day_numbers, found
+from rivid.text import count, day_range, estimator_words, output_words, response_unit
+from rivid.types import Bools, Floats
 
 ROBUST = (1.0, 99.0)
 """Percentiles of all coefficients that are white and black.

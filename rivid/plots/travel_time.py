@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rivid.plots import style
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 MINUTE = 60.0
 
 

@@ -8,11 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 
 def _check_place(what: str, place: float) -> None:

@@ -1,17 +1,15 @@
 """The people at the downstream dam: (9) with shifts, dead-band, looks and a slow trim.
 
-They act in steps, at looks; what they do at one is :func:`rivid.reach.loop_kernel.look`.
+They act in steps, at looks; what they do at one is :func:`rivid.reach.loop.look`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
-from rivid.reach.loop import Floats, People
-
-Ints = NDArray[np.intp]
+from rivid.reach.loop import People
+from rivid.types import Floats, Ints
 
 
 @dataclass(frozen=True)

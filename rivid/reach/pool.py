@@ -1,14 +1,87 @@
-"""The linear reach as a pool that is held by a dam: commands and changes to a level, open or closed loop."""
+"""The compiled loop of the linear pool; importing this module loads numba."""
 
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.reach.loop import NOBODY, Floats, People, exchange_arrays, gate_arrays, on_grid
+from rivid.reach.loop import (
+    FLOW,
+    GATE,
+    MIND,
+    NOBODY,
+    POSITION,
+    TARGET,
+    ExchangeArrays,
+    GateArrays,
+    People,
+    exchange_arrays,
+    gate_arrays,
+    gate_flow,
+    look,
+    on_grid,
+    pond_flow,
+    prepare,
+)
 from rivid.reach.response import LinearReach, arrived_volume
+from rivid.types import Floats
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def hold(
+    time: Floats,
+    volume: Floats,
+    outflow: Floats,
+    gate: GateArrays,
+    exchange: ExchangeArrays,
+    people: People,
+    outflow_gain: float,
+    surface_area: float,
+    area_slope: float,
+    area_reference: float,
+    start: float,
+    level: Floats,
+    released: Floats,
+) -> None:
+    """Write the level and the real outflow, and the command where people give it.
+
+    `volume` is what has come to the dam at each sample [m3]; the rest is as in
+    :func:`rivid.reach.pool.pool_level`.
+    """
+    n = len(time)
+    commanded = len(people.inflow) > 0
+    mind, state = np.empty(MIND), np.empty(GATE)
+    ponds = np.full(len(exchange.area), start)
+    gone = 0.0
+    high = start - area_reference
+    if commanded:
+        prepare(people, time[0], mind)
+    for k in range(n):
+        rise = (volume[k] - volume[0] - gone) / surface_area
+        h = start + rise
+        if area_slope != 0.0:  # A (y + slope y^2 / 2) is the volume above the reference
+            v = rise + high + 0.5 * area_slope * high * high
+            h = area_reference + 2.0 * v / (1.0 + np.sqrt(1.0 + 2.0 * area_slope * v))
+        level[k] = h
+        if commanded:
+            outflow[k] = look(people, k, time[k], h, mind)
+        if k == 0:
+            state[TARGET] = state[POSITION] = state[FLOW] = outflow[0]
+        if k == n - 1:
+            released[k] = released[k - 1] if n > 1 else outflow_gain * outflow[k]
+            break
+        dt = time[k + 1] - time[k]
+        released[k] = outflow_gain * gate_flow(gate, 0, k, outflow[k], h, dt, state)
+        gone += released[k] * dt
+        for j in range(len(exchange.loss)):
+            gone += exchange.loss[j, 0, k] * (h - exchange.reference[j]) * dt
+        for j in range(len(ponds)):
+            into = pond_flow(h, ponds[j], exchange.exchange[j, 0, k], exchange.area[j], dt)
+            ponds[j] += into * dt / exchange.area[j]
+            gone += into * dt
 
 
 class PoolFlow(NamedTuple):
@@ -101,7 +174,7 @@ def pool_level(
     RividError
         Where shapes do not agree, or the pool runs dry of surface: `area_slope` and level do not fit.
     """
-    from rivid.reach.pool_kernel import hold
+    from rivid.reach.pool import hold
 
     n = len(time)
     people = outflow if isinstance(outflow, People) else NOBODY

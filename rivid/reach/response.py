@@ -7,13 +7,12 @@ the level at a sample is exact, wherever between two samples an inflow arrives.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from rivid.scenario import FlowScenario, ProgrammeScenario
-
-Floats = NDArray[np.float64]
-DAY = 86_400.0
+from rivid.simulation.scenario import FlowScenario, ProgrammeScenario
+from rivid.types import DAY, Floats
 
 SHAPE_HOURS = np.array([0.5, 5.5, 7.5, 9.5, 11.5, 16.5, 18.5, 20.5, 23.0])
 """Corners of the day's load [h]: night, morning peak, midday, evening peak."""

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from rivid.effects import Effect, changes_of
 from rivid.effects.base import World
 from rivid.reach.changes import AddedFlow
-from rivid.reach.loop import Floats
 from rivid.reach.operators import OperatorSettings, draw_crew, on_duty, quantise, roster
-from rivid.scenario import LevelScenario, Scenario
-from rivid.simulation.programme import DAY, ar1, daily_flow, programme
+from rivid.simulation.programme import ar1, daily_flow, programme
+from rivid.simulation.scenario import LevelScenario, Scenario
 from rivid.simulation.water import Water
+from rivid.types import DAY, Floats, Ints
 
-Ints = NDArray[np.intp]
 EDGE = 0.1
 """Within this many samples of an edge the true delay has two right answers."""
 

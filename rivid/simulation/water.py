@@ -7,12 +7,13 @@ import numpy as np
 
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import Changes
-from rivid.reach.loop import Floats, People
+from rivid.reach.loop import People
 from rivid.reach.pool import PoolFlow, pool_level
 from rivid.reach.response import LinearReach
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.scenario import Scenario
+from rivid.simulation.scenario import Scenario
+from rivid.types import Floats
 
 TRIAL = 1.0
 """Step of outflow that tells how a channel's level answers [m3/s]."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from rivid.config import Config, parse
 from rivid.logs.read import DataSet
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 
 CFS = 35.3147
 

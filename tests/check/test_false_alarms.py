@@ -8,8 +8,8 @@ import pytest
 from rivid.check import check
 from rivid.check.look import look
 from rivid.config import load_config
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate_cascade
+from rivid.simulation.scenario import load_scenario
 from tests.check.season import days_of, reach_of, sound
 
 SCENARIOS = sorted(path for path in Path("configs/scenarios").rglob("*.toml"))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rivid.core.change import CusumSettings, cusum
+from rivid.core.cusum import CusumSettings, cusum
 from rivid.core.fir import map_fir, ml
 from rivid.errors import ConfigError, RividError
 from rivid.reach.response import theoretical_fir
-from rivid.scenario import Scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import Scenario
 
 
 def rough_firs(n, M=30, seed=0, jump=4.0):

@@ -6,9 +6,7 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from rivid.core.law.delay_law import BAND_SD, delay_law
-from rivid.core.law.fit import alike, block_covariance, bulk, fit_line
-from rivid.core.law.settings import LawSettings
+from rivid.core.law import BAND_SD, LawSettings, alike, block_covariance, bulk, delay_law, fit_line
 from rivid.errors import ConfigError, RividError
 
 T0, B, Q0 = 7.5, 0.3, 280.0

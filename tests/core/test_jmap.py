@@ -6,8 +6,8 @@ import pytest
 from rivid.core.jmap import jmap
 from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, RividError
-from rivid.scenario import Scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import Scenario
 from tests.core import transcription
 from tests.core.transcription import table_v, table_vi, toeplitz_matrix
 

@@ -5,12 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rivid.core.river.evidence import evidence, nothing
-from rivid.core.river.noise import daily_sine, river_noises
-from rivid.core.river.posterior import LEAD_SHARE, LEADS, posterior_river
-from rivid.core.river.response import hastened, response_grid
-from rivid.core.river.settings import RiverSettings
-from rivid.core.river.sums import whitened_sums
+from rivid.core.posterior.noise import daily_sine, river_noises, whitened_sums
+from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, nothing, posterior_river
+from rivid.core.posterior.river_response import hastened, response_grid
+from rivid.core.posterior.settings import RiverSettings
 from rivid.errors import ConfigError, RividError
 from tests.core.river_windows import river_windows
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.core.river.noise import daily_sine, river_noises
-from rivid.core.river.sums import whitened_sums
+from rivid.core.posterior.noise import daily_sine, river_noises, whitened_sums
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import invgauss
 
-from rivid.core.river.response import (
+from rivid.core.posterior.river_response import (
     EXCHANGE_CV,
     EXCHANGED,
     FAMILIES,
@@ -21,7 +21,7 @@ from rivid.core.river.response import (
     response_grid,
     responses,
 )
-from rivid.core.river.settings import RiverSettings
+from rivid.core.posterior.settings import RiverSettings
 
 
 def wave(t, cv):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rivid.core.season.chain import PARTS, drift_kernel, foretold_alike
-from rivid.core.season.joined import season
-from rivid.core.season.settings import SeasonSettings
+from rivid.core.season import PARTS, SeasonSettings, drift_kernel, foretold_alike, season
 from rivid.errors import ConfigError, RividError
 
 

@@ -9,8 +9,7 @@ from scipy.stats import norm
 from rivid.core.posterior.daily import GUARD, posterior
 from rivid.core.posterior.fir import MODELS
 from rivid.core.posterior.front import log_evidence, structures
-from rivid.core.posterior.gram import gram
-from rivid.core.posterior.noise import DRIFT_MEMORY, noise_bank, prewhiten, spectral_factor
+from rivid.core.posterior.noise import DRIFT_MEMORY, gram, noise_bank, prewhiten, spectral_factor
 from rivid.core.posterior.settings import PosteriorSettings
 from tests.core.posterior_days import commands, linear_days, wave_days
 

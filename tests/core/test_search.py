@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from rivid.core.search import SearchSettings, direct, indirect
 from rivid.errors import ConfigError, RividError
 from rivid.reach.response import integrator_delay, theoretical_fir
-from rivid.scenario import Scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import Scenario
 
 ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
 

@@ -4,10 +4,10 @@ import datetime as dt
 
 import numpy as np
 
+from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Step, Unknown, Where
-from rivid.diagnosis.telling.evidence import Evidence
 
 START = dt.date(2024, 5, 1)
 SURFACE = 6.7e5

@@ -11,8 +11,8 @@ import numpy as np
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.loop.result import ClosedLoop, LoopDay, LoopErrors, Operators
 from rivid.diagnosis.result import Regime
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 ALIKE = {"feedforward_spread": 0.0, "level_gain_spread": 0.0, "set_point_spread": 0.0}

@@ -12,8 +12,8 @@ from rivid.diagnosis.model.fit import Model, calibrate
 from rivid.diagnosis.model.linear import evaluate
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.search.proposal import Proposal
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 
 LINEAR = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "basse_isere.toml")
 GAUGE_FLOOR = 0.01 / np.sqrt(12.0)

@@ -10,8 +10,8 @@ import numpy as np
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.effects import CATALOGUE
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 
 PLAIN = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "hydraulic.toml")
 DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level

@@ -164,8 +164,7 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
 
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
-    from rivid.diagnosis.noise.kalman import gather, lanes
-    from rivid.diagnosis.noise.kalman_days import log_likelihoods
+    from rivid.diagnosis.noise.kalman import gather, lanes, log_likelihoods
     from rivid.diagnosis.noise.starts import limits_of
 
     z = POOL.simulate(9, N, np.random.default_rng(8))

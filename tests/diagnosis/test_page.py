@@ -10,12 +10,12 @@ import pytest
 
 from rivid.diagnosis.loop.result import ClosedLoop
 from rivid.diagnosis.result import VERDICTS, Estimate, Unknown, Where
-from rivid.diagnosis.telling.page import write_page
-from rivid.diagnosis.telling.wording import LABELS, MAY_NOT_SAY
-from rivid.diagnosis.telling.writing import write_diagnosis
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.plots.style import FigureFile
+from rivid.report.diagnosis_files import write_diagnosis
+from rivid.report.diagnosis_page import write_page
+from rivid.report.diagnosis_text import LABELS, MAY_NOT_SAY
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
 from tests.pages import Page

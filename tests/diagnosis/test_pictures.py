@@ -8,10 +8,10 @@ import pytest
 from matplotlib.text import Text
 from PIL import Image
 
-from rivid.diagnosis.telling.pictures import draw_pictures, drop_pictures
 from rivid.errors import RividError
 from rivid.plots import style
 from rivid.plots.diagnosis import KINDS, binned, heat, loop, one_day, season
+from rivid.report.diagnosis_pictures import draw_pictures, drop_pictures
 from tests.diagnosis.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import loop_of, with_loop
 

@@ -9,7 +9,7 @@ import pytest
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.gap import HOURS, day_errors
 from rivid.diagnosis.noise import NoiseModel
-from rivid.diagnosis.telling.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
+from rivid.diagnosis.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
 from tests.diagnosis.answers import evidence_of, record_of
 
 NOISE = NoiseModel(0.002, 0.001, 1.0, 7200.0, 0.0, 100.0, 900.0, 6.7e5)

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.noise import NoiseModel
-from rivid.diagnosis.score.scan import MODEL_SHARE, Candidate, scan
+from rivid.diagnosis.score import MODEL_SHARE, Candidate, scan
 from rivid.errors import RividError
 
 DAYS, N = 30, 24

@@ -20,8 +20,8 @@ from rivid.diagnosis.workflow import diagnose
 from rivid.effects import CATALOGUE, effect_classes
 from rivid.errors import ConfigError, NoDataError
 from rivid.logs.write import write_days
-from rivid.scenario import load_scenario
 from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
 from tests.diagnosis import pools
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.diagnosis.result import VERDICTS
-from rivid.diagnosis.telling.writing import write_diagnosis
 from rivid.errors import RividError
+from rivid.report.diagnosis_files import write_diagnosis
 from tests.diagnosis.answers import diagnosis, evidence_of, record_of
 
 EVIDENCE = evidence_of(gone=(13,))

@@ -20,7 +20,7 @@ from benchmarks.exam.planting import SCENARIOS, configured, scenario_of
 from benchmarks.exam.rows import ROWS
 from rivid.diagnosis.blocks import split
 from rivid.effects import CATALOGUE
-from rivid.scenario import load_scenario
+from rivid.simulation.scenario import load_scenario
 
 BY_NAME = {case.name: case for case in cases()}
 

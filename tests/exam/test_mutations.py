@@ -8,9 +8,9 @@ from benchmarks.exam.cases import cases
 from benchmarks.exam.mutations import FIXED, MUTATIONS, noticed, told
 from benchmarks.exam.naive import named_by_regression
 from benchmarks.exam.planting import sealed
+from rivid.diagnosis import answer as telling
 from rivid.diagnosis import workflow
 from rivid.diagnosis.search import propose
-from rivid.diagnosis.telling import answer as telling
 from rivid.effects import CATALOGUE
 
 BY_NAME = {case.name: case for case in cases()}

@@ -7,8 +7,8 @@ from benchmarks.exam.answering import record_of
 from benchmarks.exam.cases import cases
 from benchmarks.exam.planting import plant, sealed
 from benchmarks.exam.river import routed
-from rivid.scenario import load_scenario
 from rivid.simulation.programme import DAY
+from rivid.simulation.scenario import load_scenario
 from tests.exam.test_cases import SCENARIOS
 
 BY_NAME = {case.name: case for case in cases()}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rivid.core.settings import ESTIMATORS
 from rivid.errors import DataError
-from rivid.results import load_results
+from rivid.results.read import load_results
 from tests.daily import a_day, text_of, write_days
 from tests.logs.helpers import DAY, config, put, read, rows
 from tests.run.test_run import rivid

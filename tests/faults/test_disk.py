@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from rivid.config import Config
-from rivid.run import run
+from rivid.run.run import run
 from tests.daily import write_days
 from tests.faults.processes import WORDS
 from tests.faults.test_kills import QUICK

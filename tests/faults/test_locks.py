@@ -6,7 +6,7 @@ import time
 import pytest
 
 from rivid.config import Config
-from rivid.run import run
+from rivid.run.run import run
 from tests.daily import write_days
 from tests.faults.processes import KILL, STOP, end, is_locked, start, wait_until
 from tests.faults.test_kills import QUICK

@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.errors import RividError
-from rivid.results import load_delays, load_results
-from rivid.tables import SCHEMA_VERSION
+from rivid.results.read import load_delays, load_results
+from rivid.results.tables import SCHEMA_VERSION
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, command, rivid
 

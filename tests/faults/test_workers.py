@@ -7,7 +7,7 @@ import psutil
 import pytest
 
 from rivid.config import Config
-from rivid.run import run
+from rivid.run.run import run
 from tests.daily import write_days
 from tests.faults.processes import KILL, family, start
 from tests.faults.test_kills import QUICK

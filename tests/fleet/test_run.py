@@ -11,7 +11,7 @@ import pytest
 
 from rivid.fleet import run as fleet_run
 from rivid.fleet.outcome import WORST_FIRST, Outcome, kept, worst
-from rivid.store import Store
+from rivid.results.store import Store
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, rivid
 from tests.run.test_workers import DEADLY

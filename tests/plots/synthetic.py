@@ -7,7 +7,7 @@ import numpy as np
 
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
-from rivid.results import EstimatorResults, Results
+from rivid.results.read import EstimatorResults, Results
 
 T_S = 133.0
 ORDER = 30

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from rivid.plots.arrival import about, samples_first, step, travel, travel_first, travel_within
+from rivid.text import about, samples_first, step, travel, travel_first, travel_within
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -9,14 +9,14 @@ import pyarrow as pa
 import pytest
 
 from rivid.config import Config
-from rivid.plots.attention import missing, spans
 from rivid.plots.draw import draw_all
-from rivid.plots.headline import headline
-from rivid.plots.lately import lately
-from rivid.plots.strip import strip
-from rivid.plots.waves import too_fast
-from rivid.record import assumed, describe
-from rivid.results import _results
+from rivid.report.attention import missing, spans
+from rivid.report.headline import headline
+from rivid.report.lately import lately
+from rivid.report.strip import strip
+from rivid.report.waves import too_fast
+from rivid.results.read import _results
+from rivid.results.record import assumed, describe
 from tests.plots.synthetic import dates_of, river
 from tests.plots.test_posterior import probable
 from tests.test_report import STEADY, simple, top, write

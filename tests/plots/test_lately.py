@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rivid.plots.lately import LIMITS, WEEK, WEEKS, band, lately, trend, weeks_ago
-from rivid.plots.strip import HEIGHT, WIDTH, strip, svg, ticks
+from rivid.report.lately import LIMITS, WEEK, WEEKS, band, lately, trend, weeks_ago
+from rivid.report.strip import HEIGHT, WIDTH, strip, svg, ticks
 from tests.plots.synthetic import cases, dates_of, estimator, results, without_answers
 
 AGO = np.repeat(np.arange(WEEKS, -1, -1), WEEK)

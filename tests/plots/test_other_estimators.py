@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rivid.plots import style
-from rivid.plots.attention import attention
 from rivid.plots.draw import draw_all
-from rivid.plots.headline import headline, leading
 from rivid.plots.tdr import bars
+from rivid.report.attention import attention
+from rivid.report.headline import headline, leading
 from tests.plots.synthetic import dates_of, estimator, results, river
 from tests.test_report import Page, simple, write
 

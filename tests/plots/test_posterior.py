@@ -8,7 +8,7 @@ from PIL import Image
 
 from rivid.plots import delay_map, fir_day, style
 from rivid.plots.draw import draw_all
-from rivid.plots.headline import facts, headline, leading
+from rivid.report.headline import facts, headline, leading
 from tests.plots.synthetic import CANDIDATES, dates_of, estimator, results
 from tests.test_report import Page, write
 

@@ -10,8 +10,7 @@ from PIL import Image
 from rivid.plots import law as law_figure
 from rivid.plots import season as season_figure
 from rivid.plots import style
-from rivid.seasons.days import SeasonDays
-from rivid.seasons.joined import join, law_of
+from rivid.results.season import SeasonDays, join, law_of
 
 ACCENT = (0xD5, 0x5E, 0x00)
 WATER = (0x00, 0x72, 0xB2)

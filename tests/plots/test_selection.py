@@ -6,7 +6,7 @@ from scipy import stats
 
 from rivid.plots import delay_map, discharge
 from rivid.plots.histogram import shares
-from rivid.plots.selection import candidates, estimates_delay, found, kinds, rayleigh
+from rivid.results.selection import candidates, estimates_delay, found, kinds, rayleigh
 from tests.plots.synthetic import dates_of, estimator, results, without_answers
 
 

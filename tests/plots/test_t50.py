@@ -7,7 +7,7 @@ import pytest
 
 from rivid.plots import t50
 from rivid.plots.draw import draw_all
-from rivid.plots.passage import leading_response, passage, thirds
+from rivid.results.passage import leading_response, passage, thirds
 from tests.plots.synthetic import dates_of, results, river, without_answers
 
 

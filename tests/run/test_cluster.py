@@ -10,14 +10,14 @@ import time
 import psutil
 import pytest
 
-from rivid import cluster
-from rivid.cluster import Dask
 from rivid.config import Config
 from rivid.errors import ConfigError, RividError
 from rivid.fleet.outcome import kept
-from rivid.results import load_results
-from rivid.run import Options, run
-from rivid.workers import work
+from rivid.results.read import load_results
+from rivid.run import dask as cluster
+from rivid.run.dask import Dask
+from rivid.run.run import Options, run
+from rivid.run.workers import work
 from tests.daily import write_days
 from tests.faults.processes import family, remaining, start
 from tests.run.test_run import bytes_of
@@ -149,7 +149,7 @@ def test_whoever_is_killed_at_the_start_nothing_is_lost(who, season, tmp_path):
 
 def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
     data, whole = season
-    monkeypatch.setattr("rivid.run.BATCH_DAYS", 2)
+    monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)
     killed = []
     with Dask(workers=2) as engine:
         submit = engine.submit
@@ -171,7 +171,7 @@ def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
 
 def test_few_batches_are_under_way_however_many_there_are(season, tmp_path, monkeypatch):
     data, _ = season
-    monkeypatch.setattr("rivid.run.BATCH_DAYS", 2)
+    monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)
     under_way, most = set(), 0
     with Dask(workers=2) as engine:
         submit = engine.submit

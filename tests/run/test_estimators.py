@@ -9,13 +9,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.config import Config, parse
-from rivid.core.change import cusum
+from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.settings import ESTIMATORS
 from rivid.estimators import Days, build
-from rivid.plots.words import ESTIMATOR_WORDS
-from rivid.results import load_results
+from rivid.results.read import load_results
+from rivid.text import ESTIMATOR_WORDS
 from tests.daily import FIRST, ZONE, a_day, write_days
 from tests.run.test_run import bytes_of, rivid
 

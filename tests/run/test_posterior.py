@@ -10,11 +10,10 @@ import pytest
 
 from rivid.core.posterior.blind import posterior_blind
 from rivid.core.posterior.daily import GUARD, posterior
-from rivid.core.posterior.settings import PosteriorSettings
-from rivid.core.river.posterior import posterior_river
-from rivid.core.river.settings import RiverSettings, lags_of
+from rivid.core.posterior.river import posterior_river
+from rivid.core.posterior.settings import PosteriorSettings, RiverSettings, lags_of
 from rivid.errors import RividError
-from rivid.results import load_delays, load_results
+from rivid.results.read import load_delays, load_results
 from tests.daily import FIRST, a_day, write_days
 from tests.run.test_estimators import deviations, estimator, open_loop, regulated, write
 from tests.run.test_run import rivid

@@ -13,12 +13,12 @@ import time
 
 import pytest
 
-from rivid import record
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, RividError
-from rivid.plan import Options
-from rivid.results import load_results
-from rivid.run import run
+from rivid.results import record
+from rivid.results.read import load_results
+from rivid.run.plan import Options
+from rivid.run.run import run
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, command, rivid
 
@@ -88,7 +88,7 @@ def test_a_failure_is_told_until_a_run_that_finished_has_told_it(data, tmp_path,
     def dies(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rivid.run._draw", dies)
+    monkeypatch.setattr("rivid.run.run._draw", dies)
     with pytest.raises(KeyboardInterrupt):
         run(data, out, Config(), Options())
     monkeypatch.undo()

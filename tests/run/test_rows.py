@@ -7,10 +7,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from rivid import merge, rows, tables
-from rivid.rows import Rows, hash_of, read_rows, write_rows, write_segment
-from rivid.store import Store
-from rivid.tables import SEGMENT, to_table
+from rivid.results import merge, rows, tables
+from rivid.results.rows import Rows, hash_of, read_rows, write_rows, write_segment
+from rivid.results.store import Store
+from rivid.results.tables import SEGMENT, to_table
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, rivid
 

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from rivid.cli import cli
 from rivid.errors import NoDataError
-from rivid.results import load_delays, load_results
-from rivid.tables import DELAYS
+from rivid.results.read import load_delays, load_results
+from rivid.results.tables import DELAYS
 from tests.daily import text_of, write_days
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
@@ -294,7 +294,7 @@ def test_a_config_that_contradicts_itself_is_exit_2_in_one_line(data, tmp_path):
 
 
 def test_two_runs_into_one_out(data, tmp_path):
-    from rivid.store import Store
+    from rivid.results.store import Store
 
     with Store(tmp_path / "out"):
         done = command("run", data, "--out", tmp_path / "out")

@@ -12,13 +12,10 @@ import pytest
 from scipy.special import ndtr, stdtrit
 
 from rivid.config import Config, parse
-from rivid.core.law.delay_law import delay_law
-from rivid.core.law.fit import bulk
-from rivid.core.season.joined import season
-from rivid.seasons.days import read_days
-from rivid.seasons.joined import join, law_of
-from rivid.seasons.writing import LAW_SCHEMA, SCHEMA
-from rivid.tables import DELAYS, to_table, write_parquet
+from rivid.core.law import bulk, delay_law
+from rivid.core.season import season
+from rivid.results.season import LAW_SCHEMA, SCHEMA, join, law_of, read_days
+from rivid.results.tables import DELAYS, to_table, write_parquet
 from tests.daily import FIRST, write_days
 from tests.run.test_run import rivid
 

@@ -8,8 +8,8 @@ from collections import Counter
 import pytest
 
 from rivid.errors import ConfigError, LockedError
-from rivid.shard import BLOCK, Shard
-from rivid.store import Store
+from rivid.results.store import Store
+from rivid.run.plan import BLOCK, Shard
 from tests.daily import write_days
 from tests.run.test_run import bytes_of, rivid
 
@@ -69,7 +69,7 @@ def test_a_shard_without_any_log_has_no_data(tmp_path):
 
 def test_shards_work_side_by_side_and_keep_a_whole_run_out(tmp_path, monkeypatch):
     out = tmp_path / "out"
-    monkeypatch.setattr("rivid.store.SHARD_PATIENCE", 0.2)
+    monkeypatch.setattr("rivid.results.store.SHARD_PATIENCE", 0.2)
     with Store(out, "1-of-3"), Store(out, "2-of-3"):
         with pytest.raises(LockedError), Store(out, "2-of-3"):
             pass

@@ -10,17 +10,17 @@ from pathlib import Path
 import psutil
 import pytest
 
-from rivid import workers
 from rivid.config import Config
-from rivid.results import load_results
-from rivid.run import Options, run
+from rivid.results.read import load_results
+from rivid.run import workers
+from rivid.run.run import Options, run
 from tests.daily import write_days
 from tests.faults.processes import remaining
 
 DEADLY = """
 import os, sys
 from pathlib import Path
-import rivid.batch as batch
+import rivid.run.batch as batch
 read = batch.read_window
 def deadly(root, sources, *rest, **more):
     if str(sources[-1].date) == "2008-03-13":
@@ -100,7 +100,7 @@ def test_progress_counts_every_day(tmp_path):
 
 @pytest.mark.parametrize("n", [1, 2, 7])
 def test_halves_hold_the_same_windows(n):
-    from rivid.batch import Batch
+    from rivid.run.batch import Batch
 
     batch = Batch(None, Config(), tuple(range(n)), None)
     first, second = batch.halves()

@@ -14,8 +14,8 @@ from rivid.config import load_config
 from rivid.errors import ConfigError
 from rivid.logs.find import find_days
 from rivid.logs.read import read_window
-from rivid.scenario import load_scenario
 from rivid.simulation import observables, simulate
+from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent.parent
 SAMPLE = ROOT / "sample_data"

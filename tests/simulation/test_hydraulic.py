@@ -9,8 +9,8 @@ from rivid.errors import ConfigError
 from rivid.reach.operators import OperatorSettings, draw_crew, on_duty
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import observables, simulate, simulate_cascade
+from rivid.simulation.scenario import Scenario, load_scenario
 from rivid.simulation.water import Water
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"

@@ -12,9 +12,9 @@ from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError
 from rivid.reach.pool import pool_level
 from rivid.reach.response import LinearReach
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import Season, observables, simulate, true_delay
 from rivid.simulation.observables import condition_numbers
+from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 FEW = Scenario(days=12, seed=5)

@@ -8,19 +8,17 @@ picks the one that is wrong with more conviction.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.core.posterior.blind_response import BEHIND, LENGTHS, BlindEvidence, blind_evidence, blind_fir
 from rivid.core.posterior.daily import BLOCK, GUARD, PosteriorResult, _answer, _checked
 from rivid.core.posterior.fir import averaged_fir
 from rivid.core.posterior.fold import fold, meant, weights
 from rivid.core.posterior.front import SHARES, log_evidence, structures
-from rivid.core.posterior.gram import gram
-from rivid.core.posterior.noise import noise_bank
+from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 TEMPERATURE = 2.0
 """By which the log evidence of the smooth response is divided."""

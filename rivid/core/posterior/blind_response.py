@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from rivid.core.posterior.front import LEAST_T, SHARES, SMALLEST_PIVOT, SURE_T
-from rivid.core.posterior.noise import spectral_factor
-from rivid.core.river.sums import Noises, Sums, whitened_sums
-
-Floats = NDArray[np.float64]
+from rivid.core.posterior.noise import Noises, Sums, spectral_factor, whitened_sums
+from rivid.types import Floats
 
 NOISES = ((0.0, (0.3, 0.03)), (0.5, (0.3, 0.03)), (0.8, (0.3, 0.03, 0.003)))
 """r of what wanders, ``A = (1 - q^-1)(1 - r q^-1)``, and the ratios of its variance to the gauge's."""

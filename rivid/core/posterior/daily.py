@@ -13,14 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.core.posterior.fir import averaged_fir
 from rivid.core.posterior.fold import fold, meant, weights
 from rivid.core.posterior.front import log_evidence, structures
-from rivid.core.posterior.gram import gram
-from rivid.core.posterior.noise import noise_bank
+from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.posterior.settings import PosteriorSettings
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Strings = NDArray[np.str_]
+from rivid.types import Bools, Floats, Strings
 
 BLOCK = 16
 """Days worked on together; a last block that is shorter is filled up, so that every block has one shape."""

@@ -1,15 +1,10 @@
 """The inflow's impulse response at a known delay, averaged over the models that carry the most weight."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.core.posterior.front import SHARES, Structure
-from rivid.core.posterior.gram import O_LAGS, Y_LAGS
-from rivid.core.posterior.noise import DRIFT_MEMORY
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Bools = NDArray[np.bool_]
+from rivid.core.posterior.noise import DRIFT_MEMORY, O_LAGS, Y_LAGS
+from rivid.types import Bools, Floats, Ints
 
 MODELS = 4
 """Models (equation, noise, place of the front) that are averaged for a day."""
@@ -27,7 +22,7 @@ def averaged_fir(
     Parameters
     ----------
     G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior.gram.gram`.
+        From :func:`rivid.core.posterior.noise.gram`.
     n_rows : int
     fronts : list of ndarray
         From :func:`rivid.core.posterior.front.log_evidence`.

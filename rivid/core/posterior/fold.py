@@ -9,12 +9,10 @@ more evenly, and a little before it.
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.core.posterior.front import SHARES
 from rivid.core.posterior.settings import PosteriorSettings
-
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 STEPS = 10
 """Places in one sample at which the travel time's distribution is kept."""

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from rivid.core.posterior.gram import O_LAGS
-from rivid.core.posterior.noise import DRIFT_MEMORY, N_DRIFT, N_PLAIN
-
-Floats = NDArray[np.float64]
+from rivid.core.posterior.noise import DRIFT_MEMORY, N_DRIFT, N_PLAIN, O_LAGS
+from rivid.types import Floats
 
 SHARES = np.arange(10, 0, -1) / 10.0
 """w of the candidates; the first is the sharp front at a sampling instant."""
@@ -93,7 +91,7 @@ def log_evidence(
     Parameters
     ----------
     G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior.gram.gram`, with at least ``last + 4`` lags of u.
+        From :func:`rivid.core.posterior.noise.gram`, with at least ``last + 4`` lags of u.
     n_rows : int
     with_outflow : bool
     first, last : int

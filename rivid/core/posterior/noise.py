@@ -7,11 +7,12 @@ what is added to the flow over that of the gauge.
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.lib.stride_tricks import sliding_window_view
 
-Floats = NDArray[np.float64]
+from rivid.types import Floats
 
 CHUNK = 25
 """Samples that one product filters at once."""
@@ -107,3 +108,188 @@ def prewhiten(series: Floats, polynomials: Floats) -> Floats:
         filtered[..., j, :] += ends[..., 1:] * last[:, None] + ends[..., :1] * before[:, None]
     whole: Floats = filtered.reshape(days, len(polynomials), S, -1)
     return whole[..., :N]
+
+
+Y_LAGS = 2
+O_LAGS = 2
+
+
+def columns(with_outflow: bool) -> tuple[str, ...]:
+    """Names of the leading columns of :func:`gram`: constant, outflow's lags, the level's, its value now."""
+    outflow = [f"o{k}" for k in range(1, O_LAGS + 1)] if with_outflow else []
+    return ("one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0")
+
+
+def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int) -> tuple[Floats, int]:
+    """Gram matrices of the regressors, prewhitened by each kind of noise.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (days, N)
+        Deviations from the day's first sample.
+    o : ndarray, shape (days, N), or None
+        The same of the outflow, where it is logged.
+    polynomials : ndarray, shape (kinds, 3)
+        C of each kind of noise.
+    n_lags : int
+        Lags 1 to `n_lags` of u count.
+
+    Returns
+    -------
+    G : ndarray, shape (K, K, kinds, days)
+        Columns as :func:`columns` names them, then u's lags 1 to `n_lags`.
+    n_rows : int
+        Rows that count, N - n_lags: those for which every lag lies in the day.
+
+    Notes
+    -----
+    Products run over the leading columns and u's first lag only. Lags of u among themselves follow from it:
+    ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
+    """
+    days, N = u.shape
+    series = np.stack([y, u] if o is None else [y, u, o], axis=1)
+    white = prewhiten(series, polynomials)
+    one = prewhiten(np.ones((1, 1, N)), polynomials)[0, :, 0]
+    n = N - n_lags
+    names = columns(o is not None)
+    lead = len(names)
+    rows = np.empty((days, len(polynomials), lead + 1, lead + n_lags))
+    inflow = white[:, :, 1]
+    windows = sliding_window_view(inflow[..., : N - 1], n, axis=-1)[:, :, ::-1]  # row r holds lag r + 1
+    X = np.empty((lead + n_lags, n))  # of one day and kind at a time: it stays near the processor
+    for day in range(days):
+        for kind in range(len(polynomials)):
+            for i, name in enumerate(names):
+                if name == "one":
+                    X[i] = one[kind, n_lags:]
+                else:
+                    k = int(name[1:])
+                    X[i] = white[day, kind, 0 if name[0] == "y" else 2, n_lags - k : N - k]
+            X[lead:] = windows[day, kind]
+            np.matmul(X[: lead + 1], X.T, out=rows[day, kind])
+    G = np.empty((lead + n_lags, lead + n_lags, len(polynomials), days))
+    G[: lead + 1] = np.moveaxis(rows, (0, 1), (3, 2))
+    G[lead + 1 :, : lead + 1] = G[: lead + 1, lead + 1 :].swapaxes(0, 1)
+    enter = np.moveaxis(inflow[..., n_lags - 1 :: -1], (0, 1), (2, 1))  # what lag i + 1 reaches back to
+    leave = np.moveaxis(inflow[..., N - 2 : N - n_lags - 2 : -1], (0, 1), (2, 1))
+    enter, leave = np.ascontiguousarray(enter), np.ascontiguousarray(leave)
+    for i in range(n_lags - 1):
+        row = G[lead + i, lead + i : -1] + enter[i + 1] * enter[i + 1 :] - leave[i] * leave[i:-1]
+        G[lead + i + 1, lead + i + 1 :] = row
+        G[lead + i + 1 :, lead + i + 1] = row
+    return G, n
+
+
+Noises = tuple[tuple[Floats, Floats], ...]
+"""(A, C) of each kind: noise ``C(q) / A(q) e``, whitened by A / C."""
+
+
+class Sums(NamedTuple):
+    """Sums of products over the rows of one window; C inflows, B kinds of noise, Z columns beside them.
+
+    Attributes
+    ----------
+    uu : ndarray, shape (C, B, n_lags + 1, n_lags + 1)
+        Lags of the inflow among themselves.
+    uy : ndarray, shape (C, B, n_lags + 1)
+        With the output.
+    uz : ndarray, shape (C, B, n_lags + 1, Z)
+        With an orthonormal basis of the columns beside.
+    yy : ndarray, shape (B,)
+    yz : ndarray, shape (B, Z)
+    """
+
+    uu: Floats
+    uy: Floats
+    uz: Floats
+    yy: Floats
+    yz: Floats
+
+
+def whitened_sums(u: Floats, y: Floats, beside: Floats, warm: int, n_lags: int, noises: Noises) -> Sums:
+    """The sums of :class:`Sums`.
+
+    Parameters
+    ----------
+    u : ndarray, shape (C, N)
+        Versions of the inflow.
+    y : ndarray, shape (N,)
+    beside : ndarray, shape (Z - 1, N)
+        Columns that are filtered as u and y are; a constant goes before them, and is not.
+    warm : int
+        The first row that counts, at least `n_lags`.
+    n_lags : int
+    noises : tuple of (A, C)
+
+    Returns
+    -------
+    Sums
+
+    Notes
+    -----
+    Series are filtered from rest as deviations from their first sample. Correlations with the lags go by
+    Fourier transform. Lags among themselves follow from the first row: ``uu[i+1, j+1]`` is ``uu[i, j]`` with
+    what enters at one end, less what leaves at the other.
+    """
+    from scipy.signal import lfilter  # slow to import
+
+    N, C = u.shape[-1], len(u)
+    series = np.concatenate([u - u[:, :1], (y - y[0])[None], beside])
+    white = np.stack([lfilter(a, c, series) for a, c in noises], axis=1)  # (series, B, N)
+    inflow, output = white[:C], white[C]
+    Z = np.ones((len(noises), N - warm, 1 + len(beside)))
+    Z[..., 1:] = np.moveaxis(white[C + 1 :, :, warm:], 0, -1)
+    Z = np.linalg.qr(Z)[0]
+    aims = np.zeros((len(noises), 1 + Z.shape[-1], N))
+    aims[:, 0, warm:] = output[:, warm:]
+    aims[:, 1:, warm:] = Z.swapaxes(1, 2)
+
+    size = 1 << (N - 1).bit_length()
+    U = np.conj(np.fft.rfft(inflow, size))
+    own = inflow.copy()
+    own[..., :warm] = 0.0
+    first = np.fft.irfft(np.fft.rfft(own, size) * U, size)[..., : n_lags + 1]
+    crossed = np.fft.irfft(np.fft.rfft(aims, size) * U[:, :, None], size)[..., : n_lags + 1]
+
+    uu = np.empty((C, len(noises), n_lags + 1, n_lags + 1))
+    uu[:, :, 0], uu[:, :, :, 0] = first, first
+    enter = inflow[..., warm - 1 :: -1]
+    leave = inflow[..., N - 1 : N - n_lags - 2 : -1]
+    for i in range(n_lags):
+        row = uu[:, :, i, i:-1] + enter[..., i : i + 1] * enter[..., i:n_lags]
+        row -= leave[..., i : i + 1] * leave[..., i:n_lags]
+        uu[:, :, i + 1, i + 1 :] = row
+        uu[:, :, i + 1 :, i + 1] = row
+    tail = output[:, warm:]
+    return Sums(
+        uu,
+        crossed[:, :, 0],
+        crossed[:, :, 1:].swapaxes(-1, -2),
+        np.einsum("bn,bn->b", tail, tail),
+        np.matmul(tail[:, None], Z)[:, 0],
+    )
+
+
+MEMORY = (0.9, 0.97, 1.0)
+"""rho of what wanders, ``A = 1 - rho q^-1``."""
+SMOOTH_MEMORY = (0.5, 0.9)
+"""r of what wanders smoothly, ``A = (1 - q^-1)(1 - r q^-1)``."""
+RATIOS = (0.1, 1.0)
+"""Variance of what wanders over that of the gauge."""
+
+SINE = 3
+"""Columns of a level and a daily sine."""
+
+
+@lru_cache(maxsize=1)
+def river_noises() -> Noises:
+    """(A, C) of every kind of noise."""
+    wander = [np.array([1.0, -rho]) for rho in MEMORY]
+    wander += [np.convolve([1.0, -1.0], [1.0, -r]) for r in SMOOTH_MEMORY]
+    return tuple((a, c) for a in wander for c in (np.ones(1), *(spectral_factor(a, r) for r in RATIOS)))
+
+
+def daily_sine(n: int, day: float) -> Floats:
+    """Cosine and sine of one day's period, shape (2, n)."""
+    angle = 2.0 * np.pi * np.arange(n) / day
+    return np.stack([np.cos(angle), np.sin(angle)])

@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.model.linear import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.effects import CATALOGUE, Effect
+from rivid.types import Floats
 
 OF_THE_LEVEL = ("leakage", "gate_head_effect", "storage_area_slope")
 """Effects that depend on the level itself."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats
 from rivid.diagnosis.model.linear import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
+from rivid.types import Floats
 
 LEVEL = 0.01
 """Family-wise level of the first round; it halves from round to round."""

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats
 from rivid.diagnosis.deciding.holding import held_share
 from rivid.diagnosis.model.linear import limited
 from rivid.diagnosis.result import Gap, Unknown, Verdict
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.study import Study

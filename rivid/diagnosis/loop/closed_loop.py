@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.loop.operator_law import Law, identify, judged
 from rivid.diagnosis.loop.result import ClosedLoop, LoopDay, LoopErrors
 from rivid.diagnosis.loop.run import Run, cut, first_level, run_day
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.model.fit import Model

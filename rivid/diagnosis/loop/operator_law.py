@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.loop.operator_moves import last_move, late, looks, lowest_of, moves, step_of
 from rivid.diagnosis.loop.result import Operators
 from rivid.diagnosis.loop.set_point import SURE, SetPoint, day_flow, set_points
 from rivid.diagnosis.noise import NoiseModel, day_weights, fit_noise
 from rivid.errors import RividError
+from rivid.types import HOUR, Bools, Floats
 
-Bools = NDArray[np.bool_]
 BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
 """Dead-bands that are tried [m]."""
 FINER = (0.005, 0.0025)
@@ -31,7 +31,6 @@ FEWEST_MOVES = 100
 """Below, there is no law to see."""
 ROUNDS = 3
 """Times that noise and law are fitted in turn."""
-HOUR = 3600.0
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
+from rivid.types import Bools, Floats
 
-Bools = NDArray[np.bool_]
 PROMPT = 0.5
 """Chance of a move at a sample from which the inflow's move is said to ask for it."""
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.loop.operator_law import Law
 from rivid.diagnosis.loop.operator_moves import late
 from rivid.diagnosis.loop.set_point import day_flow
@@ -18,6 +18,7 @@ from rivid.reach.loop import People, exchange_arrays, gate_arrays
 from rivid.reach.operators import quantise
 from rivid.reach.pool import supply
 from rivid.reach.response import LinearReach
+from rivid.types import Floats
 
 TURNS = 6
 """Times at most that a day is run anew with the corrections of the outflow that it decided."""
@@ -157,7 +158,7 @@ def _channel(
 def _pool(
     reach: LinearPool, law: Law, day: Record, changes: Changes, beside: Floats, first: int
 ) -> tuple[Floats, Floats]:
-    from rivid.reach.pool_kernel import hold
+    from rivid.reach.pool import hold
 
     area, delay, gain = (p.natural for p in reach.parameters[:3])
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]

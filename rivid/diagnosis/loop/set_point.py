@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
+from rivid.types import Floats
 
 HINGES = 20
 """Flows that are tried as the one above which the set point changes with it."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.naming import ABSORBED, Choice
 from rivid.diagnosis.gap import residual_of
 from rivid.diagnosis.model.fit import Model, calibrate
@@ -16,6 +16,7 @@ from rivid.diagnosis.search.happenings import as_effect, lock, rain, search
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.study import Round
 from rivid.effects import Effect
+from rivid.types import Floats
 
 STEPWISE, MOST_STEPS = ("band",), 40
 """Parameters in which the output is not smooth, and how many values of one are tried."""

@@ -11,9 +11,9 @@ import numpy as np
 from rivid.atomic import write_text
 from rivid.config import Config, read_toml
 from rivid.core.hydraulics import GRAVITY
+from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.result import Diagnosis
-from rivid.diagnosis.telling.evidence import Evidence
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError
 

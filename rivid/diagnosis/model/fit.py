@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rivid.diagnosis.blocks import Split
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.gap import residual_of
 from rivid.diagnosis.model.linear import Linear
 from rivid.diagnosis.noise import NoiseModel, day_weights, fit_noise
@@ -18,6 +18,7 @@ from rivid.diagnosis.response.base import Response, vector_of
 from rivid.effects import Effect, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
+from rivid.types import Floats
 
 WIDE = 10.0
 """Prior standard deviation of an effect's parameter, in units of its value: hardly any prior."""

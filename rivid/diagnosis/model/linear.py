@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rivid.diagnosis.blocks import Split
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.gap import DayErrors, day_errors
 from rivid.diagnosis.noise import NoiseModel, day_weights, fit_noise
+from rivid.types import Floats
 
 ODD = 4.0
 """A day counts for at most so many times the usual day's gain."""

@@ -3,16 +3,16 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.noise.starts import Limits, limits_of, usual_starts
 from rivid.errors import RividError
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.noise.kalman import Days
 
-Floats = NDArray[np.float64]
 
 DAY_LIMIT = 1.3
 """A day's mean square may be this many times the median's before the day loses weight."""
@@ -113,8 +113,7 @@ def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits
     """The likeliest model that the starts lead to."""
     from scipy.optimize import minimize
 
-    from rivid.diagnosis.noise.kalman import lanes
-    from rivid.diagnosis.noise.kalman_days import log_likelihoods
+    from rivid.diagnosis.noise.kalman import lanes, log_likelihoods
 
     used = weights > 0.0
     w = weights[used] / (weights @ days.there.sum(1))  # a mean a sample: one tolerance fits all

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.types import Bools, Floats
 
 FEWEST_BLOCKS = 8
 """Blocks below which the inflation is a guess."""

@@ -14,14 +14,14 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.errors import RividError
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.noise.kalman import System
 
-Floats = NDArray[np.float64]
 Number = float | Floats
 
 
@@ -116,8 +116,7 @@ class NoiseModel:
         RividError
             Where shapes do not fit, or a column lacks a sample that `like` has.
         """
-        from rivid.diagnosis.noise.kalman import gather, lanes
-        from rivid.diagnosis.noise.kalman_days import innovations
+        from rivid.diagnosis.noise.kalman import gather, innovations, lanes
 
         given = np.asarray(columns, float)
         if given.ndim < 2:
@@ -141,8 +140,7 @@ class NoiseModel:
 
         For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
         """
-        from rivid.diagnosis.noise.kalman import gather, lanes
-        from rivid.diagnosis.noise.kalman_days import log_likelihoods
+        from rivid.diagnosis.noise.kalman import gather, lanes, log_likelihoods
 
         days = gather(residual)
         order, ends, there = lanes(days.pattern, days.patterns)
@@ -168,8 +166,7 @@ class NoiseModel:
         ndarray, shape (days, origins)
             NaN where the target is missing, or nothing was read up to the origin.
         """
-        from rivid.diagnosis.noise.kalman import gains, gather
-        from rivid.diagnosis.noise.kalman_smoother import filtered
+        from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
         days = gather(residual)
         n = days.values.shape[1]
@@ -191,8 +188,7 @@ class NoiseModel:
 
     def smooth(self, residual: ArrayLike) -> Smoothed:
         """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
-        from rivid.diagnosis.noise.kalman import gains, gather
-        from rivid.diagnosis.noise.kalman_smoother import filtered, smoothed
+        from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
 
         days = gather(residual)
         m = self.system()

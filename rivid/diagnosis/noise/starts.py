@@ -4,14 +4,13 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.diagnosis.noise.model import NoiseModel, entries
+from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.noise.kalman import Days
 
-Floats = NDArray[np.float64]
 
 WALK_LIMIT = 1e-3
 """Largest level random walk beside a level-type noise [m per sample]: a freer one swallows the wind."""

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 STEP = 0.01
 """Steps of differences, in prior standard deviations: on a pool, slopes are then right to a hundredth."""
 START_SAMPLES = 5

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import Floats
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
+from rivid.types import Floats
 
 Run = Callable[[Record, Changes], Floats]
 

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
-    Floats,
     FreeParameter,
     gauge_of,
     placed,
@@ -21,6 +20,7 @@ from rivid.diagnosis.response.free_run import as_far_as_it_goes
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.saint_venant import Channel, Flow, arrival_time, simulate
+from rivid.types import Floats
 
 SHAPE = ("length", "width", "depth", "fall", "manning")
 GATE_LAGS = (1, 2, 3)

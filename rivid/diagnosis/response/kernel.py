@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import Response
 from rivid.reach.changes import AddedFlow, Changes
+from rivid.types import Floats
 
 TRIAL = 1.0
 """Step of the added flow [m3/s]."""

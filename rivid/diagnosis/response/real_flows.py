@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import Floats, gauge_of
+from rivid.diagnosis.response.base import gauge_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.loop import exchange_arrays, gate_arrays, on_grid
+from rivid.types import Floats
 
 
 @dataclass(frozen=True, eq=False)

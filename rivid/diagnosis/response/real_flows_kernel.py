@@ -2,12 +2,9 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from rivid.reach.loop import GateArrays
-from rivid.reach.loop_kernel import FLOW, GATE, POSITION, TARGET, gate_flow, pond_flow
-
-Floats = NDArray[np.float64]
+from rivid.reach.loop import FLOW, GATE, POSITION, TARGET, GateArrays, gate_flow, pond_flow
+from rivid.types import Floats
 
 
 @njit(cache=True, error_model="numpy")

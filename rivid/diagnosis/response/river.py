@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import Floats, FreeParameter, placed, slopes_by_differences
+from rivid.diagnosis.response.base import FreeParameter, placed, slopes_by_differences
 from rivid.diagnosis.response.real_flows import real_flows, volume
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.models.diffusive_wave import DiffusiveWave
+from rivid.types import Floats
 
 LENGTH = 1000.0
 """Of the wave whose arrivals make the kernel [m]: any length does."""

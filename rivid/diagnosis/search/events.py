@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.diagnosis.search.pursuit import APART, Atoms, Found, Shape, Whiten, pursue, response
 from rivid.errors import RividError
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
-
-DAY = 86400.0
 PRICE = 12.0
 """Of an event [nats]."""
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
 from rivid.diagnosis.noise import WALK_LIMIT
 from rivid.diagnosis.search.events import PRICE, PULSES, RECESSIONS, Event, Events, Kind, find_events
@@ -13,9 +13,8 @@ from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.diagnosis.search.seiche import seiche
 from rivid.diagnosis.search.timetable import sizes, timetable
 from rivid.effects import Effect
-from rivid.effects.base import DAY
+from rivid.types import DAY, HOUR, Floats
 
-HOUR = 3600.0
 FEWEST = 3
 """Events of a kind must be so many."""
 ALIKE = 0.75

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats
 from rivid.diagnosis.model.linear import Evaluation, Linear
 from rivid.diagnosis.search.events import Events
 from rivid.diagnosis.search.trials import Window
 from rivid.effects import Effect
+from rivid.types import Floats
 
 MOST_USUAL = 4.0
 """A day counts for at most so many times the usual day's gain."""

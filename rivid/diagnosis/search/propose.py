@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from rivid.diagnosis.blocks import flip_blocks
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
-from rivid.diagnosis.score.scan import Candidate, scan
+from rivid.diagnosis.score import Candidate, scan
 from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.diagnosis.search.trials import HOURS_A_DAY, Trial, Window, columns_of, hour_columns
 from rivid.diagnosis.search.windows import Span, best_dates, best_span, chance_of, combined
 from rivid.effects import Effect
-from rivid.effects.base import DAY
 from rivid.errors import RividError
+from rivid.types import DAY, Floats
 
 LOOK = 0.05
 """Candidates with a smaller family-wise p are looked at closely."""

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.types import Bools, Floats
+
 Shape = Literal["pulse", "recession"]
 Whiten = Callable[[Floats, Floats], Floats]
 """Columns (..., days, n) and a row each that is NaN where a sample is missing, to whitened columns."""

@@ -16,17 +16,15 @@ days because they were quiet.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.diagnosis.noise.inflation import FEWEST_BLOCKS, block_inflation
 from rivid.diagnosis.search.partition import Rest, gains, inside, partition
 from rivid.errors import RividError
+from rivid.types import Bools, Floats, Ints
 
 __all__ = ["FEWEST_BLOCKS", "Rest", "Segments", "block_inflation", "partition", "segment"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 MOST_SEGMENTS = 4
 """Segments up to which simulated days without a change are searched for one, where the rest is free."""

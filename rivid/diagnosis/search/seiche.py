@@ -9,16 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from rivid.diagnosis.data import Floats
 from rivid.diagnosis.model.linear import Evaluation, Linear
 from rivid.diagnosis.noise import NoiseModel
 from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.effects import Effect
+from rivid.types import Bools, Floats
 
-Bools = NDArray[np.bool_]
 SHORTEST, LONGEST = 8, 0.25
 """Period: samples at least, and days at most."""
 LEAST_DAMPING = 5e-5

@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.errors import RividError
+from rivid.types import DAY, Bools, Floats
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
-DAY = 86400.0
 KNOTS = 24
 """Frequencies at which the local median is taken; it is straight in the logarithm between them."""
 

@@ -4,12 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rivid.diagnosis.search.events import DAY, Event
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rivid.diagnosis.search.events import Event
+from rivid.types import DAY, Floats, Ints
 
 WITHIN = 1800.0
 """Two starts are at the same hour if they are no further apart by the clock [s]."""

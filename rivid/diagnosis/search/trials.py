@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
-from rivid.diagnosis.score.scan import Dates
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.score import Dates
 from rivid.effects import CATALOGUE, Effect
-from rivid.effects.base import DAY
+from rivid.types import DAY, Floats
 
 HOURS_A_DAY = 24
 RIVER = {

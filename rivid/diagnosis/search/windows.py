@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.diagnosis.data import Floats
+from rivid.types import Floats
 
 TURNS = 12
 """Turns before an ascent is stopped; three are usual."""

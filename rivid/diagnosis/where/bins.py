@@ -20,10 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.diagnosis.search.segments import FEWEST_BLOCKS
 from rivid.diagnosis.where.drivers import Driver
 from rivid.errors import RividError
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from rivid.types import Bools, Floats, Ints
 
 FEWEST = 5
 """Blocks that a bin must be seen in: flips of fewer give no small p."""

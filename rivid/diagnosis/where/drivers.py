@@ -6,14 +6,13 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from rivid.types import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from rivid.diagnosis.data import Record
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 BINS = 8
 """Bins of a flow, a level or a rate, with as many samples each."""

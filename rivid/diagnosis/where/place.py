@@ -5,18 +5,16 @@ from dataclasses import dataclass
 from datetime import date
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.diagnosis.search.segments import FEWEST_BLOCKS, segment
 from rivid.diagnosis.where.bins import Bins, Map, Scores, Tables, as_scores, hour_map, sums, tables
 from rivid.diagnosis.where.drivers import Driver, drivers, in_words
+from rivid.types import Bools
 
 __all__ = [
     "Bins", "Driver", "Map", "Place", "Scores", "Tables", "as_scores", "drivers", "hour_map", "strongest",
     "tables",
 ]  # fmt: skip
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from rivid.errors import DataError
-from rivid.logs.columns import Floats, Micros
+from rivid.logs.columns import Micros
 from rivid.logs.grid import (
     Grid,
     TrailingGap,
@@ -19,13 +19,14 @@ from rivid.logs.grid import (
 )
 from rivid.logs.ingest.ledger import Fate
 from rivid.logs.ingest.series import Gathered, Series
-from rivid.logs.ingest.signals import Canonical, Held, Indices
+from rivid.logs.ingest.signals import Canonical, Held
 from rivid.logs.log import Fault
 from rivid.logs.spec import MICRO, Spec
 from rivid.logs.times import day_bounds, local
+from rivid.types import Floats, Ints
 
 Status = Literal["good", "refused", "pending"]
-Origins = list[tuple[Series, Indices]]
+Origins = list[tuple[Series, Ints]]
 ONE = dt.timedelta(days=1)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.input_config import InputConfig
-from rivid.logs.columns import Columns, Floats, Micros
+from rivid.logs.columns import Columns, Micros
 from rivid.logs.csvtext import FLAG
 from rivid.logs.header import UndeclaredError
 from rivid.logs.ingest.export import Export
@@ -18,6 +18,7 @@ from rivid.logs.numbers import LARGEST
 from rivid.logs.sentinels import undeclared
 from rivid.logs.spec import Spec
 from rivid.logs.times import clock, day_bounds, to_utc
+from rivid.types import Floats
 
 EMPTY = frozenset(InputConfig().missing)
 """Marks that no system writes for a state of its instruments."""

@@ -3,15 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rivid.logs.columns import Floats, Micros
+from rivid.logs.columns import Micros
 from rivid.logs.grid import Grid
 from rivid.logs.ingest.ledger import Fate
 from rivid.logs.ingest.series import Series
 from rivid.logs.spec import MICRO, Signal, Spec
-
-Indices = NDArray[np.intp]
+from rivid.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class Canonical:
     signal: Signal
     times: Micros
     values: Floats
-    origins: list[tuple[Series, Indices]]
+    origins: list[tuple[Series, Ints]]
 
     @property
     def judged(self) -> Signal:
@@ -44,7 +42,7 @@ class Canonical:
         """Times as they stand in the export, ascending [us UTC]."""
         return self.times + self.signal.shift
 
-    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Indices]]]:
+    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Ints]]]:
         """What belongs to a local day: times, values, and where these come from."""
         low, high = self.times.searchsorted((grid.start - early, grid.end - early)).tolist()
         return (
@@ -70,9 +68,9 @@ class Held:
     sources: list[Series]
     period: int
 
-    def reports_within(self, grid: Grid) -> list[tuple[Series, Indices]]:
+    def reports_within(self, grid: Grid) -> list[tuple[Series, Ints]]:
         """The reports of a local day, sampled or not."""
-        found: list[tuple[Series, Indices]] = []
+        found: list[tuple[Series, Ints]] = []
         for series in self.sources:
             low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
             found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
@@ -88,10 +86,10 @@ class Held:
         """Times of the reports, ascending [us UTC]."""
         return np.unique(np.concatenate([_reports(series)[0] for series in self.sources]))
 
-    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Indices]]]:
+    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Ints]]]:
         """The samples of a local day, and the reports that they come from."""
         total = np.zeros(len(grid.times))
-        origins: list[tuple[Series, Indices]] = []
+        origins: list[tuple[Series, Ints]] = []
         for series in self.sources:
             times, rows = _reports(series)
             if not len(rows):
@@ -108,7 +106,7 @@ class Held:
         return grid.times[there], total[there] * self.signal.factor, origins
 
 
-def _reports(series: Series) -> tuple[Micros, Indices]:
+def _reports(series: Series) -> tuple[Micros, Ints]:
     """Reports in order of time: a flag, sentinel or status ends what was held before."""
     rows = np.flatnonzero((series.fates != Fate.DUPLICATE) & (series.fates != Fate.TIME))
     return series.times[rows], rows

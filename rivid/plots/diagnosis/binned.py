@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.types import Bools, Floats
 
 BINS = 8
 FEWEST = 4

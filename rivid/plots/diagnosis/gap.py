@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from rivid.plots import style
 from rivid.plots.diagnosis.panels import AFTER, BEFORE, heading, panel
 from rivid.plots.style import FigureFile
-from rivid.plots.words import shorten
+from rivid.text import shorten
 
 ROW = 0.36
 LEFT, RIGHT, BETWEEN, BOTTOM, TOP = 2.45, 0.3, 0.62, 0.62, 1.04

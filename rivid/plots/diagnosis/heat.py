@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.ticker import FixedLocator
 
 from rivid.plots import style
-from rivid.plots.diagnosis.panels import SIGNED, Bools, Floats, heading, limits, narrow_dates, panel
+from rivid.plots.diagnosis.panels import SIGNED, heading, limits, narrow_dates, panel
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, day_range
+from rivid.text import count, day_range
+from rivid.types import Bools, Floats
 
 MOST = 0.99
 """Share of the map's cells inside the scale: one odd hour must not make the others pale."""

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from rivid.plots import style
-from rivid.plots.diagnosis.panels import AFTER, BEFORE, Floats, heading, hour_axis, panel
+from rivid.plots.diagnosis.panels import AFTER, BEFORE, heading, hour_axis, panel
 from rivid.plots.style import FigureFile
+from rivid.types import Floats
 
 LEFT, RIGHT, BOTTOM, TOP = 0.82, 0.3, 0.55, 0.9
 PANEL, LOWEST, BETWEEN = 1.6, 1.0, 0.42

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from rivid.plots import style
-from rivid.plots.diagnosis.panels import AFTER, BEFORE, Bools, Floats, hour_axis, panel
+from rivid.plots.diagnosis.panels import AFTER, BEFORE, hour_axis, panel
 from rivid.plots.style import FigureFile
+from rivid.types import Bools, Floats
 
 LEFT, RIGHT, BOTTOM, TOP = 0.82, 0.3, 0.55, 0.86
 LOWER, BETWEEN, HEIGHT = 1.25, 0.42, 5.3

@@ -9,13 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
-from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.dates import Ticks, date_axis, date_ticks
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rivid.types import Floats
 
 BEFORE, AFTER = style.ACCENT, style.WATER
 WITHOUT, WITH = "without the named effects", "with the named effects"

@@ -17,8 +17,6 @@ from rivid.plots.diagnosis.panels import (
     BEFORE,
     WITH,
     WITHOUT,
-    Bools,
-    Floats,
     Window,
     heading,
     hour_axis,
@@ -28,7 +26,8 @@ from rivid.plots.diagnosis.panels import (
     shade,
 )
 from rivid.plots.style import FigureFile
-from rivid.plots.words import count, day_range, shorten
+from rivid.text import count, day_range, shorten
+from rivid.types import Bools, Floats
 
 LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.3, 0.55, 0.92
 COURSE, BETWEEN, SMALL, ABOVE, GAP = 1.35, 0.3, 1.5, 0.98, 0.3

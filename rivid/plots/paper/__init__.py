@@ -61,8 +61,9 @@ def draw_paper(
     The same logs give the same bytes.
     """
     from rivid.plots import style
-    from rivid.plots.paper import bars, delays, gallery, hydraulics, one_day, theory
+    from rivid.plots.paper import bars, delays, hydraulics, one_day, theory
     from rivid.plots.paper import cascade as row
+    from rivid.report import gallery
 
     i = one_day.choose(estimates, day)
     T = year.sample_time

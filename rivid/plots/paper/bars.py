@@ -9,9 +9,9 @@ from rivid.plots import style
 from rivid.plots.dates import date_axis
 from rivid.plots.paper.estimates import Estimates
 from rivid.plots.paper.sheets import PaperFigure, legend, save, sheet
-from rivid.plots.selection import day_numbers, found
 from rivid.plots.tdr import bars, grey_limits
-from rivid.plots.words import count, response_unit
+from rivid.results.selection import day_numbers, found
+from rivid.text import count, response_unit
 
 
 @dataclass(frozen=True)

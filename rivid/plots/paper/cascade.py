@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from rivid.config import Config
 from rivid.core.hydraulics import propose_delays, travel_bounds
@@ -15,9 +14,8 @@ from rivid.core.settings import JmapSettings
 from rivid.plots import style
 from rivid.plots.paper.sheets import PaperFigure, legend, save, sheet
 from rivid.plots.paper.year import Year
-from rivid.plots.words import listed
-
-Floats = NDArray[np.float64]
+from rivid.text import listed
+from rivid.types import Floats
 
 EMPIRICAL = 3
 """The operators' uncertainty: three sampling periods either side of their nominal value (section VI)."""

@@ -13,9 +13,9 @@ from rivid.plots.delay_map import MARKS
 from rivid.plots.histogram import shares
 from rivid.plots.paper.estimates import Estimates
 from rivid.plots.paper.sheets import PaperFigure, delay_ticks, name_panel, save, sheet
-from rivid.plots.selection import candidates, day_numbers, found, kinds, rayleigh
-from rivid.plots.words import count, number, time_unit
-from rivid.results import EstimatorResults
+from rivid.results.read import EstimatorResults
+from rivid.results.selection import candidates, day_numbers, found, kinds, rayleigh
+from rivid.text import count, number, time_unit
 
 COLOURS = {"data decide": style.INK, "data do not decide": style.LIGHT, "degenerate": style.GREY}
 

@@ -6,15 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.core.change import CusumSettings, cusum
+from rivid.core.cusum import CusumSettings, cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.search import SearchSettings, direct, indirect
 from rivid.core.settings import JmapSettings
 from rivid.plots.paper.year import Year
-from rivid.results import EstimatorResults, Results
-
-Floats = NDArray[np.float64]
+from rivid.results.read import EstimatorResults, Results
+from rivid.types import Floats
 
 DELAYS = ("direct", "indirect", "jmap-uniform", "jmap-uniform-estimated", "jmap")
 """Estimators whose delays the paper counts (Figs 9, 17 and 18), in its order."""

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from rivid.core.hydraulics import travel_bounds
 from rivid.plots import style
@@ -12,10 +11,9 @@ from rivid.plots.dates import date_axis
 from rivid.plots.delay_map import with_gaps
 from rivid.plots.paper.sheets import PaperFigure, Sheet, legend, save, sheet
 from rivid.plots.paper.year import Year
-from rivid.plots.selection import day_numbers
-from rivid.plots.words import count, number, share
-
-Floats = NDArray[np.float64]
+from rivid.results.selection import day_numbers
+from rivid.text import count, number, share
+from rivid.types import Floats
 
 OFTEN = 500.0
 """The paper counts the days below this discharge [m3/s]."""

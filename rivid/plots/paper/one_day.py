@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
-from numpy.typing import NDArray
 
 from rivid.errors import ConfigError
 from rivid.plots import style
@@ -16,9 +15,8 @@ from rivid.plots.paper.estimates import Estimates
 from rivid.plots.paper.sheets import PaperFigure, legend, minutes_above, power_of_ten, save, sheet
 from rivid.plots.paper.year import Year
 from rivid.plots.tdr import grey_limits
-from rivid.plots.words import delays, response_unit
-
-Floats = NDArray[np.float64]
+from rivid.text import delays, response_unit
+from rivid.types import Floats
 
 CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "ml": ("ML", {"color": style.LIGHT, "lw": 0.9, "marker": "o", "ms": 2.6}),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 from rivid.plots import style
-from rivid.plots.words import time_unit
+from rivid.text import time_unit
 
 VECTOR_DPI = 300
 """Resolution of what stays an image inside a vector file: the bars of a time-day representation."""

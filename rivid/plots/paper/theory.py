@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
 from rivid.plots import style
 from rivid.plots.paper.estimates import Estimates
@@ -17,11 +16,10 @@ from rivid.plots.paper.sheets import (
     save,
     sheet,
 )
-from rivid.plots.selection import rayleigh
-from rivid.plots.words import number, response_unit, time_unit
 from rivid.reach.response import theoretical_fir
-
-Floats = NDArray[np.float64]
+from rivid.results.selection import rayleigh
+from rivid.text import number, response_unit, time_unit
+from rivid.types import Floats
 
 DELAY, ALPHA_I, ALPHA_O, K_Q, K_H = 7, 1e-4, 1.2e-4, 1.0, -1000.0
 """Of the paper's example: d [samples], K_i T_s / A and K_o T_s / A [m per m3/s], K_Q [-], K_h [m2/s]."""

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.config import Config, parse
 from rivid.core.hydraulics import TravelBounds, travel_bounds
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from rivid.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 Output = Literal["level", "discharge", "either"]
 ON_A_SAMPLE = 1e-9

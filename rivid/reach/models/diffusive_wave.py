@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from scipy.special import erfc, erfcx
 
 from rivid.reach.models.base import INFLOW_GAIN, Output, Parameter, ReachResponse
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from rivid.errors import ConfigError
 from rivid.reach.models.base import Output, Parameter, ReachResponse
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 MAX_ORDER = 1000
 """Most coefficients for a flow. A long FIR learns anything: it would hide a missing effect in itself."""

@@ -13,7 +13,8 @@ from rivid.reach.models.base import (
     ReachResponse,
     arriving_mean,
 )
-from rivid.reach.response import Floats, integrator_delay
+from rivid.reach.response import integrator_delay
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

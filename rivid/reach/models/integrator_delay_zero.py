@@ -14,7 +14,7 @@ from rivid.reach.models.base import (
     arriving,
 )
 from rivid.reach.models.integrator_delay import IntegratorDelay
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from rivid.reach.models.base import (
     ReachResponse,
 )
 from rivid.reach.models.integrator_delay import IntegratorDelay
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from rivid.reach.models.base import INFLOW_GAIN, Output, Parameter, ReachResponse, shifted, split_delay
-from rivid.reach.response import Floats
+from rivid.types import Floats
 
 
 @dataclass(frozen=True)

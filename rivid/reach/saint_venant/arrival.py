@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.core.hydraulics import GRAVITY
-from rivid.reach.saint_venant.channel import Channel, Floats
+from rivid.reach.saint_venant.channel import Channel
 from rivid.reach.saint_venant.flow import simulate
+from rivid.types import Floats
 
 
 def arrival_time(channel: Channel, flow: ArrayLike, level: ArrayLike) -> Floats:

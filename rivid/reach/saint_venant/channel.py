@@ -6,12 +6,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.errors import ConfigError
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 MIN_CELLS = 4
 COURANT_LIMIT = 0.6
 """Largest Courant number (|v| + sqrt(g A / B)) dt / dx of a time step. Without friction, small waves of the

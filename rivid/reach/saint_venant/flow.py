@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.loop import NOBODY, People, exchange_arrays, gate_arrays, on_grid
-from rivid.reach.saint_venant.channel import COURANT_LIMIT, Channel, Floats
+from rivid.reach.saint_venant.channel import COURANT_LIMIT, Channel
+from rivid.types import Floats
 
 NUDGE_TIME = 7200.0
 """Time in which a nudge would close the gap between the observed level and the water's [s]."""

@@ -17,12 +17,23 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rivid.core.hydraulics import GRAVITY
-from rivid.reach.loop import ExchangeArrays, GateArrays, People
-from rivid.reach.loop_kernel import FLOW, MIND, POSITION, TARGET, gate_flow, look, pond_flow, prepare
+from rivid.reach.loop import (
+    FLOW,
+    MIND,
+    POSITION,
+    TARGET,
+    ExchangeArrays,
+    GateArrays,
+    People,
+    gate_flow,
+    look,
+    pond_flow,
+    prepare,
+)
 from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
 from rivid.reach.saint_venant.channel import Sections
+from rivid.types import Floats
 
-Floats = NDArray[np.float64]
 OK, DRY, UNSTABLE = 0, 1, 2
 """How a day ended."""
 MAX_STEPS = 100_000

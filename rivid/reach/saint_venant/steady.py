@@ -8,7 +8,8 @@ from numba import njit
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.reach.saint_venant.channel import Sections
-from rivid.reach.saint_venant.kernel import Floats, extend, in_cell
+from rivid.reach.saint_venant.kernel import extend, in_cell
+from rivid.types import Floats
 
 STEPS = 60
 """Newton steps before a profile is given up; five are usual."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rivid.core.change import cusum
+from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import jmap
 from rivid.core.search import direct, indirect

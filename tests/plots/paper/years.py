@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rivid.config import Config, ReachConfig, parse
 from rivid.plots.paper.year import Year, year_of
-from rivid.scenario import Scenario, load_scenario
 from rivid.simulation import Season, simulate
+from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIO = Path(__file__).parents[3] / "configs" / "scenarios" / "basse_isere.toml"
 

@@ -1,0 +1,194 @@
+"""Small dense linear algebra for many days at once, with the day as the last axis.
+
+Every operation is elementwise over the last axis ("lanes", one day each), in an order that depends on
+the sizes M and N only. So a day's bits do not depend on its neighbours, which batched LAPACK and FFT
+calls do not promise, and one numpy call does a step for all days. The number of lanes is padded to a
+multiple of :data:`LANE_MULTIPLE`, whole SIMD registers, so that no lane is the ragged end of a vector.
+All arrays are C-contiguous: einsum picks its loops, and with them its roundings, by the layout.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rivid.types import Floats
+
+LANE_MULTIPLE = 16
+"""Lanes come in multiples of this: two registers of eight doubles."""
+
+BLOCK = 176
+"""Most lanes in one block: its Gram matrices (1.3 MB at M = 30) stay in the second-level cache."""
+
+
+def blocks(n_days: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
+    """Cut days into blocks of lanes.
+
+    Parameters
+    ----------
+    n_days : int
+        How many days there are.
+
+    Yields
+    ------
+    days : slice
+        The days of this block.
+    take : ndarray of int, shape (lanes,)
+        Which day each lane holds; padding lanes repeat the block's last day.
+    """
+    for first in range(0, n_days, BLOCK):
+        last = min(first + BLOCK, n_days)
+        yield slice(first, last), padded(np.arange(first, last))
+
+
+def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The indices, the last one repeated up to a multiple of :data:`LANE_MULTIPLE`."""
+    missing = -len(take) % LANE_MULTIPLE
+    return np.concatenate([take, np.full(missing, take[-1])])
+
+
+def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Floats, Floats, Floats, int]:
+    """U'U, U'y and y'y of the Toeplitz matrix U of (16).
+
+    U'U is Toeplitz up to a low-rank correction: ``G[i+1, j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only
+    its first row is a sum over the samples.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (N, lanes)
+        Input and output deviations.
+    order : int
+        Length M of the FIR, M <= N.
+    free_start : bool
+        False: u is zero before the first sample, as in (16). True: nothing is said of it. Then only the
+        rows count whose M samples of u are all there, and a constant is fitted along (rows and output less
+        their means).
+
+    Returns
+    -------
+    G : ndarray, shape (M, M, lanes)
+    b : ndarray, shape (M, lanes)
+    yy : ndarray, shape (lanes,)
+    n_rows : int
+        Rows that count: N, or N - M + 1.
+    """
+    N, lanes = u.shape
+    M = order
+    first = M - 1 if free_start else 0
+    G = np.empty((M, M, lanes))
+    b = np.empty((M, lanes))
+    for k in range(M):
+        row = max(k, first)
+        np.einsum("nb,nb->b", u[row:], u[row - k : N - k], out=G[0, k])
+        np.einsum("nb,nb->b", y[row:], u[row - k : N - k], out=b[k])
+    G[1:, 0] = G[0, 1:]
+    tail = u[N - M :][::-1]  # u[N-1-i], i = 0..M-1
+    for i in range(M - 1):
+        np.multiply(tail[i], tail[: M - 1], out=G[i + 1, 1:])
+        np.subtract(G[i, :-1], G[i + 1, 1:], out=G[i + 1, 1:])
+        if free_start:  # the row that enters above as the last one leaves below
+            G[i + 1, 1:] += u[M - 2 - i] * u[M - 2 :: -1]
+    yy = np.einsum("nb,nb->b", y, y)
+    n_rows = N - first
+    if free_start:
+        y = y[first:]
+        sums = np.stack([np.einsum("nb->b", u[first - i : N - i]) for i in range(M)])
+        total = np.einsum("nb->b", y)
+        G -= sums[:, None] * sums / n_rows
+        b -= sums * total / n_rows
+        raw = np.einsum("nb,nb->b", y, y)
+        yy = raw - total * total / n_rows
+        yy[yy <= 1e-14 * raw] = 0.0  # a constant, to rounding
+    return G, b, yy, n_rows
+
+
+def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+    """Cholesky factor of A and the forward-substituted right-hand sides, in one sweep.
+
+    Parameters
+    ----------
+    A : ndarray, shape (M, M, lanes)
+        Symmetric matrices; the upper triangle is read.
+    rhs : ndarray, shape (M, lanes)
+        A right-hand side of each lane.
+    unit : ndarray, shape (R, M), optional
+        Right-hand sides that all lanes share, as rows, with no fewer leading zeros from row to row. What
+        stays zero is not worked on.
+
+    Returns
+    -------
+    R : ndarray, shape (M, M, lanes)
+        Upper factor, ``A = R'R``; below the diagonal it holds no meaning. A lane that is not positive
+        definite comes out NaN.
+    z : ndarray, shape (M, lanes)
+        ``R'^-1 rhs``.
+    V : ndarray, shape (M, rows of `unit`, lanes)
+        ``R'^-1`` times each row of `unit`, as columns.
+    """
+    M, _, lanes = A.shape
+    shared = np.empty((0, M)) if unit is None else unit
+    starts = [int(np.flatnonzero(row)[0]) if row.any() else M for row in shared]
+    first = starts[0] if starts else M
+    W = np.empty((M, M + 1, lanes))  # row j: R[j, j:], then z[j]
+    V = np.zeros((M, len(shared), lanes))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for j in range(M):
+            row = W[j, j:]
+            row[:-1], row[-1] = A[j, j:], rhs[j]
+            if j:
+                row -= np.einsum("kib,kb->ib", W[:j, j:], W[:j, j])
+            root = np.sqrt(row[0])
+            row /= root
+            if j >= first:
+                begun = V[j, : bisect_right(starts, j)]
+                begun[:] = shared[: len(begun), j, None]
+                if j > first:
+                    begun -= np.einsum("kib,kb->ib", V[first:j, : len(begun)], W[first:j, j])
+                begun /= root
+    return W[:, :M], W[:, M], V
+
+
+def back_substitute(R: Floats, v: Floats) -> Floats:
+    """Solve ``R h = v``.
+
+    Parameters
+    ----------
+    R : ndarray, shape (M, M, lanes)
+        Upper factor of :func:`cholesky`.
+    v : ndarray, shape (M, lanes)
+
+    Returns
+    -------
+    h : ndarray, shape (M, lanes)
+    """
+    M = len(v)
+    h = np.empty(v.shape)  # C order whatever v's: einsum's order of summation follows the layout
+    for j in range(M - 1, -1, -1):
+        h[j] = v[j]
+        if j < M - 1:
+            h[j] -= np.einsum("ib,ib->b", R[j, j + 1 :], h[j + 1 :])
+        h[j] /= R[j, j]
+    return h
+
+
+def condition_numbers(G: Floats) -> Floats:
+    """2-norm condition number of each symmetric matrix.
+
+    Parameters
+    ----------
+    G : ndarray, shape (M, M, lanes)
+
+    Returns
+    -------
+    ndarray, shape (lanes,)
+        Largest over smallest eigenvalue; infinite where the smallest is not positive.
+
+    Notes
+    -----
+    LAPACK works one matrix after another here, so a lane does not feel its neighbours.
+    """
+    eigenvalues = np.linalg.eigvalsh(np.ascontiguousarray(np.moveaxis(G, -1, 0)))
+    low, high = eigenvalues[:, 0], eigenvalues[:, -1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(low > 0, high / low, np.inf)

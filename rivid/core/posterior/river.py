@@ -1,0 +1,421 @@
+"""Evidence of every response of a river window: gain integrated out, noise variance at its best.
+
+For one kind of noise and one response h the whitened window is ``y = Z c + g x + e``, ``x = U h``: c is
+profiled, at the price of half ln n for each column, so that the unit of the flow does not matter; the gain g
+has a normal prior and is positive; e is white of variance s2.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_ndtr, ndtr
+
+from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
+from rivid.core.posterior.river_response import ResponseGrid, hastened, response_grid
+from rivid.core.posterior.settings import RiverSettings
+from rivid.errors import RividError
+from rivid.types import Bools, Floats, Strings
+
+SURE_T = 7.0
+"""Beyond so many standard errors a gain is positive."""
+
+FLOOR = 1e-9
+"""Least share of the output's variance that is noise."""
+
+
+class Evidence(NamedTuple):
+    """Log evidence with the posterior of the gain.
+
+    Attributes
+    ----------
+    log : ndarray
+        Log of the marginal likelihood, noise variance at its best.
+    gain, gain_variance : ndarray
+        Mean and variance of the gain before it is cut at zero.
+    """
+
+    log: Floats
+    gain: Floats
+    gain_variance: Floats
+
+
+def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float) -> Evidence:
+    """ln p(y | h) with the gain integrated out and s2 where the evidence is nearly highest.
+
+    Parameters
+    ----------
+    yy, xy, xx : ndarray
+        Sums of products, shapes that broadcast.
+    m : int
+        Rows.
+    gain, gain_sd : float
+        Prior of the gain, cut at zero.
+
+    Returns
+    -------
+    Evidence
+
+    Notes
+    -----
+    s2 is found by three steps of expectation and maximisation from the least-squares fit with a gain that is
+    not negative.
+    """
+    precision0 = 1.0 / gain_sd**2
+    xx = np.maximum(xx, 1e-300)
+    floor = FLOOR * yy / m + 1e-300
+    s2 = np.maximum((yy - xy * np.maximum(xy, 0.0) / xx) / m, floor)
+    for _ in range(3):
+        g, variance = _gain(xy, xx, s2, gain, precision0)
+        mean, square = _positive(g, variance)
+        s2 = np.maximum((yy - 2.0 * mean * xy + square * xx) / m, floor)
+    g, variance = _gain(xy, xx, s2, gain, precision0)
+    log = -0.5 * m * np.log(2.0 * np.pi * s2) - 0.5 * (yy - 2.0 * g * xy + g * g * xx) / s2
+    log += 0.5 * np.log(variance * precision0) - 0.5 * (g - gain) ** 2 * precision0
+    t = g / np.sqrt(variance)
+    doubtful = t < SURE_T
+    log[doubtful] += log_ndtr(t[doubtful])
+    return Evidence(log - log_ndtr(gain / gain_sd), g, variance)
+
+
+def _gain(xy: Floats, xx: Floats, s2: Floats, gain: float, precision0: float) -> tuple[Floats, Floats]:
+    """Mean and variance of the gain where it may be negative."""
+    precision = xx + precision0 * s2
+    return (xy + gain * precision0 * s2) / precision, s2 / precision
+
+
+def _positive(g: Floats, variance: Floats) -> tuple[Floats, Floats]:
+    """Mean and mean square of the gain where it may not."""
+    mean, square = g.copy(), g * g + variance
+    doubtful = g * g < SURE_T**2 * variance
+    doubtful |= g < 0.0
+    part, sd = g[doubtful], np.sqrt(variance[doubtful])
+    t = part / sd
+    pushed = sd * np.exp(-0.5 * t * t - log_ndtr(t)) / np.sqrt(2.0 * np.pi)
+    mean[doubtful] += pushed
+    square[doubtful] += part * pushed
+    return mean, square
+
+
+def evidence(
+    sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float, within: float = inf
+) -> Evidence:
+    """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine.
+
+    Responses that cannot come `within` so much of the best one's log evidence have minus infinity.
+    """
+    C, B, n, _ = sums.uu.shape
+    shapes, T, _ = grid.h.shape
+    xx = np.empty((C, B, shapes, T))
+    for shape, part, lags in grid.blocks:
+        h = grid.h[shape, part, lags]
+        xx[:, :, shape, part] = np.einsum("cbtl,tl->cbt", np.matmul(h, sums.uu[:, :, lags, lags]), h)
+    flat = grid.h.reshape(-1, n)
+    xy = np.matmul(sums.uy, flat.T).reshape(C, B, shapes, T)
+    xz = np.matmul(flat, sums.uz).reshape(C, B, shapes, T, SINE)
+    logs, gains, variances = [], [], []
+    yy = sums.yy
+    for columns in (slice(0, 1), slice(1, SINE)):  # the level first, then the sine besides
+        part = xz[..., columns]
+        yz = sums.yz[:, columns]
+        xx = xx - np.einsum("...z,...z->...", part, part)
+        xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
+        yy = yy - np.einsum("bz,bz->b", yz, yz)
+        found = _worth(np.broadcast_to(yy[:, None, None], xy.shape), xy, xx, n_rows, gain, gain_sd, within)
+        logs.append(found.log - 0.5 * columns.stop * np.log(n_rows))
+        gains.append(found.gain)
+        variances.append(found.gain_variance)
+    return Evidence(*(np.stack(x, axis=2) for x in (logs, gains, variances)))
+
+
+def _worth(
+    yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float, within: float
+) -> Evidence:
+    """:func:`marginal` of the responses that count; no evidence is above its highest likelihood."""
+    best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
+    bound = -0.5 * m * (np.log(2.0 * np.pi * best_fit / m) + 1.0)
+    top = np.unravel_index(np.argmax(bound), bound.shape)
+    likeliest = marginal(
+        np.array([yy[top]]), np.array([xy[top]]), np.array([xx[top]]), m, gain, gain_sd
+    )  # fmt: skip
+    keep = bound >= likeliest.log[0] - within
+    found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
+    out = Evidence(np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape))
+    for whole, part in zip(out, found, strict=True):
+        whole[keep] = part
+    return out
+
+
+def nothing(sums: Sums, n_rows: int) -> Floats:
+    """Log evidence without any response, shape (B, 2)."""
+    out = []
+    yy = sums.yy
+    for columns in (slice(0, 1), slice(1, SINE)):
+        yz = sums.yz[:, columns]
+        yy = yy - np.einsum("bz,bz->b", yz, yz)
+        s2 = np.maximum(yy / n_rows, 1e-300)
+        out.append(
+            -0.5 * n_rows * np.log(2.0 * np.pi * s2) - 0.5 * n_rows - 0.5 * columns.stop * np.log(n_rows)
+        )
+    return np.stack(out, axis=1)
+
+
+LEADS = (0.0, 2.0, 5.0, 10.0)
+"""How much sooner e times as much water arrives [samples]."""
+
+LEAD_SHARE = 0.8
+"""No lead is more than this share of t50."""
+
+EDGE_STEP = 0.05
+"""Between places at which the distribution of t50 is kept [samples]."""
+
+TOLERANCE = 0.1
+"""So close to the middle between two samples, both are right."""
+
+HELD = 0.9
+"""Probability that a window's set of delays holds."""
+
+NEGLIGIBLE = 35.0
+"""Flattened log evidence below the best at which a response adds nothing."""
+
+LEAST_ROWS = 24
+"""Rows of a window beside its history."""
+
+
+@dataclass(frozen=True)
+class RiverPosterior:
+    """What each window says of its travel time; a leading axis of windows.
+
+    Attributes
+    ----------
+    t50, t50_low, t50_high : ndarray, shape (windows,)
+        Lag by which half of a step has arrived [samples], at the window's median inflow: median, 5 and 95 %.
+    gain, gain_sd : ndarray, shape (windows,)
+        Share of the inflow's change that arrives [-], and its standard deviation.
+    lead : ndarray, shape (windows,)
+        How much sooner e times as much water arrives [samples], mean.
+    link : ndarray, shape (windows,)
+        Probability that the output follows the inflow at all, half of it given before.
+    fir, fir_sd : ndarray, shape (windows, n_lags + 1)
+        Averaged response at the median inflow, gain included, and its standard deviation; h[0] is lag 0.
+    candidates : ndarray of int, shape (D,)
+        d_min to d_max.
+    probability : ndarray, shape (windows, D)
+        That t50 rounds to d, within the range; NaN where nothing moves.
+    beyond : ndarray, shape (windows, 2)
+        Probability below and above the range.
+    delay : ndarray, shape (windows,)
+        t50 rounded [samples]; NaN unless the status is "ok".
+    right : ndarray, shape (windows,)
+        Probability that t50 rounds to it, or would but for a tenth of a sample.
+    in_set : ndarray of bool, shape (windows, D)
+        The smallest set of delays that holds 90 %.
+    status : ndarray of str, shape (windows,)
+        "ok", "at_bound" (t50 lies beyond the range) or "unidentifiable".
+    message : ndarray of str, shape (windows,)
+        Why there is no answer.
+    """
+
+    t50: Floats
+    t50_low: Floats
+    t50_high: Floats
+    gain: Floats
+    gain_sd: Floats
+    lead: Floats
+    link: Floats
+    fir: Floats
+    fir_sd: Floats
+    candidates: NDArray[np.intp]
+    probability: Floats
+    beyond: Floats
+    delay: Floats
+    right: Floats
+    in_set: Bools
+    status: Strings
+    message: Strings
+
+    @property
+    def place(self) -> Floats:
+        """t50, by the name it has in :class:`rivid.core.posterior.daily.PosteriorResult`."""
+        return self.t50
+
+    @property
+    def place_low(self) -> Floats:
+        """5 % of t50."""
+        return self.t50_low
+
+    @property
+    def place_high(self) -> Floats:
+        """95 % of t50."""
+        return self.t50_high
+
+
+@dataclass(frozen=True)
+class _Window:
+    """One window: distribution of t50 over the grid and what is averaged over everything."""
+
+    weight: Floats
+    link: float
+    gain: float
+    gain_sd: float
+    lead: float
+    fir: Floats
+    fir_sd: Floats
+
+
+def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None = None) -> RiverPosterior:
+    """Probability of the travel time of every window.
+
+    Parameters
+    ----------
+    u, y : array_like, shape (windows, N)
+        Discharge at the upper and the lower end, same unit; the first ``settings.warm`` samples are history,
+        the others are explained.
+    settings : RiverSettings, optional
+
+    Returns
+    -------
+    RiverPosterior
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or windows too short.
+    """
+    s = settings or RiverSettings()
+    inflow, output = _checked(u, y, s)
+    grid = response_grid(s)
+    still = (np.ptp(inflow, axis=1) <= 0.0) | (np.ptp(output[:, s.warm :], axis=1) <= 0.0)
+    windows = [
+        None if dead else _window(a, b, grid, s) for a, b, dead in zip(inflow, output, still, strict=True)
+    ]
+    return _answer(windows, grid, s)
+
+
+def _checked(u: ArrayLike, y: ArrayLike, s: RiverSettings) -> tuple[Floats, Floats]:
+    inflow, output = np.asarray(u, float), np.asarray(y, float)
+    for name, values in (("inflow", inflow), ("output", output)):
+        if values.ndim != 2 or values.shape != inflow.shape or not len(values):
+            raise RividError(
+                f"{name} has shape {values.shape}: expected (windows, N), that of the inflow {inflow.shape}"
+            )
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise RividError(f"{name}: not finite in {len(bad)} windows, first in row {bad[0]}: mask them")
+    if inflow.shape[1] < s.warm + LEAST_ROWS:
+        raise RividError(
+            f"{inflow.shape[1]} samples a window: expected {LEAST_ROWS} or more after warm = {s.warm}"
+        )
+    return inflow, output
+
+
+def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Window:
+    """Average over leads, noises, sine, shapes and travel times."""
+    n_rows = len(u) - s.warm
+    middle = float(np.median(u[s.warm :]))
+    hastier = np.stack([hastened(u, middle, lead) for lead in LEADS])
+    sums = whitened_sums(hastier, y, daily_sine(len(u), s.day), s.warm, s.n_lags, river_noises())
+    T = s.flattening(n_rows)
+    found = evidence(sums, grid, n_rows, s.gain, s.gain_sd, NEGLIGIBLE * T)
+    none = nothing(sums, n_rows)
+    top = max(float(found.log.max()), float(none.max()))
+    leads = np.array(LEADS)
+    allowed = leads[:, None] <= LEAD_SHARE * grid.t50
+    prior = allowed / allowed.sum(axis=0) / len(grid.t50) / none.size
+    q = np.exp((found.log - top) / T)
+    q *= prior[:, None, None, None, :] * grid.prior[:, None]
+    seen, unseen = float(q.sum()), float(np.exp((none - top) / T).mean())
+    q /= seen
+    return _Window(q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grid, s))
+
+
+def _averages(
+    q: Floats, found: Evidence, leads: Floats, grid: ResponseGrid, s: RiverSettings
+) -> tuple[float, float, float, Floats, Floats]:
+    """Gain and its spread, lead, response and its spread."""
+    once = np.einsum("cbzst,cbzst->st", q, found.gain)
+    twice = np.einsum("cbzst,cbzst->st", q, found.gain**2 + found.gain_variance)
+    gain = float(once.sum())
+    fir = np.einsum("st,stl->l", once, grid.h)
+    variance = np.einsum("st,stl->l", twice, grid.h**2) - fir**2
+    # the error that no window can see moves the whole response
+    moved = np.gradient(fir) * (s.spread + s.spread_share * float(q.sum(axis=(0, 1, 2, 3)) @ grid.t50))
+    return (
+        gain,
+        float(np.sqrt(max(float(twice.sum()) - gain**2, 0.0))),
+        float(q.sum(axis=(1, 2, 3, 4)) @ leads),
+        fir,
+        np.sqrt(np.maximum(variance, 0.0) + moved**2),
+    )
+
+
+@lru_cache(maxsize=4)
+def _spread(s: RiverSettings) -> tuple[Floats, Floats]:
+    """Edges [samples], and the distribution function there of a t50 found at each place of the grid."""
+    t50 = response_grid(s).t50
+    edges = np.arange(0.0, 1.25 * t50[-1] + 5.0, EDGE_STEP)
+    return edges, ndtr((edges - t50[:, None]) / (s.spread + s.spread_share * t50[:, None]))
+
+
+def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings) -> RiverPosterior:
+    """Who is answered, and why the others are not."""
+    edges, table = _spread(s)
+    empty = _Window(
+        np.full(len(grid.t50), np.nan), 0.0, np.nan, np.nan, np.nan, *np.full((2, s.n_lags + 1), np.nan)
+    )
+    still = np.array([w is None for w in windows])
+    all_windows = [w or empty for w in windows]
+    below = np.stack([w.weight @ table for w in all_windows])
+    low, t50, high = (
+        np.array([np.interp(level, F, edges) if np.isfinite(F[0]) else np.nan for F in below])
+        for level in (0.05, 0.5, 0.95)
+    )
+    candidates = np.arange(s.d_min, s.d_max + 1)
+
+    def share(d: Floats, half: float) -> Floats:
+        upper, lower = (
+            np.array([np.interp(at, edges, F) for at, F in zip(d + side, below, strict=True)])
+            for side in (half, -half)
+        )
+        return np.asarray(upper - lower, float)
+
+    within = share(np.tile(candidates.astype(float), (len(windows), 1)), 0.5)
+    beyond = np.stack(
+        [[np.interp(s.d_min - 0.5, edges, F), 1.0 - np.interp(s.d_max + 0.5, edges, F)] for F in below]
+    )
+    beyond[still] = np.nan
+    nearest = np.floor(t50 + 0.5)
+    right = share(nearest, 0.5 + TOLERANCE)
+    link = np.array([w.link for w in all_windows])
+    wide = high - low > s.widest + 0.5 * t50
+    message = np.select(
+        [still, ~(link >= s.link_above), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
+        [
+            "inflow or output does not move",
+            "the output is not seen to follow the inflow",
+            "the travel time lies below d_min",
+            "the travel time lies above d_max",
+            "the travel time is too uncertain",
+        ],
+        "",
+    )
+    outside = (beyond.max(axis=1) > 0.5) & (link >= s.link_above)
+    status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
+    probability = within + 1e-300  # where all lies beyond the range, nothing tells its delays apart
+    probability /= probability.sum(axis=1, keepdims=True)
+    ranked = np.argsort(-np.nan_to_num(probability), axis=1, kind="stable")
+    sorted_p = np.take_along_axis(np.nan_to_num(probability), ranked, axis=1)
+    in_set: Bools = np.zeros(probability.shape, bool)
+    np.put_along_axis(in_set, ranked, np.cumsum(sorted_p, axis=1) - sorted_p < HELD, axis=1)
+    return RiverPosterior(
+        t50=t50, t50_low=low, t50_high=high,
+        gain=np.array([w.gain for w in all_windows]), gain_sd=np.array([w.gain_sd for w in all_windows]),
+        lead=np.array([w.lead for w in all_windows]), link=link,
+        fir=np.stack([w.fir for w in all_windows]), fir_sd=np.stack([w.fir_sd for w in all_windows]),
+        candidates=candidates, probability=probability, beyond=beyond,
+        delay=np.where(status == "ok", nearest, np.nan), right=right, in_set=in_set & ~still[:, None],
+        status=status, message=message,
+    )  # fmt: skip

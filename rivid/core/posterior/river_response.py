@@ -1,0 +1,167 @@
+"""How a wave of discharge arrives: three families of responses, each on a grid of t50.
+
+- Hayami: the diffusive wave, an inverse Gaussian of arrival times with coefficient of variation cv;
+- lag and reservoir: nothing for a while, then a store that empties with one time constant;
+- exchange: a Hayami wave of which a quarter is held for a while (pools, banks, hyporheic flow).
+
+Every member only scales with time, so that its t50, the lag by which half of a step has arrived, is set
+exactly. Flow is linear between samples: lag k gets the arrival density weighted by a hat of one sample to
+each side, ``h[k] = I(k+1) - 2 I(k) + I(k-1)``, I the integral of the share that has arrived.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import sqrt
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import log_ndtr, ndtr
+
+from rivid.core.posterior.settings import GUARD, RiverSettings
+from rivid.types import Floats
+
+STEP = 0.25
+"""Between travel times of the grid [samples]."""
+
+HAYAMI_CV = (0.04, 0.1, 0.16, 0.24, 0.34, 0.48, 0.65)
+RESERVOIR_SHARE = (0.15, 0.3, 0.5, 0.8)
+"""Share of the mean travel time that is the reservoir's."""
+EXCHANGE_CV = (0.1, 0.24, 0.4)
+EXCHANGED = 0.25
+"""Share of the water that is held."""
+HELD_FOR = 0.6
+"""Mean time for which it is held, in mean travel times of the rest."""
+
+BLOCK = 24
+"""Travel times that share the lags on which their responses are not zero."""
+
+SMALL = 1e-7
+"""A response below this is taken as zero."""
+
+
+def hayami(t: Floats, cv: float) -> tuple[Floats, Floats]:
+    """Share of a step that has arrived at time t, and its integral; mean travel time 1.
+
+    Source: Hayami (1951); moments of the inverse Gaussian in closed form.
+    """
+    shape = 1.0 / cv**2
+    t = np.maximum(t, 1e-12)
+    root = np.sqrt(shape / t)
+    direct = ndtr(root * (t - 1.0))
+    mirrored = np.exp(log_ndtr(-root * (t + 1.0)) + 2.0 * shape)
+    arrived = direct + mirrored
+    return arrived, t * arrived - (direct - mirrored)
+
+
+def reservoir(t: Floats, share: float) -> tuple[Floats, Floats]:
+    """The same for a lag of ``1 - share`` and a reservoir that empties with time constant `share`."""
+    since = np.maximum(t - (1.0 - share), 0.0)
+    arrived = -np.expm1(-since / share)
+    return arrived, since - share * arrived
+
+
+def exchange(t: Floats, cv: float) -> tuple[Floats, Floats]:
+    """The same for a Hayami wave with a share held for an exponential time.
+
+    The sum of an inverse Gaussian and an exponential time has its distribution in closed form: tilting an
+    inverse Gaussian by an exponential gives another.
+    """
+    rate, shape = 1.0 / HELD_FOR, 1.0 / cv**2
+    direct, area = hayami(t, cv)
+    slow = sqrt(1.0 - 2.0 * rate / shape)  # the tilted wave has mean 1 / slow
+    tilted, _ = hayami(t * slow, cv / sqrt(slow))
+    held = direct - np.exp(-rate * t + shape * (1.0 - slow)) * tilted
+    share = EXCHANGED
+    return (1.0 - share) * direct + share * held, area - share * HELD_FOR * held
+
+
+Family = Callable[[Floats, float], tuple[Floats, Floats]]
+
+FAMILIES: tuple[tuple[Family, tuple[float, ...]], ...] = (
+    (hayami, HAYAMI_CV),
+    (reservoir, RESERVOIR_SHARE),
+    (exchange, EXCHANGE_CV),
+)
+
+
+@dataclass(frozen=True)
+class ResponseGrid:
+    """All responses, by t50 and shape.
+
+    Attributes
+    ----------
+    t50 : ndarray, shape (T,)
+        Travel times [samples].
+    h : ndarray, shape (shapes, T, n_lags + 1)
+        Each sums to one.
+    prior : ndarray, shape (shapes,)
+        Of each shape; families have equal mass.
+    blocks : tuple of (shape, slice of T, slice of lags)
+        Where the responses are not zero.
+    """
+
+    t50: Floats
+    h: Floats
+    prior: Floats
+    blocks: tuple[tuple[int, slice, slice], ...]
+
+
+@lru_cache(maxsize=4)
+def response_grid(s: RiverSettings) -> ResponseGrid:
+    """The grid of :class:`RiverSettings`, made once."""
+    low = max(s.d_min - GUARD, STEP)
+    t50 = np.arange(low, s.d_max + GUARD + 1e-9, STEP)
+    h, prior = [], []
+    for family, parameters in FAMILIES:
+        for parameter in parameters:
+            h.append(responses(family, parameter, t50, s.n_lags))
+            prior.append(1.0 / (len(FAMILIES) * len(parameters)))
+    all_h = np.stack(h)
+    blocks = []
+    for shape in range(len(all_h)):
+        for begin in range(0, len(t50), BLOCK):
+            part = slice(begin, min(begin + BLOCK, len(t50)))
+            lags = np.flatnonzero(all_h[shape, part].max(axis=0) > 0.0)
+            blocks.append((shape, part, slice(int(lags[0]), int(lags[-1]) + 1)))
+    return ResponseGrid(t50, all_h, np.array(prior), tuple(blocks))
+
+
+def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Floats:
+    """h of one member at several t50, shape (T, n_lags + 1); what comes later is put on the last lag."""
+    half = float(brentq(lambda t: float(family(np.array([t]), parameter)[0][0]) - 0.5, 1e-3, 3.0))
+    scale = t50[:, None] / half
+    lag = np.maximum(np.arange(-1, n_lags + 2), 0.0)
+    area = scale * family(lag / scale, parameter)[1]
+    area[:, :2] = 0.0  # nothing has arrived at lag 0 or before
+    h = area[:, 2:] - 2.0 * area[:, 1:-1] + area[:, :-2]
+    h = np.maximum(h, 0.0)
+    h[h < SMALL] = 0.0
+    late = 1.0 - h.sum(axis=1)
+    h[:, -1] += np.where(late > SMALL * h.shape[1], late, 0.0)
+    whole: Floats = h / h.sum(axis=1, keepdims=True)
+    return whole
+
+
+def hastened(u: Floats, middle: float, lead: float) -> Floats:
+    """u with its high water sooner: u(t) moves to ``t - lead ln(u / middle)``.
+
+    Parameters
+    ----------
+    u : ndarray, shape (N,)
+        Discharge.
+    middle : float
+        The discharge that keeps its time.
+    lead : float
+        How much sooner e times as much water is [samples].
+
+    Notes
+    -----
+    What would overtake is let catch up only: a rise steepens into a front, and no further.
+    """
+    if lead == 0.0 or middle <= 0.0:
+        return u
+    k = np.arange(len(u), dtype=float)
+    moved = k - lead * np.log(np.maximum(u, 0.1 * middle) / middle)
+    moved = np.maximum.accumulate(moved + 1e-6 * k)
+    return np.asarray(np.interp(k, moved, u), float)

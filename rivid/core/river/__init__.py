@@ -1,1 +1,0 @@
-"""The probability of a river's travel time."""

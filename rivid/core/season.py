@@ -1,0 +1,421 @@
+"""Settings of the posterior of a season: the one home of their defaults."""
+
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.errors import ConfigError, RividError
+from rivid.types import Bools, Floats
+
+
+@dataclass(frozen=True)
+class SeasonSettings:
+    """How the days of a season help each other.
+
+    Chosen on simulated seasons whose delay drifts, steps or has nothing to do with the day before, and
+    proved on others (`benchmarks/peers/seasons.py`).
+
+    Parameters
+    ----------
+    drifts : tuple of float
+        Standard deviations of the travel time's drift from day to day [samples], each as likely.
+    exponents : tuple of float
+        Powers by which the travel time falls as the discharge grows, each as likely; without a discharge
+        there is none.
+    jump : float
+        Chance that the travel time of a day is anywhere, whatever it was the day before.
+    trust : float
+        Probability that a day's probability may be believed.
+    independent : float
+        Probability, beforehand, that the days of the season have nothing to do with each other.
+    answer_above : float
+        Least probability at which a day is answered.
+    """
+
+    drifts: tuple[float, ...] = (0.03, 0.1, 0.3)
+    exponents: tuple[float, ...] = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
+    jump: float = 0.03
+    trust: float = 0.98
+    independent: float = 0.3
+    answer_above: float = 0.72
+
+    def __post_init__(self) -> None:
+        if not self.drifts or not all(0.0 <= drift < inf for drift in self.drifts):
+            raise ConfigError(f"drifts = {self.drifts}: expected one or more, each 0 or above [samples]")
+        if not self.exponents or not all(-2.0 <= b <= 2.0 for b in self.exponents):
+            raise ConfigError(f"exponents = {self.exponents}: expected one or more, each from -2 to 2")
+        if not 0.0 < self.trust < 1.0:
+            raise ConfigError(f"trust = {self.trust}: expected a share above 0, below 1")
+        for name in ("jump", "independent", "answer_above"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ConfigError(f"{name} = {getattr(self, name)}: expected a share, 0 to 1")
+
+
+PARTS = 4
+"""Grid points of a sample."""
+
+COMMON = 2.0
+"""Days that the even distribution counts for, before the season's own is learned."""
+
+
+class Days(NamedTuple):
+    """What each day says.
+
+    Attributes
+    ----------
+    own : ndarray, shape (days, D)
+        Its probability as given; even where it is missing.
+    likely : ndarray, shape (days, D)
+        The same as far as it is trusted, the rest even; rows sum to one.
+    alike : ndarray, shape (days,)
+        How likely it was where days have nothing to do with their neighbours: :func:`foretold_alike`.
+    observed : ndarray of bool, shape (days,)
+    """
+
+    own: Floats
+    likely: Floats
+    alike: Floats
+    observed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Chains of B exponents and S drifts over K grid points.
+
+    Attributes
+    ----------
+    exponents, drifts : ndarray, shape (B,), (S,)
+    kernels : ndarray, shape (S, K, K)
+        Chance to drift from one grid point to another; symmetric.
+    jump : float
+        Chance that a day's travel time is drawn anew.
+    edges : ndarray, shape (K + 1,)
+        Between the grid points [samples].
+    d_min, D : int
+    log_flow : ndarray, shape (days,)
+        ln(Q / Q0); zero where none is known yet.
+    start : ndarray, shape (B, S, K)
+        Mass on the first day.
+    alone : float
+        Mass of independent days.
+    """
+
+    exponents: Floats
+    drifts: Floats
+    kernels: Floats
+    jump: float
+    edges: Floats
+    d_min: int
+    D: int
+    log_flow: Floats
+    start: Floats
+    alone: float
+
+    def _edges_on(self, t: int) -> Floats:
+        """The edges at the discharge of a day, shape (B, K + 1) [samples]."""
+        return np.asarray(self.edges * np.exp(-self.exponents * self.log_flow[t])[:, None])
+
+    def cells(self, t: int) -> Floats:
+        """Share of each grid point that lies in each delay on a day, shape (B, K, D).
+
+        What lies outside the range counts as its nearest delay.
+        """
+        edges = self._edges_on(t)
+        bounds = np.arange(self.d_min, self.d_min + self.D + 1, dtype=float)
+        bounds[0], bounds[-1] = -np.inf, np.inf
+        low, high = edges[:, :-1, None], edges[:, 1:, None]
+        inside = np.minimum(high, bounds[1:]) - np.maximum(low, bounds[:-1])
+        return np.asarray(np.maximum(inside, 0.0) / (high - low))
+
+    def anew(self, t: int) -> Floats:
+        """Where a jump leads, shape (B, K): evenly to all travel times of a day that lie in the range."""
+        edges = self._edges_on(t)
+        middle = 0.5 * (edges[:, :-1] + edges[:, 1:])
+        inside = ((middle > self.d_min) & (middle < self.d_min + self.D)).astype(float)
+        count = inside.sum(axis=1, keepdims=True)
+        return np.asarray(np.where(count > 0.0, inside / np.maximum(count, 1.0), 1.0 / inside.shape[1]))
+
+    def step(self, mass: Floats, t: int) -> Floats:
+        """Mass before day t speaks, from that after day t - 1, shape (B, S, K)."""
+        moved = np.matmul(mass[:, :, None], self.kernels)[:, :, 0]
+        drawn = mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None]
+        return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
+
+    def back(self, value: Floats, t: int) -> Floats:
+        """The transpose of :meth:`step`: expected value on day t, seen from each state of day t - 1."""
+        moved = np.matmul(value[:, :, None], self.kernels)[:, :, 0]
+        drawn = (value * self.anew(t)[:, None]).sum(axis=2, keepdims=True)
+        return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
+
+
+def chain_of(d_min: int, D: int, flow: Floats | None, days: int, s: SeasonSettings) -> Chain:
+    """The chain of a season; `flow` is the discharge of its days [m3/s], shape (days,), or None."""
+    K = PARTS * D
+    drifts = np.array(s.drifts, float)
+    exponents = np.array(s.exponents if flow is not None else (0.0,), float)
+    edges = d_min + np.arange(K + 1) / PARTS
+    start = np.full(
+        (len(exponents), len(drifts), K), (1.0 - s.independent) / (len(exponents) * len(drifts) * K)
+    )
+    kernels = np.stack([drift_kernel(K, PARTS * drift) for drift in s.drifts])
+    log_flow = np.zeros(days) if flow is None else _log_flow(flow)
+    return Chain(exponents, drifts, kernels, s.jump, edges, d_min, D, log_flow, start, s.independent)
+
+
+def foretold_alike(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
+    """How likely each day was, had the season's delays one distribution and no order, shape (days,).
+
+    That distribution is learned from the days before: else a chain that wanders widely would be believed
+    for no more than knowing which delays occur. A day that is not observed is as likely as its even row.
+    """
+    n, D = likely.shape
+    seen, found = np.full(D, COMMON / D), np.empty(n)
+    for t in range(n):
+        both = seen * likely[t] / seen.sum()
+        found[t] = both.sum()
+        if observed[t]:
+            seen = seen + both / found[t]
+    return found
+
+
+def drift_kernel(K: int, sd: float) -> Floats:
+    """Chances of a random walk that never rests, after a day, on K points with walls at both ends.
+
+    Parameters
+    ----------
+    K : int
+    sd : float
+        Standard deviation away from the walls [points].
+
+    Returns
+    -------
+    ndarray, shape (K, K)
+        ``exp(sd^2 L / 2)``, L the second difference that lets nothing through the walls: symmetric, so that
+        an even distribution stays even.
+
+    Examples
+    --------
+    >>> k = drift_kernel(9, 0.7)
+    >>> bool(np.allclose(k.sum(axis=1), 1.0)), round(float(k[4] @ (np.arange(9) - 4) ** 2), 2)
+    (True, 0.49)
+    """
+    # the cosines are what L leaves as they are
+    k, j = np.arange(K)[:, None] + 0.5, np.arange(K)
+    V = np.cos(np.pi * k * j / K) * np.sqrt(np.where(j == 0, 1.0, 2.0) / K)
+    decay = np.exp(0.5 * sd**2 * (2.0 * np.cos(np.pi * j / K) - 2.0))
+    return np.asarray(np.maximum((V * decay) @ V.T, 0.0))
+
+
+def _log_flow(flow: Floats) -> Floats:
+    """ln(Q / Q0), the last one known where one is missing; Q0 is the first."""
+    known = np.flatnonzero(np.isfinite(flow))
+    if not len(known):
+        return np.zeros(len(flow))
+    latest = np.maximum.accumulate(np.where(np.isfinite(flow), np.arange(len(flow)), known[0]))
+    return np.asarray(np.log(flow[latest] / flow[known[0]]))
+
+
+HELD = 0.9
+"""Probability that a day's set of delays holds."""
+
+
+@dataclass(frozen=True)
+class SeasonResult:
+    """What the days of a season say together; a leading axis of days.
+
+    Attributes
+    ----------
+    candidates : ndarray of int, shape (D,)
+        The delays [samples].
+    probability : ndarray, shape (days, D)
+        p(d | days up to this one), or with `both_ways` p(d | all days). A missing day has one too.
+    delay : ndarray, shape (days,)
+        The delay of highest probability [samples]; NaN where that is below `answer_above`.
+    sure : ndarray, shape (days,)
+        The highest probability.
+    in_set : ndarray of bool, shape (days, D)
+        The smallest set of delays that holds 90 %.
+    observed : ndarray of bool, shape (days,)
+        The day had a probability of its own.
+    independent : ndarray, shape (days,)
+        Probability that the days have nothing to do with each other.
+    exponent : ndarray, shape (days,)
+        Mean of b, the power by which the travel time falls as the discharge grows, given that the days are
+        related; 0 without a discharge.
+    drift : ndarray, shape (days,)
+        Mean of the travel time's drift [samples per day, standard deviation], given that they are related.
+    """
+
+    candidates: NDArray[np.intp]
+    probability: Floats
+    delay: Floats
+    sure: Floats
+    in_set: Bools
+    observed: Bools
+    independent: Floats
+    exponent: Floats
+    drift: Floats
+
+
+class _Belief(NamedTuple):
+    """Unnormalised masses: of the chains, shape (B, S, K), and of independent days."""
+
+    chains: Floats
+    alone: float
+
+
+def season(
+    probability: ArrayLike,
+    link: ArrayLike | None = None,
+    discharge: ArrayLike | None = None,
+    *,
+    d_min: int = 1,
+    both_ways: bool = False,
+    settings: SeasonSettings | None = None,
+) -> SeasonResult:
+    """Probability of every delay on every day, given the other days too.
+
+    Parameters
+    ----------
+    probability : array_like, shape (days, D)
+        p(d | y) of each calendar day for ``d = d_min ... d_min + D - 1``, made with a prior that is even:
+        the day's likelihood. NaN on a day that is missing or says nothing.
+    link : array_like, shape (days,), optional
+        Probability that a front is seen at all; 1 where not given.
+    discharge : array_like, shape (days,), optional
+        Median discharge of the day [m3/s], positive; NaN where it is not known, and the last one known holds.
+    d_min : int
+        The first delay [samples].
+    both_ways : bool
+        False: a day knows the days before it only, so that no answer changes when later days come. True: it
+        knows all of them.
+    settings : SeasonSettings, optional
+
+    Returns
+    -------
+    SeasonResult
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, or values that are no probabilities or no discharges.
+
+    Notes
+    -----
+    Source: L. R. Rabiner, "A tutorial on hidden Markov models", Proc. IEEE 77 (1989), 257-286, (18)-(27).
+
+    Examples
+    --------
+    >>> vague = [0.5, 0.3, 0.2]
+    >>> days = season([[0.8, 0.1, 0.1], vague, vague, [np.nan] * 3], d_min=4)
+    >>> days.candidates.tolist(), days.observed.tolist()
+    ([4, 5, 6], [True, True, True, False])
+    >>> bool(days.probability[2, 0] > 0.5)
+    True
+    """
+    s = settings or SeasonSettings()
+    days, chain = _checked(probability, link, discharge, d_min, s)
+    answers, beliefs = _forward(days, chain)
+    if both_ways:
+        answers, beliefs = _backward(days, chain, beliefs)
+    return _result(answers, beliefs, days, chain, d_min, s)
+
+
+def _checked(
+    probability: ArrayLike, link: ArrayLike | None, discharge: ArrayLike | None, d_min: int, s: SeasonSettings
+) -> tuple[Days, Chain]:
+    p = np.asarray(probability, float)
+    if p.ndim != 2 or not p.size:
+        raise RividError(f"probability has shape {p.shape}: expected (days, D), a row for each day")
+    if d_min < 0:
+        raise RividError(f"d_min = {d_min}: expected 0 or more (samples)")
+    n, D = p.shape
+    observed: Bools = np.asarray(np.isfinite(p).all(axis=1))
+    rows = np.where(observed[:, None], p, 1.0 / D)
+    wrong = np.flatnonzero((rows < 0.0).any(axis=1) | (np.abs(rows.sum(axis=1) - 1.0) > 1e-6))
+    if len(wrong):
+        raise RividError(
+            f"probability of row {wrong[0]} is no distribution: expected 0 or more, sum 1, or NaN"
+        )
+    trust = np.full(n, s.trust)
+    if link is not None:
+        seen = np.asarray(link, float)
+        if seen.shape != (n,):
+            raise RividError(f"link has shape {seen.shape}: expected ({n},), a value for each row")
+        if ((seen < 0.0) | (seen > 1.0)).any():
+            raise RividError(f"link goes from {np.nanmin(seen):g} to {np.nanmax(seen):g}: expected 0 to 1")
+        trust *= np.where(np.isfinite(seen), seen, 0.0)
+    trust[~observed] = 0.0
+    flow = None
+    if discharge is not None:
+        flow = np.asarray(discharge, float)
+        if flow.shape != (n,):
+            raise RividError(f"discharge has shape {flow.shape}: expected ({n},), a value for each row")
+        if (flow <= 0.0).any() or np.isinf(flow).any():
+            raise RividError(f"discharge goes down to {np.nanmin(flow):g} m3/s: expected it positive, or NaN")
+    likely = trust[:, None] * rows + (1.0 - trust[:, None]) / D
+    return Days(rows, likely, foretold_alike(likely, observed), observed), chain_of(d_min, D, flow, n, s)
+
+
+def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
+    """What each day and those before it say, and what was believed before the day itself spoke."""
+    mass, alone = chain.start, chain.alone
+    answers, beliefs = np.empty(days.own.shape), []
+    for t, (own, likely, alike) in enumerate(zip(days.own, days.likely, days.alike, strict=True)):
+        if t:
+            mass = chain.step(mass, t)
+        beliefs.append(_Belief(mass, alone))
+        share = chain.cells(t)
+        answers[t] = np.einsum("bsk,bkd->d", mass, share) * likely + alone * alike * own
+        mass, alone = mass * (share @ likely)[:, None], alone * alike
+        total = mass.sum() + alone
+        mass, alone = mass / total, alone / total
+    return answers, beliefs
+
+
+def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, list[_Belief]]:
+    """The same, and what the days after say too."""
+    n, D = days.own.shape
+    answers, beliefs = np.empty((n, D)), list(before)
+    after, after_alone = np.ones_like(chain.start), 1.0
+    for t in range(n - 1, -1, -1):
+        share = chain.cells(t)
+        mass, alone = before[t].chains * after, before[t].alone * after_alone
+        beliefs[t] = _Belief(mass, alone)
+        answers[t] = (
+            np.einsum("bsk,bkd->d", mass, share) * days.likely[t] + alone * days.alike[t] * days.own[t]
+        )
+        if t:
+            after = chain.back(after * (share @ days.likely[t])[:, None], t)
+            after_alone *= days.alike[t]
+            top = max(float(after.max()), after_alone)
+            after, after_alone = after / top, after_alone / top
+    return answers, beliefs
+
+
+def _result(
+    answers: Floats, beliefs: list[_Belief], days: Days, chain: Chain, d_min: int, s: SeasonSettings
+) -> SeasonResult:
+    """Normalised, and what is believed of the season after each day has spoken."""
+    n, D = answers.shape
+    independent, exponent, drift = np.empty(n), np.empty(n), np.empty(n)
+    for t, (mass, alone) in enumerate(beliefs):
+        share = chain.cells(t)
+        models = (mass * (share @ days.likely[t])[:, None]).sum(axis=2)
+        related = float(models.sum())
+        alone *= days.alike[t]
+        independent[t] = alone / (alone + related)
+        exponent[t] = (models.sum(axis=1) @ chain.exponents) / related if related > 0.0 else np.nan
+        drift[t] = (models.sum(axis=0) @ chain.drifts) / related if related > 0.0 else np.nan
+    p = answers / answers.sum(axis=1, keepdims=True)
+    candidates = np.arange(d_min, d_min + D)
+    ranked = np.argsort(-p, axis=1, kind="stable")
+    sorted_p = np.take_along_axis(p, ranked, axis=1)
+    in_set: Bools = np.zeros(p.shape, bool)
+    np.put_along_axis(in_set, ranked, np.cumsum(sorted_p, axis=1) - sorted_p < HELD, axis=1)
+    sure = sorted_p[:, 0]
+    delay = np.where(sure >= s.answer_above, candidates[ranked[:, 0]], np.nan)
+    return SeasonResult(candidates, p, delay, sure, in_set, days.observed, independent, exponent, drift)

@@ -1,1 +1,0 @@
-"""The score test with block sign flips."""

@@ -1,1 +1,0 @@
-"""From a study to an answer, a page, pictures and files."""

@@ -1,0 +1,349 @@
+"""What a finished run says of its days one by one, and which runs' days may be joined."""
+
+import datetime as dt
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from rivid.atomic import replacing, write_text
+from rivid.core.law import DelayLaw, delay_law
+from rivid.core.posterior.settings import RiverSettings
+from rivid.core.season import season
+from rivid.errors import ConfigError, NoDataError, RividError
+from rivid.results.tables import to_table, write_parquet
+from rivid.types import Bools, Floats
+
+LONGEST = 40_000
+"""Calendar days of a season at most: a date that is a slip of the pen must not fill the memory."""
+
+
+@dataclass(frozen=True)
+class SeasonDays:
+    """What a run says of its days one by one: every calendar day from the first to the last that is closed.
+
+    Attributes
+    ----------
+    reach : str
+    sample_time : float
+        T_s [s].
+    river : bool
+        The delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
+    window : int
+        Days of a data set.
+    dates : list of datetime.date
+        n of them, without gaps.
+    candidates : ndarray of int, shape (D,)
+        The delays [samples].
+    probability : ndarray, shape (n, D)
+        p(d | y) of the day alone; NaN where it says nothing.
+    delay : ndarray, shape (n,)
+        The day's own answer [samples]; NaN without one.
+    travel : ndarray, shape (n,)
+        Its travel time [s].
+    discharge : ndarray, shape (n,)
+        Mean inflow of its data set [m3/s]; NaN where it is not known, or not positive.
+    """
+
+    reach: str
+    sample_time: float
+    river: bool
+    window: int
+    dates: list[dt.date]
+    candidates: NDArray[np.intp]
+    probability: Floats
+    delay: Floats
+    travel: Floats
+    discharge: Floats
+
+    def place(self, probability: Floats, share: float) -> Floats:
+        """The travel time [samples] that `share` of each row lies below, shape (n,); NaN where that is NaN.
+
+        Within a delay all travel times count alike.
+        """
+        known: Bools = np.asarray(np.isfinite(probability).all(axis=1))
+        p = np.where(known[:, None], probability, 1.0 / probability.shape[1])
+        below = np.cumsum(p, axis=1)
+        cell = np.argmax(below >= share, axis=1)
+        rows = np.arange(len(p))
+        part = 1.0 - (below[rows, cell] - share) / p[rows, cell]
+        start = self.candidates[cell] - (0.5 if self.river else 0.0)
+        return np.where(known, start + np.clip(part, 0.0, 1.0), np.nan)
+
+
+def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
+    """The days of a finished run.
+
+    Parameters
+    ----------
+    out : Path
+        OUT of `rivid run`.
+    record : mapping
+        Its run.json.
+
+    Raises
+    ------
+    ConfigError
+        Where the run has no posterior, or its pool's outflow is not logged.
+    NoDataError
+        Where no day has probabilities.
+    RividError
+        Where the tables cannot be read, or span more than a century.
+    """
+    if "posterior" not in record["estimators"]:
+        raise ConfigError(
+            f"{out} has no posterior, only {', '.join(record['estimators'])}: its probabilities are what is "
+            "joined: run again with --estimator posterior"
+        )
+    river = record["config"]["reach"]["kind"] == "river"
+    if not river and not record["config"]["input"].get("u_Qo"):
+        raise ConfigError(
+            f"{out} is of a pool whose outflow is not logged (input.u_Qo): its days all err in the same way, "
+            "and joined they would be surer than right: log the outflow, or keep to posterior"
+        )
+    try:
+        delays, posterior = (
+            _own(pq.read_table(out / f"{name}.parquet", page_checksum_verification=True))
+            for name in ("delays", "posterior")
+        )
+    except (OSError, ValueError) as error:
+        raise RividError(f"{out}: results cannot be read ({error}): run again") from None
+    delays = delays.filter(pc.not_equal(delays["status"], "pending"))  # the log of today is not closed
+    if not posterior.num_rows:
+        raise NoDataError(f"{out}: no day has probabilities: see the messages in delays.csv")
+    rows = delays["date"].cast(pa.int32()).to_numpy()
+    n = int(rows[-1] - rows[0]) + 1
+    if n > LONGEST:
+        first, last = delays["date"][0], delays["date"][-1]
+        raise RividError(
+            f"{out}: days from {first} to {last}: expected {LONGEST} days or fewer: see the dates"
+        )
+    candidates = np.unique(posterior["delay_samples"].to_numpy()).astype(np.intp)
+    probability = np.full((n, len(candidates)), np.nan)
+    of_row = posterior["date"].cast(pa.int32()).to_numpy() - rows[0]
+    at = np.searchsorted(candidates, posterior["delay_samples"].to_numpy())
+    probability[of_row, at] = posterior["probability"].to_numpy()
+    delay, travel, discharge = np.full((3, n), np.nan)
+    for values, name in ((delay, "delay_samples"), (travel, "delay_s"), (discharge, "mean_inflow_m3s")):
+        values[rows - rows[0]] = pc.fill_null(delays[name], np.nan).to_numpy()
+    start: dt.date = delays["date"][0].as_py()
+    return SeasonDays(
+        reach=str(record["reach"]), sample_time=float(record["sample_time"]), river=river,
+        window=int(record["config"]["run"]["window_days"]),
+        dates=[start + dt.timedelta(days=k) for k in range(n)], candidates=candidates,
+        probability=probability, delay=delay, travel=travel,
+        discharge=np.where(discharge > 0.0, discharge, np.nan),
+    )  # fmt: skip
+
+
+def _own(table: pa.Table) -> pa.Table:
+    return table.filter(pc.equal(table["estimator"], "posterior"))
+
+
+DIRECTIONS = {False: "forward", True: "both"}
+
+
+@dataclass(frozen=True)
+class Joined:
+    """The answers of posterior-season; a leading axis of days.
+
+    Attributes
+    ----------
+    direction : str
+        "forward" or "both".
+    probability : ndarray, shape (n, D)
+        p(d | days).
+    delay, travel : ndarray, shape (n,)
+        Delay [samples] and travel time [s]; NaN where none is sure enough.
+    sure : ndarray, shape (n,)
+        Probability of the likeliest delay, of a river of its rounded t50.
+    low, high : ndarray, shape (n,)
+        Ends of the smallest set of delays that holds 90 % [samples].
+    observed : ndarray of bool, shape (n,)
+        The day had a probability of its own.
+    related : float
+        Probability, after the last day, that days have to do with each other.
+    """
+
+    direction: str
+    probability: Floats
+    delay: Floats
+    travel: Floats
+    sure: Floats
+    low: Floats
+    high: Floats
+    observed: Bools
+    related: float
+
+
+def join(days: SeasonDays, both_ways: bool = False) -> Joined:
+    """posterior-season of the days of a run.
+
+    Parameters
+    ----------
+    days : SeasonDays
+    both_ways : bool
+        False: a day knows the days before it only, so that no answer changes when days are added.
+
+    Returns
+    -------
+    Joined
+
+    Raises
+    ------
+    ConfigError
+        For a river both ways: its days err alike, and on simulated rivers the 90 % band then held 81 %.
+    """
+    if both_ways and days.river:
+        raise ConfigError(
+            "--both-ways on a river: its days err alike, and joined both ways they are surer than right: "
+            "leave it out"
+        )
+    n = len(days.dates)
+    p = np.empty(days.probability.shape)
+    in_set: Bools = np.empty(p.shape, bool)
+    delay, sure = np.empty((2, n))
+    observed: Bools = np.empty(n, bool)
+    related = 0.0
+    for first in range(min(days.window, n)):
+        take = slice(first, None, days.window)
+        found = season(
+            days.probability[take], None, days.discharge[take], d_min=int(days.candidates[0]),
+            both_ways=both_ways,
+        )  # fmt: skip
+        p[take], in_set[take], observed[take] = found.probability, found.in_set, found.observed
+        delay[take], sure[take] = found.delay, found.sure
+        if (n - 1) % days.window == first:
+            related = 1.0 - float(found.independent[-1])
+    middle = days.place(p, 0.5)
+    if days.river:
+        delay, sure = _river_answer(days, p, middle)
+    own = delay == days.delay  # the day's own fraction of a sample is finer than the season's
+    travel = np.where(own, days.travel, np.where(np.isfinite(delay), middle * days.sample_time, np.nan))
+    low = days.candidates[np.argmax(in_set, axis=1)].astype(float)
+    high = days.candidates[::-1][np.argmax(in_set[:, ::-1], axis=1)].astype(float)
+    return Joined(DIRECTIONS[both_ways], p, delay, travel, sure, low, high, observed, related)
+
+
+def _river_answer(days: SeasonDays, p: Floats, t50: Floats) -> tuple[Floats, Floats]:
+    """A river is answered where the band of t50 is narrow enough, as a day alone is."""
+    wide = days.place(p, 0.95) - days.place(p, 0.05)
+    first, last = days.candidates[0], days.candidates[-1]
+    rounded = np.clip(np.floor(t50 + 0.5), first, last)
+    sure = p[np.arange(len(p)), (rounded - first).astype(int)]
+    return np.where(wide <= RiverSettings().widest + 0.5 * t50, rounded, np.nan), sure
+
+
+def law_of(days: SeasonDays) -> DelayLaw:
+    """The law of the days' own answers, in seconds.
+
+    Days count alike, without a band of their own: what a table of probabilities tells of a travel time
+    within its sample is nothing, which would pass for an error of a third of a sample that no day has. The
+    scatter of the days about the law then holds their errors too, so a single day's interval is rather wide.
+    """
+    T = days.travel
+    return delay_law(days.discharge, T, T, T, day=np.array([day.toordinal() for day in days.dates]))
+
+
+NAME = "posterior-season"
+
+SCHEMA = pa.schema(
+    [
+        ("date", pa.date32()),
+        ("reach", pa.string()),
+        ("estimator", pa.string()),
+        ("delay_samples", pa.float64()),
+        ("delay_s", pa.float64()),
+        ("probability", pa.float64()),
+        ("delay_low", pa.float64()),
+        ("delay_high", pa.float64()),
+        ("observed", pa.bool_()),
+        ("direction", pa.string()),
+    ]
+)
+"""season.csv and season.parquet: a row per calendar day."""
+
+MEANINGS: dict[str, tuple[str, str]] = {
+    "date": ("", "the calendar day, with a log or without"),
+    "reach": ("", "its name"),
+    "estimator": ("", f"`{NAME}`"),
+    "delay_samples": ("samples", "likeliest delay, the days joined; empty where it is not probable enough"),
+    "delay_s": ("s", "the travel time, of a river t50"),
+    "probability": ("", "that this delay is right"),
+    "delay_low": ("samples", "shortest delay of the 90 % set"),
+    "delay_high": ("samples", "longest delay of the 90 % set"),
+    "observed": ("", "the day had probabilities of its own"),
+    "direction": ("", "`forward`: from the days before; `both`: from all days"),
+}
+"""Unit and meaning of each column of :data:`SCHEMA`."""
+
+LAW_SCHEMA = pa.schema(
+    [
+        *((f"{name}_m3s", pa.float64()) for name in ("discharge_low", "discharge_high", "discharge")),
+        *((f"{name}_s", pa.float64()) for name in ("delay", "delay_low", "delay_high")),
+        *((f"{name}_s", pa.float64()) for name in ("day_low", "day_high", "observed")),
+        ("n", pa.int64()),
+    ]
+)
+"""delay_law.csv: a row per class of discharge."""
+
+LAW_MEANINGS: dict[str, tuple[str, str]] = {
+    "discharge_low_m3s": ("m3/s", "lower edge of the class"),
+    "discharge_high_m3s": ("m3/s", "upper edge of the class"),
+    "discharge_m3s": ("m3/s", "median discharge of its days"),
+    "delay_s": ("s", "travel time by the law; of a river t50"),
+    "delay_low_s": ("s", "lower end of the law's 90 % interval"),
+    "delay_high_s": ("s", "upper end of it"),
+    "day_low_s": ("s", "lower end of the 90 % interval of a single day"),
+    "day_high_s": ("s", "upper end of it"),
+    "observed_s": ("s", "median of the days' own answers"),
+    "n": ("days", "in the class"),
+}
+"""Unit and meaning of each column of :data:`LAW_SCHEMA`."""
+
+
+def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> None:
+    """Write season.csv, season.parquet, delay_law.csv and delay_law.json into OUT, each atomically."""
+    n = len(days.dates)
+    columns: dict[str, list[Any]] = {
+        "date": list(days.dates), "reach": [days.reach] * n, "estimator": [NAME] * n,
+        "delay_samples": joined.delay.tolist(), "delay_s": joined.travel.tolist(),
+        "probability": joined.sure.tolist(), "delay_low": joined.low.tolist(),
+        "delay_high": joined.high.tolist(), "observed": joined.observed.tolist(),
+        "direction": [joined.direction] * n,
+    }  # fmt: skip
+    table = to_table(columns, SCHEMA)
+    write_parquet(table, out / "season.parquet")
+    _write_csv(table, out / "season.csv")
+    t = law.table
+    values = (t.discharge_low, t.discharge_high, t.discharge, t.delay, t.low, t.high, t.day_low, t.day_high,
+              t.observed, t.n)  # fmt: skip
+    classes = {name: v.tolist() for name, v in zip(LAW_SCHEMA.names, values, strict=True)}
+    _write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
+    write_text(out / "delay_law.json", json.dumps(law_json(days, law), indent=2, sort_keys=True) + "\n")
+
+
+def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
+    """delay_law.json: the law in seconds and m3/s; null where there is none."""
+    said = {name: v for name, v in asdict(law).items() if name != "table"}
+    said["covariance"] = law.covariance.tolist() if law.status == "ok" else None
+    finite = {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in said.items()}
+    units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
+    return finite | {
+        "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
+        "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
+        "first": str(days.dates[0]), "last": str(days.dates[-1]),
+    }  # fmt: skip
+
+
+def _write_csv(table: pa.Table, path: Path) -> None:
+    with replacing(path) as scratch:
+        pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))

@@ -1,0 +1,87 @@
+"""Which days of an estimator say what; shared by the figures and the report, with numpy alone."""
+
+import datetime as dt
+from collections.abc import Sequence
+
+import numpy as np
+
+from rivid.results.read import EstimatorResults
+from rivid.types import Bools, Floats
+
+FIR_ONLY = frozenset({"ml", "map"})
+"""Estimators of an impulse response without a delay."""
+
+
+def estimates_delay(estimator: EstimatorResults) -> bool:
+    """Whether an estimator answers with delays, even where no day has one."""
+    return estimator.candidates.size > 0 or estimator.estimator not in FIR_ONLY
+
+
+def candidates(estimator: EstimatorResults) -> Floats:
+    """The delays tried [samples], shape (K,); those found where the table has none, perhaps no one."""
+    if estimator.candidates.size:
+        return estimator.candidates
+    return np.unique(estimator.delay[found(estimator)])
+
+
+def found(estimator: EstimatorResults) -> Bools:
+    """Days with a delay, shape (n,)."""
+    return ~np.isnan(estimator.delay) & estimator.answered
+
+
+def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
+    """How far to trust each day's delay: each day with a delay is in one class, the gravest that holds.
+
+    Returns
+    -------
+    dict
+        "data decide", "data do not decide", "degenerate" and "at a bound": arrays of shape (n,).
+    """
+    e, days = estimator, found(estimator)
+    holds = {
+        "data decide": days,
+        "data do not decide": days & e.prior_only,
+        "degenerate": days & np.array([s == "degenerate" for s in e.status], bool),
+        "at a bound": days & e.at_bound,
+    }
+    taken = np.zeros(len(e.dates), bool)
+    chosen = {}
+    for name in reversed(holds):
+        chosen[name] = holds[name] & ~taken
+        taken |= chosen[name]
+    return dict(reversed(chosen.items()))
+
+
+def day_numbers(dates: Sequence[dt.date]) -> Floats:
+    """Ordinal numbers of dates, shape (n,)."""
+    return np.array([date.toordinal() for date in dates], float)
+
+
+def rayleigh(delays: Floats, scale: float) -> Floats:
+    """Rayleigh prior on the candidates, summing to one.
+
+    Parameters
+    ----------
+    delays : ndarray, shape (K,)
+        Candidates d [samples].
+    scale : float
+        sigma_d [samples].
+
+    Returns
+    -------
+    ndarray, shape (K,)
+
+    Notes
+    -----
+    Source: (26), lost in the paper's copy; its terms in (27) and (35) give it back.
+
+    Examples
+    --------
+    >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
+    >>> p[4:8].round(3), round(float(p.sum()), 6)
+    (array([0.094, 0.099, 0.099, 0.094]), 1.0)
+    """
+    logs = np.log(delays) - delays**2 / (2 * scale**2)
+    weights = np.exp(logs - logs.max())
+    p: Floats = weights / weights.sum()
+    return p

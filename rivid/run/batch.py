@@ -1,0 +1,252 @@
+"""One pure function on a batch of days: read, estimate, and give the rows.
+
+It knows nothing of processes, of the store or of what other days say; the same batch gives the same
+rows, and a day the same row in any batch.
+"""
+
+import datetime as dt
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from rivid import estimators
+from rivid.config import Config
+from rivid.core.fir import half_time
+from rivid.core.hydraulics import travel_bounds
+from rivid.errors import DataError, PendingError, printable
+from rivid.estimators import Answer, Days, Estimator
+from rivid.logs.find import DaySource
+from rivid.logs.read import DataSet, read_window
+from rivid.results.tables import SEGMENT, to_table
+from rivid.types import Floats
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Window:
+    """One data set to be: the days it is made of, the key of its content under its settings, its content."""
+
+    date: dt.date
+    sources: tuple[DaySource, ...]
+    key: str
+    missing: tuple[dt.date, ...] = ()
+    content: str = ""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Windows to work on together, with all they need."""
+
+    root: Path
+    config: Config
+    windows: tuple[Window, ...]
+    now: dt.date | dt.datetime
+
+    def halves(self) -> tuple["Batch", "Batch"]:
+        """The same work in two batches."""
+        middle = len(self.windows) // 2
+        return (
+            Batch(self.root, self.config, self.windows[:middle], self.now),
+            Batch(self.root, self.config, self.windows[middle:], self.now),
+        )
+
+
+def estimate_batch(batch: Batch) -> pa.Table:
+    """Read and estimate every window of a batch.
+
+    Parameters
+    ----------
+    batch : Batch
+
+    Returns
+    -------
+    pyarrow.Table
+        Of schema :data:`rivid.results.tables.SEGMENT`: a row for every window and estimator.
+    """
+    config = batch.config
+    answers: dict[str, list[Row]] = {}
+    alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
+    for window in batch.windows:
+        try:
+            data = _read(batch, window)
+        except PendingError as error:
+            answers[window.key] = [_unread(window, config, name, "pending", error) for name in _names(config)]
+        except DataError as error:
+            answers[window.key] = [_unread(window, config, name, "failed", error) for name in _names(config)]
+        else:
+            alike[len(data.inflow), data.outflow is None].append((window, data))
+    with threadpool_limits(1):
+        for group in alike.values():
+            for window, rows in _estimate(group, config):
+                answers[window.key] = rows
+    rows = [row for window in batch.windows for row in answers[window.key]]
+    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
+
+
+def failed_batch(batch: Batch, reason: str) -> pa.Table:
+    """The rows of a batch that cannot be worked on at all."""
+    rows = [
+        _unread(window, batch.config, name, "failed", DataError(reason))
+        for window in batch.windows
+        for name in _names(batch.config)
+    ]
+    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
+
+
+def _names(config: Config) -> list[str]:
+    return [str(name) for name in config.run.estimators]
+
+
+def _read(batch: Batch, window: Window) -> DataSet:
+    if window.missing:
+        days = ", ".join(str(day) for day in window.missing)
+        raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
+    try:
+        return read_window(batch.root, window.sources, batch.config, today=batch.now)
+    except (OSError, MemoryError, ValueError) as error:
+        raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
+
+
+def _unread(window: Window, config: Config, name: str, status: str, error: DataError) -> Row:
+    return {
+        "key": window.key,
+        "date": window.date,
+        "reach": config.reach.name,
+        "estimator": name,
+        "status": status,
+        "output_unit": config.reach.output_unit,
+        "message": printable(" ".join(str(error).split())[:500]),
+    }
+
+
+def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple[Window, list[Row]]]:
+    """All estimators on data sets of one length."""
+    inflow = np.stack([data.inflow for _, data in group])
+    output = np.stack([data.output for _, data in group])
+    outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
+    days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
+    answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
+    for estimator in estimators.build(config):
+        if days.u.shape[1] <= estimator.n_more_than:
+            what, key = estimator.because
+            for (window, rows), (_, data) in zip(answers, group, strict=True):
+                reason = DataError(
+                    f"{len(data.inflow)} samples are too few for {what}: "
+                    f"lower {key}, or raise [run] window_days"
+                )
+                rows.append(_unread(window, config, estimator.name, "failed", reason))
+            continue
+        answer = estimator.estimate(days)
+        for i, (window, data) in enumerate(group):
+            answers[i][1].append(_row(window, data, config, estimator, answer, i, days))
+    return answers
+
+
+def _row(
+    window: Window,
+    data: DataSet,
+    config: Config,
+    estimator: Estimator,
+    answer: Answer,
+    i: int,
+    days: Days,
+) -> Row:
+    reach = config.reach
+    status, delay = str(answer.status[i]), _at(answer.delay, i)
+    iterations = 0 if answer.iterations is None else int(answer.iterations[i])
+    mean_inflow = float(data.inflow.mean())
+    level = float(data.output.mean()) if reach.kind == "pool" else np.nan
+    depth = reach.depth if reach.bed_level is None or np.isnan(level) else level - reach.bed_level
+    notes = [data.notes] if data.notes else []
+    if estimator.max_iterations is not None and iterations >= estimator.max_iterations:
+        notes.insert(0, f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
+    if status == "unidentifiable":
+        notes.insert(0, _why(answer, i, days, config))
+    elif estimator.says_at_bound and answer.candidates is not None:
+        notes = [note for note in (_edge(delay, answer.candidates), *notes) if note]
+    if depth <= 0:
+        notes.append(f"mean level {level:.2f} m is not above [reach] bed_level: depth of [reach] taken")
+        depth = reach.depth
+    bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
+    row: Row = {
+        "key": window.key,
+        "date": window.date,
+        "reach": reach.name,
+        "estimator": estimator.name,
+        "status": status,
+        "delay_samples": delay,
+        "delay_s": (delay if answer.travel is None else _at(answer.travel, i)) * reach.sample_time,
+        "probability": _at(answer.probability, i),
+        "delay_low": _at(answer.delay_low, i),
+        "delay_high": _at(answer.delay_high, i),
+        "alpha": _at(answer.alpha, i),
+        "noise_sd": float(np.sqrt(_at(answer.noise_variance, i))),
+        "roughness_sd": float(np.sqrt(_at(answer.roughness_variance, i))),
+        "output_unit": reach.output_unit,
+        "iterations": iterations,
+        "condition": _at(answer.condition, i),
+        "n_samples": len(data.inflow),
+        "n_filled": data.n_filled,
+        "mean_inflow_m3s": mean_inflow,
+        "mean_level_m": level,
+        "froude": float(bounds.froude),
+        "bound_gravity_s": float(bounds.gravity),
+        "bound_kinematic_s": float(bounds.kinematic),
+        "message": "; ".join(notes),
+    }
+    if status != "unidentifiable":
+        if answer.fir is not None:
+            row["fir"] = answer.fir[i]
+            row["fir_sd"] = None if answer.fir_sd is None else answer.fir_sd[i]
+            if reach.kind == "river":
+                row["t50_samples"] = float(half_time(answer.fir[i : i + 1])[0])
+    if status != "unidentifiable" or np.isfinite(_at(answer.probability, i)):
+        if answer.candidates is not None and answer.curve is not None:
+            row |= _search(answer, answer.candidates, answer.curve, i, delay)
+    if answer.outside is not None and answer.outside[i]:
+        row["at_bound"] = True
+    return row
+
+
+def _search(answer: Answer, candidates: NDArray[np.intp], curve: Floats, i: int, delay: float) -> Row:
+    """What is to be said of the delays that were tried."""
+    return {
+        "at_bound": delay in (candidates[0], candidates[-1]),
+        "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
+        "criterion": None if answer.criterion is None else float(np.min(answer.criterion[i])),
+        "first_candidate": int(candidates[0]),
+        "curve": curve[i],
+    }
+
+
+def _at(values: Floats | None, i: int) -> float:
+    """A day's value; NaN where the estimator has none."""
+    return np.nan if values is None else float(values[i])
+
+
+def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
+    """What a delay at the edge of those tried means; nothing elsewhere."""
+    if delay == candidates[-1]:
+        return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
+    if delay == candidates[0]:
+        return f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter"
+    return ""
+
+
+def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
+    """What keeps a day from being identified."""
+    if not days.u[i].any():
+        return "the inflow does not move enough: nothing to identify"
+    if not days.y[i].any():
+        what = "level" if config.reach.kind == "pool" else "output discharge"
+        return f"the {what} does not move: nothing to identify (gauge stuck?)"
+    if answer.reason is not None and answer.reason[i]:
+        return str(answer.reason[i])
+    return f"the inflow moves too little: condition number of U'U is {_at(answer.condition, i):.1e}"

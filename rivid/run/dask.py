@@ -1,0 +1,208 @@
+"""Batches on a Dask cluster: one that stands already, or workers of this machine for the run's time.
+
+Only Dask's futures are used: batches are rivid's own, few are in flight, and a worker writes its segment
+itself, so that tables are the same bytes as with processes. Workers must see DATA_DIR and OUT under the same
+paths, and have the same rivid.
+"""
+
+import importlib.util
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rivid import __version__
+from rivid.errors import ConfigError, RividError
+from rivid.results.store import METHOD_VERSION
+from rivid.run.workers import Engine
+
+PATIENCE = 10
+"""How long a scheduler may take to answer [s]."""
+
+LOOK_AGAIN = 5.0
+"""How old the number of a scheduler's workers may be [s]."""
+
+STARTS = 3
+"""How often a cluster on this machine is started before it is given up."""
+
+AT_LEAST = 16
+"""Tasks that a standing scheduler is offered even where it has few workers: an adaptive one grows by them."""
+
+OURS = {
+    "distributed.scheduler.allowed-failures": 0,  # the task that a worker died of is told at once
+    "distributed.worker.profile.enabled": False,
+    # one thread of BLAS; and not Dask's MALLOC_TRIM_THRESHOLD_, which gives memory back after every array
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(
+        ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
+    ),
+}
+"""Settings of a cluster on this machine."""
+
+VERSION = f"{__version__}, method {METHOD_VERSION}"
+
+_one_at_a_time = threading.Lock()
+
+
+class Dask:
+    """Workers of a Dask cluster: ``with Dask() as engine``; it begins with the first task.
+
+    Parameters
+    ----------
+    scheduler : str, optional
+        Address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler file, ending in
+        ``.json``. Without: a cluster on this machine, gone when the block ends.
+    workers : int
+        Worker processes of the cluster on this machine, of one thread each.
+
+    Raises
+    ------
+    ConfigError
+        Where dask is not installed, or the scheduler file is not there.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int = 1) -> None:
+        if importlib.util.find_spec("distributed") is None:
+            raise ConfigError(
+                "--engine dask needs dask, which is not installed: pip install 'rivid[dask]', "
+                "or leave the option out: processes give the same tables"
+            )
+        if scheduler and scheduler.endswith(".json") and not Path(scheduler).is_file():
+            raise ConfigError(
+                f"no scheduler file {scheduler}: start `dask scheduler --scheduler-file {scheduler}`, "
+                "or give the scheduler's address"
+            )
+        self.scheduler = scheduler
+        self.workers = workers
+        self.died: tuple[type[BaseException], ...] = ()
+        self._client: Any = None
+        self._cluster: Any = None
+        self._executor: Any = None
+        self._counted = (0.0, 0)
+
+    def __enter__(self) -> "Dask":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        lost = isinstance(error, CancelledError | OSError) and self._gone()
+        self._close(cancel=kind is not None)
+        if lost:
+            raise RividError(
+                f"the scheduler {self.scheduler or 'of this machine'} went away: what is done is kept, "
+                "the same command goes on from there"
+            ) from error
+
+    @property
+    def slots(self) -> int:
+        """Tasks that run at a time, or that a standing scheduler is offered."""
+        if not self.scheduler:
+            return self.workers
+        self._begin()
+        seen, n = self._counted
+        if time.monotonic() - seen > LOOK_AGAIN:
+            n = max(AT_LEAST, sum(self._client.nthreads().values()))
+            self._counted = (time.monotonic(), n)
+        return n
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a worker execute the task."""
+        self._begin()
+        future: Future[Any] = self._executor.submit(
+            _execute, VERSION, not self.scheduler, task, *(_everywhere(value) for value in arguments)
+        )
+        return future
+
+    def renew(self) -> None:
+        """Nothing to renew: Dask gives up the task that killed its worker, and starts another worker."""
+
+    @contextmanager
+    def one(self) -> Iterator[Engine]:
+        """The same workers: Dask tells which task a worker died of."""
+        yield self
+
+    def _begin(self) -> None:
+        if self._client is not None:
+            return
+        import dask
+        from distributed import Client, KilledWorker, LocalCluster
+
+        self.died = (KilledWorker,)
+        if self.scheduler:
+            by = {"scheduler_file" if self.scheduler.endswith(".json") else "address": self.scheduler}
+            try:
+                self._client = Client(**by, timeout=PATIENCE, set_as_default=False)
+            except (OSError, TimeoutError, ValueError) as error:
+                raise RividError(
+                    f"no Dask scheduler answers at {self.scheduler} ({type(error).__name__}): "
+                    "start one (`dask scheduler`), or leave --scheduler out for workers of this machine"
+                ) from None
+        else:
+            with dask.config.set(OURS):
+                self._cluster = self._start(LocalCluster)
+            self._client = Client(self._cluster, set_as_default=False)
+        self._executor = self._client.get_executor(pure=False)
+
+    def _start(self, cluster: Callable[..., Any]) -> Any:
+        """A cluster on this machine; a worker may be killed while it begins."""
+        for _ in range(STARTS):
+            try:
+                return cluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=50,
+                )
+            except (RuntimeError, OSError, TimeoutError) as error:
+                why = error
+        raise RividError(
+            f"Dask's workers did not begin ({why}): give fewer --workers, or leave --engine dask out"
+        ) from why
+
+    def _gone(self) -> bool:
+        return self._client is not None and self._client.status != "running"
+
+    def _close(self, cancel: bool) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            self._executor.shutdown(wait=not cancel)
+            client.close(timeout=2)
+        if self._cluster is not None:  # also one that no client has reached
+            self._cluster.close(timeout=2)
+
+
+def _everywhere(value: Any) -> Any:
+    """The argument as another process of another directory understands it."""
+    return value.absolute() if isinstance(value, Path) else value
+
+
+@cache
+def _settle() -> None:
+    """Make a worker of ours ready, once: what it has imported stays, nothing looks through it for rubbish."""
+    import gc
+
+    from rivid.run.lean import spare_pandas
+
+    spare_pandas()
+    gc.freeze()
+
+
+def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any) -> Any:
+    """What a Dask worker does: one task at a time, for drawing is not made for threads.
+
+    Other people's tasks may share the worker of a standing scheduler: nothing of it is changed.
+    """
+    if version != VERSION:
+        raise RividError(
+            f"a Dask worker has rivid {VERSION}, this command is rivid {version}: "
+            "install the same on both, and start the workers again"
+        )
+    if own:
+        _settle()
+    with _one_at_a_time:
+        return task(*arguments)

@@ -1,0 +1,280 @@
+"""A run: estimate what is new, and bring the tables, figures, report and run.json up to date."""
+
+import datetime as dt
+import time
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from rivid.config import Config
+from rivid.errors import ConfigError, NoDataError, RividError, printable
+from rivid.estimators import build
+from rivid.results import record
+from rivid.results.merge import write_merged
+from rivid.results.rows import Rows, hash_of
+from rivid.results.store import Store, digest
+from rivid.results.tables import SCHEMA_VERSION, TABLES
+from rivid.run.batch import Batch, Window
+from rivid.run.drawing import draw_here, draw_with
+from rivid.run.plan import Options, Plan, make_plan
+from rivid.run.preload import DRAWING, cores, warm
+from rivid.run.workers import Engine, Here, Processes, processes, run_batches
+
+BATCH_DAYS = 128
+"""Days of a batch at most: small enough to share out, large enough to be worth a file."""
+
+ONE_PROCESS_BELOW = 1000
+"""With fewer new days than this, starting worker processes takes longer than the work itself."""
+
+
+MOST_PAINTERS = 4
+"""Processes that draw: there are a few figures only, and each process reads the results for itself."""
+
+
+class TooManyError(RividError):
+    """More days are new than the run was to take on (``Options.most_new``)."""
+
+
+@dataclass
+class Summary:
+    """What a run did.
+
+    Attributes
+    ----------
+    out : Path
+    rows : pyarrow.Table
+        All rows of OUT in their order, or those of the shard: columns :data:`rivid.results.rows.SHORT`, and
+        `message` where a day failed.
+    windows : int
+        Data sets of DATA_DIR.
+    computed_keys, asked_keys : set of str
+        Keys of the data sets that were estimated now, and of those that were asked for.
+    dropped : int
+        Data sets of earlier runs whose logs are gone: OUT mirrors DATA_DIR.
+    failures, new_failures : int
+        Days that failed; of them those that no finished run has told of.
+    counts : dict
+        Rows per estimator and status.
+    bad_files, new_bad_files : list of (path, reason)
+        Files that are no logs; of them those that no finished run has told of.
+    damaged : list of str
+        Segments that were damaged and dropped.
+    reused : int
+        Data sets taken over from earlier runs.
+    unasked : list of str
+        Estimators of the run before that this one does not ask: their rows leave the tables.
+    """
+
+    out: Path
+    rows: pa.Table
+    windows: int
+    computed_keys: set[str]
+    asked_keys: set[str]
+    bad_files: list[tuple[str, str]]
+    new_bad_files: list[tuple[str, str]]
+    dropped: int
+    damaged: list[str]
+    failures: int = 0
+    new_failures: int = 0
+    reused: int = 0
+    unasked: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    counts: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    @property
+    def exit_code(self) -> int:
+        """3 where days or files failed that no finished run has told of, or where every data set failed."""
+        told = self.new_failures or self.new_bad_files or 0 < self.failures == self.windows
+        return 3 if told else 0
+
+    @property
+    def computed(self) -> int:
+        """Data sets estimated now."""
+        return len(self.computed_keys)
+
+
+def run(
+    data_dir: Path,
+    out: Path,
+    config: Config,
+    options: Options,
+    progress: Any = None,
+    engine: Engine | None = None,
+) -> Summary:
+    """Estimate what is new in DATA_DIR and bring OUT up to date.
+
+    Parameters
+    ----------
+    data_dir, out : Path
+        Where the logs are; where the results go.
+    config : Config
+    options : Options
+        With a shard, its days are estimated and kept, and nothing else of OUT is touched: a run without
+        shard makes the tables.
+    progress : callable, optional
+        ``progress(total)`` gives a context manager whose value is called with each number of days done.
+    engine : Engine, optional
+        What executes batches; by default as many processes as pay off. They draw too; for a cluster
+        processes of this machine do.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    NoDataError, LockedError, ConfigError, RividError
+        Before anything is computed, where the run cannot begin.
+    """
+    began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
+    painters = min(options.workers or cores(), MOST_PAINTERS)
+    build(config)  # settings that contradict each other are said before any work
+    _refuse_places(data_dir, out)
+    with Store(out, options.shard.name if options.shard else "") as store:
+        before = record.last(out)
+        planned = make_plan(data_dir, config, options, store.known_files(data_dir))
+        if options.force:
+            store.forget([w.key for w in planned.asked])
+        kept = store.read()
+        new = _missing(planned.asked, kept)
+        if options.most_new is not None and len(new) > options.most_new:
+            raise TooManyError(
+                f"{len(new)} new days in {data_dir}: {options.most_new} at most were to be run"
+            )
+        if new:
+            if options.figures and not options.shard and engine is None and painters > 1:
+                warm(DRAWING)  # while this process reads and estimates
+            _estimate(store, data_dir, config, new, planned, options, progress, engine)
+        of = planned.asked if options.shard else planned.windows
+        rows = (store.read(kept) if new else kept).arranged([w.key for w in of], config.run.estimators)
+        summary, failed = _summarise(rows, planned, new, kept, before, store, out)
+        told = before.get("estimators")
+        names = map(str, told) if isinstance(told, list) else ()  # of a record that somebody may have edited
+        summary.unasked = [name for name in names if name not in config.run.estimators]
+        if options.shard:
+            summary.seconds = time.perf_counter() - began
+            return summary
+        content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
+        current = before.get("content") == content and record.is_whole(out, before, options.figures)
+        if options.force or not current:
+            record.unfinished(out, before)
+            write_merged(rows, out)
+            now = record.describe(config, data_dir, started) | {
+                "data_sets": summary.windows,
+                "computed": summary.computed,
+                "reused": summary.reused,
+                "counts": summary.counts,
+                "bad_files": summary.bad_files,
+                "failed": failed,
+                "seconds": round(time.perf_counter() - began, 3),
+            }
+            files = [out / name for name in TABLES]
+            if options.figures:
+                record.unfinished(out, now | {"failed": before.get("failed", [])})
+                files += _draw(out, now, engine, painters)
+            else:
+                (out / "report.html").unlink(missing_ok=True)  # it would speak of older tables
+            record.write(out, now | {"content": content, "outputs": record.hashes(out, files)})
+            store.compact(rows)
+            if summary.dropped:
+                store.forget(_others(kept, rows))
+        store.remember_files(data_dir, {p: f.to_json() for p, f in planned.catalog.files.items()})
+    summary.seconds = time.perf_counter() - began
+    return summary
+
+
+def _missing(asked: list[Window], kept: Rows) -> list[Window]:
+    """The windows that no segment holds."""
+    keys = pa.array([window.key for window in asked], pa.string())
+    done = pc.is_in(keys, value_set=kept.table["key"].combine_chunks())
+    return [window for window, is_done in zip(asked, done.to_pylist(), strict=True) if not is_done]
+
+
+def _others(kept: Rows, rows: Rows) -> list[str]:
+    """Keys that were kept and are no longer part of OUT."""
+    stale = pc.invert(pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks()))
+    return list(kept.table["key"].filter(stale).to_pylist())
+
+
+def _refuse_places(data_dir: Path, out: Path) -> None:
+    if not data_dir.exists():
+        raise NoDataError(f"{data_dir} does not exist: expected a directory of logs")
+    try:
+        str(out).encode()
+    except UnicodeEncodeError:
+        raise ConfigError(
+            f"OUT ({printable(str(out))}): its name is not UTF-8, and Parquet files cannot be written there; "
+            "give another --out"
+        ) from None
+    if data_dir.resolve() == out.resolve():
+        raise ConfigError(f"OUT is DATA_DIR ({out}): its tables would be taken for logs; give another --out")
+
+
+def _estimate(
+    store: Store,
+    data_dir: Path,
+    config: Config,
+    new: list[Window],
+    planned: Plan,
+    options: Options,
+    progress: Any,
+    engine: Engine | None,
+) -> None:
+    """Share the new windows out over batches and workers."""
+    if engine is None:
+        workers = options.workers or (1 if len(new) < ONE_PROCESS_BELOW else cores())
+    else:
+        workers = engine.slots
+    size = max(1, min(BATCH_DAYS, -(-len(new) // workers)))
+    batches = (
+        Batch(data_dir, config, tuple(new[at : at + size]), planned.now) for at in range(0, len(new), size)
+    )
+    with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
+        with nullcontext(engine) if engine else processes(workers) as executing:
+            run_batches(batches, store.segments, executing, done)
+
+
+def _summarise(
+    rows: Rows,
+    planned: Plan,
+    new: list[Window],
+    kept: Rows,
+    before: dict[str, Any],
+    store: Store,
+    out: Path,
+) -> tuple[Summary, list[str]]:
+    """The summary, and the content of the days that failed."""
+    table = rows.table
+    dates = {window.date for window in planned.windows}
+    summary = Summary(
+        out=out,
+        rows=table,
+        windows=len(planned.windows),
+        computed_keys={w.key for w in new},
+        asked_keys={w.key for w in planned.asked},
+        bad_files=planned.catalog.bad_files,
+        new_bad_files=[b for b in planned.catalog.bad_files if list(b) not in before.get("bad_files", [])],
+        dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
+        damaged=store.damaged,
+    )
+    for name in pc.unique(table["estimator"]).to_pylist():
+        of = table["status"].filter(pc.equal(table["estimator"], name))
+        summary.counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
+    failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
+    failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
+    summary.failures = len(failed)
+    summary.new_failures = len(set(failed) - set(before.get("failed", [])))
+    summary.reused = len(pc.unique(table["key"])) - summary.computed
+    return summary, failed
+
+
+def _draw(out: Path, now: dict[str, Any], engine: Engine | None, painters: int) -> list[Path]:
+    """Figures and report; gives the files written."""
+    if isinstance(engine, Here | Processes):
+        return draw_here(out, now) if isinstance(engine, Here) else draw_with(engine, out, now)
+    with processes(painters, DRAWING) as painting:
+        return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)

@@ -1,1 +1,0 @@
-"""A finished run's days joined: posterior-season, and the law of delay and discharge."""

@@ -1,0 +1,356 @@
+"""Words for numbers and names: delays in samples and minutes or hours, estimators, dates, statuses.
+
+Shared by the figures and the report; imports nothing heavy.
+"""
+
+import datetime as dt
+import math
+from collections.abc import Sequence
+
+ESTIMATOR_WORDS = {
+    "ml": "maximum likelihood (17)",
+    "map": "smooth MAP (22)",
+    "jmap": "JMAP, Rayleigh prior (Table VI)",
+    "jmap-uniform": "JMAP, uniform prior, fixed alpha (Table V)",
+    "jmap-uniform-estimated": "JMAP, uniform prior, alpha estimated",
+    "jmap-degenerate": "JMAP without the inverse-gamma prior",
+    "direct": "direct approach, least squares in (8) (Table IV)",
+    "indirect": "indirect approach, least squares in (10) (Table IV)",
+    "cusum-ml": "CUSUM on the ML response",
+    "cusum-map": "CUSUM on the MAP response",
+    "posterior": "probability of each delay, averaged over equations",
+}
+"""What an estimator is, in a few words."""
+
+RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
+"""Estimators that weigh the delay with the Rayleigh prior (26)."""
+
+UNJUDGED = frozenset({"direct", "indirect", "cusum-ml", "cusum-map"})
+"""Estimators that do not tell whether the data single their delay out."""
+
+PROBABLE = frozenset({"posterior"})
+"""Estimators that give each delay a probability, and answer where it is high enough."""
+
+WITHOUT_FIR = frozenset({"direct", "indirect"})
+"""Estimators that have no impulse response."""
+
+HOURS_FROM = 7200
+"""Durations from here on [s] are told in hours."""
+
+NO_ANSWER = ("failed", "unidentifiable", "pending")
+"""Statuses of days without an answer, the gravest first."""
+
+
+def estimator_words(name: str) -> str:
+    """The estimator in words; its bare name where there are none."""
+    return ESTIMATOR_WORDS.get(name, name)
+
+
+def method(name: str) -> str:
+    """What looks for the jump.
+
+    Examples
+    --------
+    >>> method("cusum-ml"), method("jmap-uniform")
+    ('CUSUM', 'JMAP')
+    """
+    return "CUSUM" if name.startswith("cusum") else "JMAP"
+
+
+def no_jump(name: str) -> str:
+    """What every figure of a river's jump delay says below it."""
+    return f"The {method(name)} looks for a jump; a dispersive river has none, so t50 says more than d."
+
+
+def trust(kind: str, name: str) -> str:
+    """How far to trust a delay, in the words of a legend; an estimator that does not judge has delays only.
+
+    Examples
+    --------
+    >>> trust("data decide", "jmap"), trust("data decide", "direct"), trust("at a bound", "direct")
+    ('data decide', 'delay', 'at a bound')
+    """
+    return "delay" if kind == "data decide" and name in UNJUDGED | PROBABLE else kind
+
+
+def count(n: int, noun: str, plural: str | None = None) -> str:
+    """A counted noun.
+
+    Examples
+    --------
+    >>> count(1, "day"), count(1332, "day")
+    ('1 day', '1,332 days')
+    """
+    return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
+
+
+def listed(parts: Sequence[str], last: str = "and") -> str:
+    """Join words as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"]), listed(["6", "7"], "or")
+    ('a, b and c', '6 or 7')
+    """
+    if len(parts) < 2:
+        return "".join(parts)
+    return f"{', '.join(parts[:-1])} {last} {parts[-1]}"
+
+
+def number(value: float) -> str:
+    """A number without needless decimals: up to one above 1, two digits below.
+
+    Examples
+    --------
+    >>> number(6.0), number(13.3), number(0.0222)
+    ('6', '13.3', '0.022')
+    """
+    if not math.isfinite(value):
+        return "-"
+    if value != 0 and abs(value) < 1:
+        return f"{value:.2g}"
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def time_unit(longest: float) -> tuple[str, int]:
+    """The unit for durations of up to `longest` seconds, and its seconds: minutes below two hours."""
+    return ("hours", 3600) if longest >= HOURS_FROM else ("minutes", 60)
+
+
+def duration(seconds: Sequence[float], joint: str = "to") -> str:
+    """Durations in minutes, in hours where all of them are two hours or longer.
+
+    Parameters
+    ----------
+    seconds : sequence of float
+        One duration, or several in order [s].
+    joint : str
+        The word between them.
+
+    Examples
+    --------
+    >>> duration([798]), duration([798, 931]), duration([3714, 21900]), duration([23400])
+    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h')
+    """
+
+    unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
+    return f"{listed(list(dict.fromkeys(spelt([s / size for s in seconds]))), joint)} {unit}"
+
+
+def spelt(values: Sequence[float]) -> list[str]:
+    """Durations without their unit: no decimal from 100 on.
+
+    Examples
+    --------
+    >>> spelt([25, 13.33, 365.2, 0.05])
+    ['25.0', '13.3', '365', '0.05']
+    """
+    return [f"{v:.{0 if v >= 100 else 1}f}" if v >= 1 else number(v) for v in values]
+
+
+def samples(values: Sequence[float]) -> str:
+    """Delays in samples.
+
+    Examples
+    --------
+    >>> samples([6, 7]), samples([1])
+    ('6 or 7 samples', '1 sample')
+    """
+    return f"{listed([number(v) for v in values], 'or')} {'sample' if list(values) == [1] else 'samples'}"
+
+
+def delays(values: Sequence[float], sample_time: float) -> str:
+    """One lag, or several alternatives, in samples and in minutes or hours: d as d T_s, or a t50.
+
+    The page tells the travel time that a delay stands for instead: :mod:`rivid.text`.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Lags [samples], lowest first.
+    sample_time : float
+        T_s [s].
+
+    Examples
+    --------
+    >>> delays([6, 7], 133), delays([1], 133), delays([6, 9], 133)
+    ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 19.9 min)')
+    """
+    together = all(b - a == 1 for a, b in zip(values, values[1:], strict=False))
+    span = duration([v * sample_time for v in values], "to" if together else "or")
+    return f"{samples(values)} ({span})"
+
+
+def minutes_first(value: float, sample_time: float) -> str:
+    """A t50 as a person asks for it: minutes or hours, then samples.
+
+    Parameters
+    ----------
+    value : float
+        t50 [samples].
+    sample_time : float
+        T_s [s].
+
+    Examples
+    --------
+    >>> minutes_first(7, 133), minutes_first(14.17, 900), minutes_first(1, 60)
+    ('15.5 min (7 samples)', '3.5 h (14.2 samples)', '1.0 min (1 sample)')
+    """
+    text = number(round(value, 1))
+    return f"{duration([value * sample_time])} ({text} {'sample' if text == '1' else 'samples'})"
+
+
+def probability(p: float) -> str:
+    """A probability with two digits; one that is nearly sure is not rounded to 1.
+
+    Examples
+    --------
+    >>> probability(0.8765), probability(0.999), probability(0.02)
+    ('0.88', 'above 0.99', '0.02')
+    """
+    return "above 0.99" if p > 0.99 else f"{p:.2f}"
+
+
+def share(part: int, whole: int) -> str:
+    """A share in per cent that is 0 or 100 only where it is exactly that.
+
+    Examples
+    --------
+    >>> share(327, 332), share(331, 332), share(1, 1000), share(5, 5)
+    ('98 %', '99.7 %', '0.1 %', '100 %')
+    """
+    if whole == 0:
+        return "-"
+    percent = 100 * part / whole
+    if 0 < percent < 1 or 99 < percent < 100:
+        return f"{min(max(percent, 0.1), 99.9):.1f} %"
+    return f"{percent:.0f} %"
+
+
+def day_range(first: dt.date, last: dt.date) -> str:
+    """A day, or from one to another.
+
+    Examples
+    --------
+    >>> day_range(dt.date(2008, 1, 1), dt.date(2008, 12, 31))
+    '2008-01-01 to 2008-12-31'
+    """
+    return f"{first}" if first == last else f"{first} to {last}"
+
+
+def output_words(unit: str) -> str:
+    """What the estimators explain: a pool's level or a river's discharge."""
+    return "level" if unit == "m" else "discharge"
+
+
+def response_unit(unit: str) -> str:
+    """Unit of the impulse response: m per m³/s for a level, none for a discharge."""
+    return "m per m³/s" if unit == "m" else "m³/s per m³/s"
+
+
+def statuses(status: Sequence[str]) -> str:
+    """How many days have no answer, and why.
+
+    Examples
+    --------
+    >>> statuses(["ok", "failed", "failed", "pending"])
+    '2 failed and 1 pending'
+    """
+    return listed([f"{n:,} {name}" for name in NO_ANSWER if (n := list(status).count(name))])
+
+
+def shorten(text: str, width: int) -> str:
+    """Cut a long text to `width` characters, with an ellipsis."""
+    return text if len(text) <= width else text[: width - 1] + "…"
+
+
+def step(sample_time: float) -> str:
+    """The length of a sample: minutes or hours where these are whole.
+
+    Examples
+    --------
+    >>> step(300), step(133), step(3600)
+    ('5 min', '133 s', '1 h')
+    """
+    for size, unit in ((3600, "h"), (60, "min")):
+        if sample_time % size == 0:
+            return f"{sample_time / size:.0f} {unit}"
+    return f"{number(sample_time)} s"
+
+
+def travel(values: Sequence[float], sample_time: float) -> str:
+    """The travel time that a delay stands for, or several alternatives.
+
+    A delay of d samples says that the inflow arrives between d T_s and (d + 1) T_s; a median between two
+    delays stands for both.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Delays d [samples], lowest first.
+    sample_time : float
+        T_s [s].
+
+    Examples
+    --------
+    >>> travel([5], 300), travel([6, 7], 133), travel([6, 9], 133), travel([5.5], 300)
+    ('25 to 30 min', '13.3 to 17.7 min', '13.3 to 15.5 or 19.9 to 22.2 min', '25 to 35 min')
+    """
+    spans: list[tuple[float, float]] = []
+    for d in values:
+        low, high = math.floor(d) * sample_time, (math.ceil(d) + 1) * sample_time
+        if spans and low <= spans[-1][1]:
+            spans[-1] = spans[-1][0], high
+        else:
+            spans.append((low, high))
+    ends = [end for span in spans for end in span]
+    unit, size = ("min", 60) if ends[0] < HOURS_FROM else ("h", 3600)
+    texts = spelt([end / size for end in ends])
+    if all(text.endswith(".0") or "." not in text for text in texts):
+        texts = [text.removesuffix(".0") for text in texts]
+    said = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]
+    return f"{listed(said, 'or')} {unit}"
+
+
+def travel_within(low: float, high: float, sample_time: float) -> str:
+    """The travel times that the delays from `low` to `high` [samples] stand for.
+
+    Examples
+    --------
+    >>> travel_within(5, 9, 133)
+    '11.1 to 22.2 min'
+    """
+    return travel([float(d) for d in range(math.floor(low), math.ceil(high) + 1)], sample_time)
+
+
+def samples_first(values: Sequence[float], sample_time: float) -> str:
+    """Delays in samples, then the travel time that they stand for.
+
+    Examples
+    --------
+    >>> samples_first([5], 300)
+    '5 samples (25 to 30 min)'
+    """
+    return f"{samples(values)} ({travel(values, sample_time)})"
+
+
+def travel_first(values: Sequence[float], sample_time: float) -> str:
+    """Delays as a person asks for them: the travel time, then the samples.
+
+    Examples
+    --------
+    >>> travel_first([5], 300), travel_first([6, 7], 133)
+    ('25 to 30 min (delay d = 5 samples of 5 min)', '13.3 to 17.7 min (delay d = 6 or 7 samples of 133 s)')
+    """
+    return f"{travel(values, sample_time)} (delay d = {samples(values)} of {step(sample_time)})"
+
+
+def about(seconds: float) -> str:
+    """A travel time with its fraction, which is not known to the second.
+
+    Examples
+    --------
+    >>> about(1714), about(431), about(9000)
+    ('about 29 min', 'about 7.2 min', 'about 2.5 h')
+    """
+    return f"about {seconds / 60:.0f} min" if 600 <= seconds < HOURS_FROM else f"about {duration([seconds])}"
