@@ -62,7 +62,9 @@ def result_types(text: str) -> int:
 
 def main(root: Path) -> None:
     """Print the table."""
-    texts = {p.relative_to(root): p.read_text(encoding="utf-8") for p in sorted((root / "rivid").rglob("*.py"))}
+    texts = {
+        p.relative_to(root): p.read_text(encoding="utf-8") for p in sorted((root / "rivid").rglob("*.py"))
+    }
     lines = {path: len(text.splitlines()) for path, text in texts.items()}
     code = {path: code_lines(text) for path, text in texts.items()}
     tests = sum(len(p.read_text(encoding="utf-8").splitlines()) for p in (root / "tests").rglob("*.py"))
