@@ -1,17 +1,157 @@
-"""Clocks: a column that is off against the others by an hour, by a day, more and more; columns swapped."""
+"""Which days agree in what they say, and whose clock it is that lags speak of."""
 
 import datetime as dt
 from itertools import compress
 
 import numpy as np
 
-from rivid.check.agree import ALIKE, FEW, in_rows, slope_of, whose
-from rivid.check.dates import dates
-from rivid.check.drift import drift
 from rivid.check.findings import Finding, hours
-from rivid.check.fit import Fit
-from rivid.check.fits import TOLD, Fits
-from rivid.check.record import Record
+from rivid.check.record import TOLD, Fit, Fits, Record
+from rivid.types import Floats
+
+ALIKE = 15 * 60.0
+"""Lags that differ by less are the same [s]."""
+FEW = {"pool": 3, "river": 7}
+"""Days in a row that must agree, where there are so many: the delay of a river changes by itself."""
+DENSE = 0.6
+"""Share of the days between the first and the last of a row that must agree."""
+MOST_PAIRED = 300
+"""Days of which every pair is looked at."""
+
+
+def in_rows(record: Record, dates: list[dt.date], among: list[dt.date], whole: bool = False) -> list[dt.date]:
+    """Those of the dates that stand in rows among others (`whole`: what lies between too); one is weather."""
+    order = {date: k for k, date in enumerate(among)}
+    least = min(FEW[record.reach.kind], len(among))
+    rows: list[list[dt.date]] = []
+    for date in dates:
+        if rows and order[date] - order[rows[-1][-1]] <= 2:
+            rows[-1].append(date)
+        else:
+            rows.append([date])
+    dense = [r for r in rows if len(r) >= max(DENSE * (order[r[-1]] - order[r[0]] + 1), least)]
+    if whole:
+        return [date for row in dense for date in among[order[row[0]] : order[row[-1]] + 1]]
+    return [date for row in dense for date in row]
+
+
+def whose(record: Record, by_in: float, by_out: float) -> tuple[str, float]:
+    """Whose clock is off, and by how much: positive where its stamps are late; "" where it is no one's."""
+    if not record.balanced:
+        return ("u_Qi", -by_in) if by_in else ("", 0.0)
+    if abs(by_in - by_out) <= ALIKE:
+        return record.output, 0.5 * (by_in + by_out)
+    if abs(by_out) <= ALIKE:
+        return "u_Qi", -by_in
+    if abs(by_in) <= ALIKE:
+        return "u_Qo", -by_out
+    return "", 0.0
+
+
+def slope_of(x: Floats, y: Floats) -> float:
+    """The median of the slopes of all pairs (Theil and Sen)."""
+    thin = slice(None, None, max(1, len(x) // MOST_PAIRED))
+    apart, rises = x[thin][:, None] - x[thin], y[thin][:, None] - y[thin]
+    ahead = apart > 0
+    return float(np.median(rises[ahead] / apart[ahead])) if ahead.any() else 0.0
+
+
+WELL = 0.6
+"""Share of the output's moves from which on a day is where it belongs."""
+MORE, MAYBE = 0.2, 0.12
+"""By how much the flows of another day must explain more: of all such days together, of one of them."""
+
+SHIFTS = {
+    (-1, 0): ("u_Qi", "early"),
+    (1, 0): ("u_Qi", "late"),
+    (0, -1): ("u_Qo", "early"),
+    (0, 1): ("u_Qo", "late"),
+    (-1, -1): ("", "late"),
+    (1, 1): ("", "early"),
+}
+"""Days by which the flows are taken from another day: whose dates are off ("": the output's), and how."""
+
+
+def dates(record: Record, fits: Fits) -> list[Finding]:
+    """Days that fit only with the flows of the day before or after."""
+    groups: dict[tuple[int, int], list[dt.date]] = {}
+    for date, fit in fits.right.items():
+        if fit.explained >= WELL:
+            continue
+        best = (fit.explained + MAYBE, (0, 0))
+        for shift in SHIFTS:
+            sums = fits.lags.sums(date, *shift) if record.balanced or not shift[1] else None
+            if sums is not None:
+                best = max(best, (fits.lags.best(sums).explained, shift))
+        if best[1] != (0, 0):
+            groups.setdefault(best[1], []).append(date)
+    found = []
+    for shift, some in groups.items():
+        days = in_rows(record, some, list(fits.right), whole=True)
+        if not days:
+            continue
+        shifted = fits.of(days, shift)[0].explained
+        if shifted < max(TOLD, fits.of(days)[0].explained + MORE):
+            continue
+        column, off = SHIFTS[shift]
+        column = column or record.output
+        text = (
+            f"the dates of {column} are a day too {off}: it fits the other columns of the day "
+            f"{'after' if off == 'early' else 'before'}"
+        )
+        found.append(Finding("dates", text, dict.fromkeys(days, f"{column} looks dated a day too {off}")))
+    return found
+
+
+LEAST = {"pool": 20 * 60.0, "river": 90 * 60.0}
+"""A clock that drifts by less over the record is not told of [s]: the delay of a river changes by itself."""
+STRAIGHT = 4.0
+"""How many times the lags' scatter about a straight line the drift is."""
+FEWEST = 6
+"""Days that a line needs."""
+
+
+def drift(record: Record, told: dict[dt.date, Fit]) -> list[Finding]:
+    """A clock that goes wrong a little more every day."""
+    if len(told) < FEWEST:
+        return []
+    days = np.array([date.toordinal() for date in told], float)
+    span = float(np.ptp(days))
+    changes = []
+    for lags in ([f.lag_in for f in told.values()], [f.lag_out for f in told.values()]):
+        values = np.array(lags)
+        slope, rest, jump = _line(days, values)
+        straight = STRAIGHT * rest < abs(slope) * span and rest < jump
+        changes.append(slope * span if straight and abs(slope) * span >= LEAST["pool"] else 0.0)
+    if not any(changes):
+        return []
+    column, late = whose(record, *changes)
+    if not column or abs(late) < LEAST[record.reach.kind]:
+        return []
+    first, last = min(told), max(told)
+    faster = "fast" if late > 0 else "slow"
+    text = (
+        f"the clock of {column} goes {faster}: by {hours(abs(late))} from {first} to {last}, "
+        f"{abs(late) / span:.0f} s a day, against the others'"
+    )
+    return [Finding("drift", text)]
+
+
+def _line(days: Floats, values: Floats) -> tuple[float, float, float]:
+    """The slope of a line, how far values lie from it, and from the best single jump."""
+    slope = slope_of(days, values)
+    rest = _scatter(values - slope * days) * len(values)
+    jump = min(
+        k * _scatter(values[:k]) + (len(values) - k) * _scatter(values[k:])
+        for k in range(2, len(values) - 1, max(1, len(values) // MOST_PAIRED))
+    )
+    return slope, rest / len(values), jump / len(values)
+
+
+def _scatter(values: Floats) -> float:
+    """The mean distance from the median."""
+    return float(np.abs(values - np.median(values)).mean())
+
 
 SMALLEST = {"pool": 30 * 60.0, "river": 50 * 60.0}
 """Clocks that are off by less are not told of [s]: people and waves need minutes."""

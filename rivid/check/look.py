@@ -8,10 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from rivid.check.clocks import clocks
 from rivid.check.findings import DayReport, Finding, Report
-from rivid.check.fits import Fits
-from rivid.check.gauge import gauge
-from rivid.check.record import Record
-from rivid.check.same import same
+from rivid.check.gauge import gauge, same
+from rivid.check.record import Fits, Record
 from rivid.check.spacing import Spacing
 from rivid.check.units import units
 from rivid.config import Config

@@ -98,7 +98,7 @@ def cli(context: click.Context) -> int:
     that had not failed before; 10 no data; 11 another run holds OUT; 130, 143
     interrupted. Colour: on terminals, unless NO_COLOR is set.
     """
-    from rivid.cli.telling import colour_wanted
+    from rivid.cli.console import colour_wanted
 
     context.color = colour_wanted()
     if context.invoked_subcommand is None:
@@ -146,7 +146,7 @@ def main() -> None:
         os.environ.setdefault(name, "1")  # before numpy: days run side by side, one thread each
     _listen()
     try:
-        from rivid.cli.telling import complain
+        from rivid.cli.console import print_error
 
         try:
             code = _run()
@@ -158,7 +158,7 @@ def main() -> None:
     except BrokenPipeError:
         code = _hush()
     except OSError as error:
-        complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        print_error(f"{error.filename or 'standard output'}: {error.strerror or error}")
         code = _hush()
     except Exception:  # compiled code may make one of its own of the signal's
         if not _came:
@@ -172,16 +172,16 @@ def main() -> None:
 
 def _say_interrupted() -> None:
     """One line, where somebody reads it."""
-    from rivid.cli.telling import complain
+    from rivid.cli.console import print_error
 
     what = "interrupted" if _came[0] == signal.SIGINT else "ended by SIGTERM"
     kept = ": the days done are kept, the same command goes on from there" if _called == ["run"] else ""
     with suppress(OSError, ValueError):
-        complain(f"{what}{kept}")
+        print_error(f"{what}{kept}")
 
 
 def _run() -> int:
-    from rivid.cli.telling import complain
+    from rivid.cli.console import print_error
 
     try:
         status = cli.main(prog_name="rivid", standalone_mode=False)
@@ -191,13 +191,13 @@ def _run() -> int:
     except click.UsageError as error:
         said = " ".join(error.format_message().split())
         said += "" if said.endswith((".", "?")) else "."
-        complain(f"{said} See `{error.ctx.command_path if error.ctx else 'rivid'} --help`.")
+        print_error(f"{said} See `{error.ctx.command_path if error.ctx else 'rivid'} --help`.")
         return error.exit_code
     except click.ClickException as error:
-        complain(error.format_message())
+        print_error(error.format_message())
         return error.exit_code
     except RividError as error:
-        complain(str(error))
+        print_error(str(error))
         return error.exit_code
 
 

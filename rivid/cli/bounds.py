@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, fitted, wrapped
+from rivid.cli.console import Console, abbreviate, wrap
 
 
 @click.command("bounds", short_help="Travel-time bounds of the reach, and what they propose.")
@@ -29,11 +29,11 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
 
     import numpy as np
 
-    from rivid.cli.found import configuration
+    from rivid.cli.locate import configuration
     from rivid.config import load_config
     from rivid.core.hydraulics import propose_delays, travel_bounds
 
-    reach = load_config(configuration(config, data_dir, Teller())).reach
+    reach = load_config(configuration(config, data_dir, Console())).reach
     low, high = reach.discharge_range
     T_s = reach.sample_time
     shape = {"length": reach.length, "width": reach.width, "depth": reach.depth}
@@ -51,7 +51,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
         click.echo(f"\n# From the travel times of the reach's waves, by `rivid bounds`.\n{lines}")
         return 0
     size = f"{reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; T_s = {T_s:g} s"
-    click.echo(wrapped(f"{fitted(reach.name)}: {size}") + "\n")
+    click.echo(wrap(f"{abbreviate(reach.name)}: {size}") + "\n")
     click.echo("discharge  velocity  Froude    gravity wave        kinematic wave")
     click.echo("     m3/s       m/s       -      min  samples        min  samples")
     for Q, v, F, g, k in zip(
@@ -63,6 +63,6 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
         "delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for the configuration "
         "(--toml prints these lines alone):"
     )
-    click.echo(f"\n{wrapped(said, hanging=0)}\n")
+    click.echo(f"\n{wrap(said, hanging=0)}\n")
     click.echo(lines)
     return 0

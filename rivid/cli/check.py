@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, complain
+from rivid.cli.console import Console, print_error
 
 if TYPE_CHECKING:
     from rivid.check import Report
@@ -52,24 +52,24 @@ def command(
     """
     import json
 
-    from rivid.cli.found import configuration, own
+    from rivid.cli.locate import configuration, own
     from rivid.config import load_config
     from rivid.fleet.layout import find_fleet
 
-    tell = Teller(quiet, verbose)
-    given, config = config, configuration(config, data_dir, tell)
-    tell.begin(("logs", data_dir), ("settings", config or "Table I"))
-    tell.phase("starting")
+    console = Console(quiet, verbose)
+    given, config = config, configuration(config, data_dir, console)
+    console.begin(("logs", data_dir), ("settings", config or "Table I"))
+    console.phase("starting")
     fleet = find_fleet(data_dir, config, beside=None if given else own)
     if fleet is not None:
         return _fleet(fleet, as_json, quiet, today)
     settings = load_config(config)
     report = _report(data_dir, settings, today)
-    tell.phase("reading and looking")
+    console.phase("reading and looking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))
     elif not quiet or report.exit_code:
-        from rivid.check.words import in_words
+        from rivid.check.findings import in_words
 
         click.echo(in_words(report, settings.reach.name))
     return report.exit_code
@@ -90,7 +90,7 @@ def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.datetime | None) 
     """Each reach by itself; what one lacks is its own."""
     import json
 
-    from rivid.check.words import in_a_line, in_words
+    from rivid.check.findings import in_a_line, in_words
     from rivid.errors import RividError
     from rivid.fleet.outcome import worst
     from rivid.logs.files import shown
@@ -105,7 +105,7 @@ def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.datetime | None) 
             codes.append(error.exit_code)
             told[name] = {"error": str(error), "exit_code": error.exit_code}
             if not as_json:
-                complain(f"{name}: {error}")
+                print_error(f"{name}: {error}")
             continue
         codes.append(report.exit_code)
         told[name] = report.to_json()

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller
+from rivid.cli.console import Console
 
 
 @click.command("diagnose", short_help="Find what a simulation of the reach still lacks.")
@@ -51,15 +51,15 @@ def command(
       rivid diagnose out/leaking --model out/found/model.toml --out out/again
     """
     from rivid.api.diagnosis import diagnose
-    from rivid.cli.found import configuration, results
+    from rivid.cli.locate import configuration, results
     from rivid.config import load_config
 
-    tell = Teller(quiet, verbose)
-    config = configuration(config, data_dir, tell)
+    console = Console(quiet, verbose)
+    config = configuration(config, data_dir, console)
     place = results(out, config, data_dir)
-    tell.begin(("logs", data_dir), ("settings", config or "Table I"), ("model", model), ("results", place))
+    console.begin(("logs", data_dir), ("settings", config or "Table I"), ("model", model), ("results", place))
     settings = load_config(config)
-    with tell.steps("starting") as step:
+    with console.steps("starting") as step:
         step("reading the logs")
         found = diagnose(
             data_dir,

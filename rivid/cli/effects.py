@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import wrapped as _wrapped
+from rivid.cli.console import wrap
 
 if TYPE_CHECKING:
     from rivid.effects import Effect
@@ -67,15 +67,15 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
             for one in classes.values():
                 if one.family == family:
                     click.echo(_entry(one))
-        click.echo(_wrapped("`rivid effects NAME` says more of one, with an example for a scenario."))
+        click.echo(wrap("`rivid effects NAME` says more of one, with an example for a scenario."))
     return 0
 
 
 def _entry(one: "type[Effect]") -> str:
-    lines = [one.name, _wrapped(one.sentence, 4), *_parameters(one, 4)]
+    lines = [one.name, wrap(one.sentence, 4), *_parameters(one, 4)]
     if not one.windowed:
-        lines.append(_wrapped("Always there: takes no dates and hours.", 4))
-    lines.append(_wrapped(f"Looks like: {one.looks}", 4, 2))
+        lines.append(wrap("Always there: takes no dates and hours.", 4))
+    lines.append(wrap(f"Looks like: {one.looks}", 4, 2))
     return "\n".join(lines) + "\n"
 
 
@@ -85,7 +85,7 @@ def _parameters(one: "type[Effect]", indent: int) -> list[str]:
     for key, said in one.parameters().items():
         of_each = ", or a list" if said.many and usual[key] != () else ""
         shown = f"{key} = {_value(usual[key])} [{said.unit}], {said.low:g} to {said.high:g}{of_each}"
-        lines.append(_wrapped(f"{shown}: {said.meaning}", indent, 4))
+        lines.append(wrap(f"{shown}: {said.meaning}", indent, 4))
     return lines
 
 
@@ -96,11 +96,11 @@ def _value(value: Any) -> str:
 def _in_full(one: "type[Effect]") -> str:
     when = "May be limited to dates and hours." if one.windowed else "Always there: takes no dates and hours."
     lines = [
-        f"{one.name} ({one.family})", _wrapped(one.sentence, 2), "",
-        *(line for part in _paragraphs(one) for line in (_wrapped(part, 2), "")),
+        f"{one.name} ({one.family})", wrap(one.sentence, 2), "",
+        *(line for part in _paragraphs(one) for line in (wrap(part, 2), "")),
         *_parameters(one, 2), "",
-        _wrapped(when, 2), "",
-        _wrapped(f"Looks like: {one.looks}", 2, 2), "",
+        wrap(when, 2), "",
+        wrap(f"Looks like: {one.looks}", 2, 2), "",
         "In a scenario:", "",
         textwrap.indent(example(one), "    "),
     ]  # fmt: skip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller
+from rivid.cli.console import Console
 
 if TYPE_CHECKING:
     from rivid.plots.paper.cascade import CascadeReach
@@ -63,12 +63,12 @@ def command(
       rivid figures out --paper
       rivid figures out --paper --cascade configs/scenarios/cascade.toml
     """
-    tell = Teller(quiet, verbose)
+    console = Console(quiet, verbose)
     if not paper and (logs or cascade):
         raise click.UsageError("--logs and --cascade say what --paper draws: add --paper, or leave them out.")
-    tell.begin(("results", out), ("logs", logs))
+    console.begin(("results", out), ("logs", logs))
     if paper:
-        return _paper(out, day.date() if day else None, logs, cascade, tell)
+        return _paper(out, day.date() if day else None, logs, cascade, console)
     import json
 
     from rivid.plots.draw import draw_all
@@ -76,20 +76,22 @@ def command(
     from rivid.results.read import load_results
     from rivid.results.store import Store
 
-    tell.phase("starting")
+    console.phase("starting")
     results = load_results(out)  # before the lock, which would make the directory
-    tell.phase("reading the results")
+    console.phase("reading the results")
     with Store(out):
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
         figures = draw_all(results, out, day=day.date() if day else None)
         page = write_report(results, figures, out, summary=summary)
-    tell.phase("figures and report")
+    console.phase("figures and report")
     if not quiet:
         click.echo(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
     return 0
 
 
-def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], tell: Teller) -> int:
+def _paper(
+    out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], console: Console
+) -> int:
     from rivid.plots.paper import STEPS, draw_paper
     from rivid.plots.paper.cascade import of_year
     from rivid.plots.paper.estimates import estimate
@@ -97,14 +99,14 @@ def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Pat
     from rivid.results.store import Store
 
     given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
-    tell.phase("starting")
-    with _progress(STEPS + 2 + max(len(given), 1), tell.quiet) as step:
+    console.phase("starting")
+    with _progress(STEPS + 2 + max(len(given), 1), console.quiet) as step:
         year = read_run(out, logs)
         step("reading the logs")
-        tell.phase("reading the logs")
+        console.phase("reading the logs")
         estimates = estimate(year)
         step("estimating")
-        tell.phase("estimating")
+        console.phase("estimating")
         reaches: list[CascadeReach] = []
         for path in given:
             step(f"cascade: {path}")
@@ -112,14 +114,14 @@ def _paper(out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Pat
         if not reaches:
             step("cascade")
             reaches = [of_year(year)]
-            tell.note(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
-        tell.phase("the cascade")
+            console.info(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
+        console.phase("the cascade")
         with Store(out):
             figures = draw_paper(
                 year, estimates, reaches, out / "paper", day=day, progress=lambda: step("drawing")
             )
-    tell.phase("drawing")
-    if not tell.quiet:
+    console.phase("drawing")
+    if not console.quiet:
         page = out / "paper" / "index.html"
         click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller
+from rivid.cli.console import Console
 
 
 @click.command("fleet", short_help="Say what is to be said of all reaches together.")
@@ -32,13 +32,13 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     from rivid.results.store import Store
     from rivid.run.lean import spare_pandas
 
-    tell = Teller(quiet, verbose)
+    console = Console(quiet, verbose)
     spare_pandas()
-    tell.begin(("results", out))
-    tell.phase("starting")
+    console.begin(("results", out))
+    console.phase("starting")
     outcomes = fleet_of(out)
-    tell.phase(f"reading what {len(outcomes):,} reaches have left")
+    console.phase(f"reading what {len(outcomes):,} reaches have left")
     with Store(out):
         report(out, outcomes, out.resolve().name, as_json=as_json, quiet=quiet)
-    tell.phase("report")
+    console.phase("report")
     return worst(outcome.code for outcome in outcomes)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rivid.cli.telling import complain, fitted, wrapped
+from rivid.cli.console import abbreviate, print_error, wrap
 
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
@@ -42,7 +42,7 @@ def run_all(
     outcomes = run_fleet(data_dir, reaches, out, options, progress, engine, tell)
     for outcome in outcomes:
         if outcome.error:
-            complain(f"{outcome.reach}: {outcome.error}")
+            print_error(f"{outcome.reach}: {outcome.error}")
     codes = [3 if strict and o.code == 0 and (o.failures or o.bad_files) else o.code for o in outcomes]
     if options.shard:
         if as_json:
@@ -85,11 +85,11 @@ def _say(told: dict[str, Any], outcomes: "Sequence[Outcome]", out: Path) -> None
         ("changed", "changed since the report before"),
     ):
         names = told[kind]
-        some = ", ".join(fitted(name) for name in names[:MOST_LINES]) + (
+        some = ", ".join(abbreviate(name) for name in names[:MOST_LINES]) + (
             ", ..." if len(names) > MOST_LINES else ""
         )
         said = f"{len(names):,} {words}" + (f": {some}" if names and kind != "changed" else "")
-        click.echo(click.style(wrapped(said, 2), fg="red" if names and kind == "failing" else None))
+        click.echo(click.style(wrap(said, 2), fg="red" if names and kind == "failing" else None))
     click.echo(f"report: {out / 'fleet.html'}")
 
 
@@ -102,10 +102,10 @@ def say_plan(reaches: "Sequence[Reach]", out: Path) -> int:
         try:
             config = reach.config()
         except RividError as error:
-            click.echo(wrapped(f"{reach.name}: {error}", 2))
+            click.echo(wrap(f"{reach.name}: {error}", 2))
             code = max(code, error.exit_code if error.exit_code == 2 else 0)
         else:
             names = ", ".join(config.run.estimators)
-            click.echo(wrapped(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
+            click.echo(wrap(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
     click.echo(f"{len(reaches):,} reaches")
     return code

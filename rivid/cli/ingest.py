@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, complain, wrapped
+from rivid.cli.console import Console, print_error, wrap
 
 
 @click.command("ingest", short_help="Make daily logs of foreign exports.")
@@ -65,9 +65,9 @@ def command(
     from rivid.errors import ConfigError
     from rivid.logs.ingest.work import Wish, ingest, run_config_beside
 
-    tell = Teller(quiet, verbose)
-    tell.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
-    tell.phase("starting")
+    console = Console(quiet, verbose)
+    console.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
+    console.phase("starting")
     target = run_config or run_config_beside(out)
     if target.resolve() == config.resolve():
         raise ConfigError(f"{target} is the --config itself: choose another --run-config")
@@ -81,7 +81,7 @@ def command(
         run_config=target,
     )
     outcome = ingest(exports, out, load_config(config), wish)
-    tell.phase(f"reading, judging and writing {len(outcome.days):,} days")
+    console.phase(f"reading, judging and writing {len(outcome.days):,} days")
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))
     elif quiet:
@@ -90,7 +90,7 @@ def command(
         _print(outcome, out, dry_run)
     if outcome.exit_code == 10:
         came = f"from {first.date() if first else 'the first'} to {last.date() if last else 'the last'}"
-        complain(f"no day of the exports lies {came}: look at --from and --to")
+        print_error(f"no day of the exports lies {came}: look at --from and --to")
     return outcome.exit_code
 
 
@@ -98,17 +98,17 @@ def _print_days(outcome: Any) -> None:
     """The days that were not written, and why."""
     for day in outcome.days:
         if day.reason:
-            click.echo(wrapped(f"{day.date}  {day.status:8s}  {day.reason}", 0, 22))
+            click.echo(wrap(f"{day.date}  {day.status:8s}  {day.reason}", 0, 22))
 
 
 def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     _print_days(outcome)
     for note in outcome.notes:
-        click.echo(wrapped(note))
+        click.echo(wrap(note))
     ledger = outcome.ledger
     if ledger.flags:
         flags = ", ".join(f"{flag or 'none'} {count:,d}" for flag, count in ledger.flags.most_common(12))
-        click.echo(wrapped(f"flags of values that were dropped: {flags}"))
+        click.echo(wrap(f"flags of values that were dropped: {flags}"))
     if outcome.notes or ledger.flags or any(day.reason for day in outcome.days):
         click.echo()
     for line in ledger.lines():

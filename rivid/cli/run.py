@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, complain
+from rivid.cli.console import Console, print_error
 from rivid.core.settings import ESTIMATORS
 
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
@@ -93,14 +93,14 @@ def command(
     Each morning, from cron, with a rivid.toml that has [run] out:
       15 6 * * *  rivid run /srv/reach/logs --quiet
     """
-    from rivid.cli.found import configuration, own, results
+    from rivid.cli.locate import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.run.plan import Shard
     from rivid.run.preload import DRAWING, cores, warm
 
     on_dask = _on_dask(engine, scheduler, workers)
-    tell = Teller(quiet, verbose)
-    given, config = config, configuration(config, data_dir, tell)
+    console = Console(quiet, verbose)
+    given, config = config, configuration(config, data_dir, console)
     place = results(out, config, data_dir)
     part = Shard.parse(shard) if shard else None
     if (
@@ -121,8 +121,8 @@ def command(
     spare_pandas()
     gc.freeze()
     gc.enable()
-    tell.begin(("logs", data_dir), ("settings", config or "Table I"), ("results", place))
-    tell.phase("starting")
+    console.begin(("logs", data_dir), ("settings", config or "Table I"), ("results", place))
+    console.phase("starting")
     if dry_run and as_json:
         raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
     options = Options(
@@ -139,13 +139,13 @@ def command(
     if reaches is not None:
         if dry_run:
             return say_plan(reaches, place)
-        bar = tell.timed(None if quiet or as_json else _progress, "reaches")
+        bar = console.timed(None if quiet or as_json else _progress, "reaches")
         with _engine(on_dask, scheduler, workers) as executing:
             code = run_all(
                 data_dir, reaches, place, options,
                 strict=strict, as_json=as_json, quiet=quiet, progress=bar, engine=executing,
             )  # fmt: skip
-        tell.phase("the fleet's report")
+        console.phase("the fleet's report")
         return code
     settings = load_config(config)
     unsaid, papers = assumed(settings), ReachConfig().sample_time
@@ -156,23 +156,23 @@ def command(
     if dry_run:
         return _dry_run(make_plan(data_dir, settings, options), place, settings)
     with _engine(on_dask, scheduler, workers) as executing:
-        bar = tell.timed(None if quiet or as_json else _progress)
+        bar = console.timed(None if quiet or as_json else _progress)
         summary = run(data_dir, place, settings, options, bar, executing)
-    tell.phase("bringing tables, figures and report up to date")
+    console.phase("bringing tables, figures and report up to date")
     if as_json:
         _print_json(summary, with_days=shard is None)
     for path, reason in summary.bad_files:
-        complain(f"{path}: {reason}")
+        print_error(f"{path}: {reason}")
     if summary.dropped:
-        complain(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
+        print_error(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
     if summary.unasked and not part:
-        tell.note(f"not asked any more, its rows leave the tables: {', '.join(summary.unasked)}")
+        console.info(f"not asked any more, its rows leave the tables: {', '.join(summary.unasked)}")
     for name in summary.damaged:
-        complain(f"damaged, its days are computed again: {name}")
+        print_error(f"damaged, its days are computed again: {name}")
     if config and unsaid:
-        tell.note(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
+        console.info(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
     if not unsaid and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
-        tell.note(
+        console.info(
             f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
             "`rivid bounds` proposes those of this reach"
         )
@@ -195,7 +195,7 @@ def command(
     if strict:
         return 3 if summary.failures or summary.bad_files else 0
     if 0 < summary.failures == summary.windows and not summary.new_failures:
-        complain(f"every data set fails: `message` in {summary.out / 'delays.csv'} says why")
+        print_error(f"every data set fails: `message` in {summary.out / 'delays.csv'} says why")
     return summary.exit_code
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, fitted, wrapped
+from rivid.cli.console import Console, abbreviate, wrap
 
 if TYPE_CHECKING:
     from rivid.core.law import DelayLaw
@@ -49,21 +49,21 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
     from rivid.results.store import Store
     from rivid.run.lean import spare_pandas
 
-    tell = Teller(quiet, verbose)
+    console = Console(quiet, verbose)
     spare_pandas()
     out = _of_reach(out, reach)
     if not record.last(out):  # before the lock, which would make the directory
         raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
-    tell.begin(("results", out))
-    tell.phase("starting")
+    console.begin(("results", out))
+    console.phase("starting")
     with Store(out):
         run = record.last(out)
         if not run.get("outputs"):
             raise NoDataError(f"the last run into {out} did not finish: run it again")
         days = read_days(out, run)
-        tell.phase(f"reading {len(days.dates):,} days")
+        console.phase(f"reading {len(days.dates):,} days")
         joined, law = join(days, both_ways), law_of(days)
-        tell.phase("joining them, and the law")
+        console.phase("joining them, and the law")
         write_season(days, joined, law, out)
         from rivid.plots import law as law_figure
         from rivid.plots import season as season_figure
@@ -72,7 +72,7 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
         with style.styled():
             season_figure.draw(days, joined, out / "figures")
             law_figure.draw(days, law, out / "figures")
-    tell.phase("tables and figures")
+    console.phase("tables and figures")
     if not quiet:
         _print(days, joined, law)
         click.echo(f"\nseason.csv, delay_law.csv and figures: {out}")
@@ -115,14 +115,14 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
         ),
         ("related", f"days have to do with each other with probability {joined.related:.2f}"),
     ]
-    click.echo(wrapped(f"{fitted(days.reach)}: posterior-season, {way}"))
+    click.echo(wrap(f"{abbreviate(days.reach)}: posterior-season, {way}"))
     for name, text in rows if unseen else [rows[0], *rows[2:]]:
-        click.echo(wrapped(f"{name:9s} {text}", 2, 10))
+        click.echo(wrap(f"{name:9s} {text}", 2, 10))
     if days.river:
         click.echo("  note      a river's days alone are as good: joined, t50 is coarser")
     click.echo()
     if law.status != "ok":
-        click.echo(wrapped(f"no law: {law.message}"))
+        click.echo(wrap(f"no law: {law.message}"))
         return
     what = "t50" if days.river else "T"
     click.echo(

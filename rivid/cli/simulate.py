@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import Teller, wrapped
+from rivid.cli.console import Console, wrap
 
 if TYPE_CHECKING:
     from rivid.simulation import Season
@@ -41,8 +41,8 @@ def command(
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
 
-    tell = Teller(quiet, verbose)
-    tell.begin(("scenario", scenario), ("logs to", out))
+    console = Console(quiet, verbose)
+    console.begin(("scenario", scenario), ("logs to", out))
     said = load_scenario(scenario)
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
@@ -51,9 +51,9 @@ def command(
     if truth.suffix == ".parquet":
         raise ConfigError(f"--truth {truth}: expected a .json; what the water did goes beside it as .parquet")
     several = bool(said.cascade)
-    tell.phase("starting")
+    console.phase("starting")
     seasons = simulate_cascade(said, seed)
-    tell.phase("simulating")
+    console.phase("simulating")
     names = [season.scenario.reach.name for season in seasons]
     places = [
         (out / name, truth.with_stem(f"{truth.stem}_{name}")) if several else (out, truth) for name in names
@@ -63,8 +63,8 @@ def command(
     for season, (logs, beside) in zip(seasons, places, strict=True):
         lines = _write(season, logs, beside)
         if not quiet:
-            click.echo("\n".join(wrapped(line) for line in lines))
-    tell.phase("writing logs and truth")
+            click.echo("\n".join(wrap(line) for line in lines))
+    console.phase("writing logs and truth")
     return 0
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.telling import WIDTH, wrapped
+from rivid.cli.console import WIDTH, wrap
 
 
 @click.command("sniff", short_help="Propose an [input] block for a foreign export.")
@@ -43,7 +43,7 @@ def _narrow(line: str) -> str:
         if choice is not None:
             return "\n".join(f"# {one}" for one in choice.split("\n"))
         hanging = "#   " if line.startswith("# - ") else "# "
-        first, *rest = wrapped(line, hanging=0, width=WIDTH - 2).split("\n")
+        first, *rest = wrap(line, hanging=0, width=WIDTH - 2).split("\n")
         return "\n".join([first, *(hanging + more for more in rest)])
     return _narrow_list(line, WIDTH) or line
 

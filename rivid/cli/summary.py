@@ -7,7 +7,7 @@ from typing import Any
 import click
 import numpy as np
 
-from rivid.cli.telling import fitted, wrapped
+from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.run.run import Summary
 from rivid.text import RAYLEIGH, count, duration, number, probability, samples_first, share
@@ -30,16 +30,16 @@ def print_summary(summary: Summary, config: Config, shown: str) -> None:
         f"{count(summary.windows, 'data set')}, {summary.computed:,} estimated now, "
         f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
     )
-    click.echo(click.style(wrapped(f"{fitted(config.reach.name)}: {said}"), bold=True))
+    click.echo(click.style(wrap(f"{abbreviate(config.reach.name)}: {said}"), bold=True))
     names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
     width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
     for name, counts in summary.counts.items():
         rows = summary.rows.filter(names == name)
         numbers = _numbers(name, rows, config)
         first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *numbers]
-        click.echo(wrapped(f"{name:<{width}}  {first}", 2, width + 4))
+        click.echo(wrap(f"{name:<{width}}  {first}", 2, width + 4))
         for text in rest:
-            click.echo(wrapped(text, width + 4))
+            click.echo(wrap(text, width + 4))
     print_failures(summary)
     if not summary.reused:
         click.echo("new here? `rivid check` says whether units, clocks and gauge look right")
@@ -56,7 +56,7 @@ def print_failures(summary: Summary) -> None:
         days = list(alike)
         first, said = days[0]
         more = f" to {days[-1][0]} ({len(days)} days)" if len(days) > 1 else ""
-        line = wrapped(f"{first}{more} failed: {said}{', for one' if more else ''}", 2)
+        line = wrap(f"{first}{more} failed: {said}{', for one' if more else ''}", 2)
         click.echo(click.style(line, fg="red"), err=True)
 
 

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rivid.check import check
+from rivid.check.findings import in_words
 from rivid.check.look import look
-from rivid.check.words import in_words
 from rivid.config import Config, parse
 from rivid.errors import RividError
 from rivid.logs.read import DataSet

@@ -9,8 +9,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from rivid.cli import found
-from rivid.cli.telling import Teller
+from rivid.cli import locate
+from rivid.cli.console import Console
 from rivid.errors import ConfigError
 from tests.daily import write_days
 
@@ -90,7 +90,7 @@ def test_bounds_looks_from_the_current_directory(logs, rivid, monkeypatch):
 
 def test_a_log_itself_is_looked_beside(logs):
     path = put(logs)
-    assert found.find(logs / "2008-03-10.csv") == path
+    assert locate.find(logs / "2008-03-10.csv") == path
 
 
 def test_links_are_followed_before_one_looks_upward(logs, tmp_path):
@@ -98,25 +98,25 @@ def test_links_are_followed_before_one_looks_upward(logs, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "link").symlink_to(logs)
     put(tmp_path / "other", "not = 'read'\n")
-    assert found.find(tmp_path / "other" / "link") == path
+    assert locate.find(tmp_path / "other" / "link") == path
 
 
 def test_nothing_above_the_home_directory_is_looked_at(logs, tmp_path, monkeypatch):
     path = put(tmp_path)
-    assert found.find(logs) == path
+    assert locate.find(logs) == path
     monkeypatch.setenv("HOME", str(logs.parent))
-    assert found.find(logs) is None
+    assert locate.find(logs) is None
 
 
 def test_nothing_beyond_the_filesystem_is_looked_at(logs, tmp_path, monkeypatch):
     put(tmp_path)
-    monkeypatch.setattr(found, "_device", lambda folder: int(folder in (logs, logs.parent)))
-    assert found.find(logs) is None
-    assert found.find(tmp_path) is not None
+    monkeypatch.setattr(locate, "_device", lambda folder: int(folder in (logs, logs.parent)))
+    assert locate.find(logs) is None
+    assert locate.find(tmp_path) is not None
 
 
 def test_without_one_or_without_logs_the_defaults_are_taken(logs, rivid, tmp_path):
-    assert found.find(logs) is None and found.find(tmp_path / "not" / "there") is None
+    assert locate.find(logs) is None and locate.find(tmp_path / "not" / "there") is None
     assert rivid("run", logs, "--no-figures").stdout.startswith("reach: 2 data sets")
     assert rivid("run", tmp_path / "not" / "there").code == 10
 
@@ -130,7 +130,7 @@ def facts(uid, mode=stat.S_IFREG | 0o644):
 
 @pytest.mark.parametrize("uid", [0, os.geteuid()])
 def test_mine_and_roots_are_taken(uid):
-    found._refuse_strangers(Path("rivid.toml"), [facts(uid), facts(uid)])
+    locate._refuse_foreign(Path("rivid.toml"), [facts(uid), facts(uid)])
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["the link", "what it leads to"])
@@ -138,7 +138,7 @@ def test_a_strangers_is_refused_with_what_to_do(which):
     both = [facts(os.geteuid()), facts(os.geteuid())]
     both[which] = facts(54321)
     with pytest.raises(ConfigError, match=r"rivid.toml belongs to user 54321, not to .* --config rivid.toml"):
-        found._refuse_strangers(Path("rivid.toml"), both)
+        locate._refuse_foreign(Path("rivid.toml"), both)
 
 
 def test_a_strangers_stops_a_run_before_anything_is_written(logs, rivid, monkeypatch):
@@ -157,7 +157,7 @@ def test_one_that_everybody_may_write_to_is_refused(logs, rivid):
     path = put(logs)
     path.chmod(0o666)
     done = rivid("check", logs)
-    assert done.code == 2 and f"{path} may be written by everybody" in str(done.exception)
+    assert done.code == 2 and f"{path} is writable by everybody" in str(done.exception)
     path.chmod(0o664)
     assert rivid("check", logs).code == 0
 
@@ -264,7 +264,7 @@ def test_own_files_are_not_looked_at_where_a_configuration_is_given(fleet, rivid
 def test_a_strangers_file_is_the_fault_of_its_reach_alone(fleet, rivid, monkeypatch):
     put(fleet / "b").chmod(0o666)
     done = rivid("run", fleet, "--no-figures", "--out", "results")
-    assert done.code == 2 and "rivid: b: " in done.stderr and "may be written by everybody" in done.stderr
+    assert done.code == 2 and "rivid: b: " in done.stderr and "is writable by everybody" in done.stderr
     assert name_in(Path("results/a")) == {"a"} and not Path("results/b/delays.csv").exists()
 
 
@@ -292,4 +292,4 @@ def test_an_ingest_may_leave_the_configuration_where_it_is_found(project, rivid,
 
 
 def test_a_given_configuration_is_not_looked_for(tmp_path):
-    assert found.configuration(Path("x.toml"), tmp_path, Teller()) == Path("x.toml")
+    assert locate.configuration(Path("x.toml"), tmp_path, Console()) == Path("x.toml")

@@ -1,35 +1,25 @@
-"""The configuration where --config is not given, and OUT where --out is not: so that cron needs no flags.
+"""Locate the configuration where --config is not given, and OUT where --out is not (cron needs no flags).
 
-A ``rivid.toml`` is looked for in DATA_DIR, links followed, then in the directories above it, as far as the
-home directory or the filesystem reach. The nearest counts, whole. It may lead writes elsewhere (`[run]
-out`) and name Python to run (`[diagnose] effects_file`): one that others own or may write to is refused.
+A ``rivid.toml`` is searched in DATA_DIR, links resolved, then in its parent directories up to the home
+directory or the filesystem's root. The nearest one applies as a whole. Because it can direct writes elsewhere
+(`[run] out`) and name Python code to run (`[diagnose] effects_file`), a file that another user owns or that
+everybody can write to is refused.
 """
 
 import os
 import stat
 from pathlib import Path
 
-from rivid.cli.telling import Teller
+from rivid.cli.console import Console
 from rivid.errors import ConfigError
 
 NAME = "rivid.toml"
 DEFAULT_OUT = Path("out")
-"""Results, where nothing says otherwise."""
+"""Results directory if neither --out nor `[run] out` is given."""
 
 
-def configuration(given: Path | None, data_dir: Path, tell: Teller) -> Path | None:
-    """--config, or the rivid.toml that is found, with a word about it; None: the defaults.
-
-    Parameters
-    ----------
-    given : Path or None
-        --config: it wins.
-    data_dir : Path
-    tell : Teller
-
-    Returns
-    -------
-    Path or None
+def configuration(given: Path | None, data_dir: Path, console: Console) -> Path | None:
+    """Return --config, or the nearest rivid.toml (named on stderr), or None for the defaults.
 
     Raises
     ------
@@ -40,27 +30,27 @@ def configuration(given: Path | None, data_dir: Path, tell: Teller) -> Path | No
         return given
     path = find(data_dir)
     if path is not None:
-        tell.note(f"configuration: {path}")
+        console.info(f"configuration: {path}")
     return path
 
 
 def find(data_dir: Path) -> Path | None:
-    """The nearest rivid.toml from DATA_DIR upward; None where there is none.
+    """Return the nearest rivid.toml from DATA_DIR upward.
 
     Parameters
     ----------
     data_dir : Path
-        A directory of logs, or a log: then it is looked for beside it.
+        A directory of logs, or a log file: then the search starts in its directory.
 
     Returns
     -------
     Path or None
-        Absolute, links resolved.
+        Absolute, links resolved; None if there is none.
 
     Raises
     ------
     ConfigError
-        Where the nearest belongs to somebody else, or everybody may write to it.
+        If the nearest one belongs to another user or is writable by everybody.
     """
     start = data_dir.resolve()
     if not start.is_dir():
@@ -71,17 +61,17 @@ def find(data_dir: Path) -> Path | None:
         for folder in (start, *start.parents):
             if _device(folder) != device:
                 return None
-            if found := own(folder):
-                return found
+            if path := own(folder):
+                return path
             if folder == home:
                 return None
-    except OSError:  # a directory that may not be looked at: what is above it is not ours
+    except OSError:  # a directory without read permission: its parents are not the user's
         return None
     return None
 
 
 def own(folder: Path) -> Path | None:
-    """The rivid.toml of a directory itself.
+    """Return the rivid.toml in a directory itself.
 
     Raises
     ------
@@ -90,10 +80,10 @@ def own(folder: Path) -> Path | None:
     """
     path = folder / NAME
     try:
-        facts = [path.lstat(), path.stat()]  # of a link, and of what it leads to
+        facts = [path.lstat(), path.stat()]  # of a link, and of its target
     except OSError:
         return None
-    _refuse_strangers(path, facts)
+    _refuse_foreign(path, facts)
     return path
 
 
@@ -104,29 +94,27 @@ def _device(folder: Path) -> int:
 def _home() -> Path | None:
     try:
         return Path.home().resolve()
-    except (OSError, RuntimeError):  # a user without one
+    except (OSError, RuntimeError):  # a user without a home directory
         return None
 
 
-def _refuse_strangers(path: Path, facts: "list[os.stat_result]") -> None:
+def _refuse_foreign(path: Path, facts: list[os.stat_result]) -> None:
+    """Raise if the file, or the link to it, belongs to another user or is writable by everybody."""
     if not hasattr(os, "geteuid"):
         return  # Windows: no owner to compare
-    advice = f"take it with --config {path}, or take it away"
+    advice = f"use it with --config {path}, or remove it"
     for one in facts:
         if one.st_uid not in (0, os.geteuid()):
+            mine = "root" if os.geteuid() == 0 else f"{_user(os.geteuid())} or root"
             raise ConfigError(
-                f"{path} belongs to {_user(one.st_uid)}, not to {_mine()}: a found configuration may lead "
-                f"results anywhere; if you trust it, {advice}"
+                f"{path} belongs to {_user(one.st_uid)}, not to {mine}: a configuration that is found by "
+                f"search can write results anywhere; if you trust it, {advice}"
             )
         if not stat.S_ISLNK(one.st_mode) and one.st_mode & stat.S_IWOTH:
             raise ConfigError(
-                f"{path} may be written by everybody: a found configuration may lead results anywhere; "
-                f"`chmod o-w` it, {advice}"
+                f"{path} is writable by everybody: a configuration that is found by search can write results "
+                f"anywhere; `chmod o-w` it, {advice}"
             )
-
-
-def _mine() -> str:
-    return "root" if os.geteuid() == 0 else f"{_user(os.geteuid())} or root"
 
 
 def _user(uid: int) -> str:
@@ -139,42 +127,38 @@ def _user(uid: int) -> str:
 
 
 def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
-    """OUT: --out, or `[run] out` of the configuration, relative to it, or ``out`` here.
+    """Return OUT: --out, or `[run] out` relative to the configuration, or ``out`` in this directory.
 
     Parameters
     ----------
     given : Path or None
         --out.
     config : Path or None
-        A file, or a fleet's directory of configurations: then its defaults.toml speaks.
+        A file, or a fleet's directory of configurations: then `[run] out` of its defaults.toml applies.
     data_dir : Path
-
-    Returns
-    -------
-    Path
 
     Raises
     ------
     ConfigError
-        Where the configuration leads to results of other logs, which would be lost.
+        If `[run] out` holds results of other logs, which the run would replace.
     """
     if given is not None:
         return given
-    said = _said(config)
-    if said is None:
+    out = _configured_out(config)
+    if out is None:
         return DEFAULT_OUT
-    _refuse_others(said, data_dir)
-    return said
+    _refuse_other_logs(out, data_dir)
+    return out
 
 
-def _said(config: Path | None) -> Path | None:
-    """`[run] out`; what is wrong with the file is said where it is loaded."""
+def _configured_out(config: Path | None) -> Path | None:
+    """Return `[run] out`; errors in the file are reported where it is loaded."""
     if config is None:
         return None
     import tomllib
 
     path = config / "defaults.toml" if config.is_dir() else config
-    if not path.is_file():  # a pipe can be read once only, and has no place that OUT could be relative to
+    if not path.is_file():  # a pipe can be read only once, and has no directory that OUT could be relative to
         return None
     try:
         with open(path, "rb") as file:
@@ -185,8 +169,8 @@ def _said(config: Path | None) -> Path | None:
     return path.parent / out if isinstance(out, str) and out and "\0" not in out else None
 
 
-def _refuse_others(out: Path, data_dir: Path) -> None:
-    """OUT mirrors DATA_DIR: the results of other logs would leave it. Asked for by --out, they may."""
+def _refuse_other_logs(out: Path, data_dir: Path) -> None:
+    """Raise if OUT holds results of other logs: OUT mirrors DATA_DIR, so theirs would be removed."""
     before = _logs_of(out)
     if before is not None and before != data_dir.resolve():
         raise ConfigError(
@@ -202,11 +186,11 @@ def _refuse_others(out: Path, data_dir: Path) -> None:
 
 
 def _logs_of(out: Path) -> Path | None:
-    """DATA_DIR of the last run into OUT, where it can be told and is there still."""
+    """Return DATA_DIR of the last run into OUT, if it is known and still exists."""
     import json
 
     try:
-        said = Path(json.loads((out / "run.json").read_text(encoding="utf-8"))["data_dir"])
-        return said.resolve() if said.is_dir() else None
+        logs = Path(json.loads((out / "run.json").read_text(encoding="utf-8"))["data_dir"])
+        return logs.resolve() if logs.is_dir() else None
     except (OSError, ValueError, KeyError, TypeError):
         return None

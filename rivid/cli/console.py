@@ -1,4 +1,4 @@
-"""What a command says beside its answer: on stderr, more or less of it as --quiet and --verbose ask."""
+"""Output on stderr beside a command's result: notes, errors, progress steps and phase times."""
 
 import os
 import sys
@@ -12,35 +12,36 @@ from typing import Any
 import click
 
 WIDTH = 80
+"""Columns of all text output."""
 
 
 def colour_wanted() -> bool | None:
-    """False where colour is refused (NO_COLOR, a dumb terminal); None: on terminals only."""
+    """Return False where NO_COLOR or a dumb terminal forbids colour, else None: on terminals only."""
     return False if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" else None
 
 
-def complain(text: str) -> None:
-    """A line on stderr about what is wrong."""
+def print_error(text: str) -> None:
+    """Print an error or a warning as one line on stderr."""
     from rivid.errors import printable
 
     line = " ".join(printable(text).split("\n"))
     click.echo(f"{click.style('rivid:', fg='red')} {line}", err=True, color=colour_wanted())
 
 
-def wrapped(text: str, indent: int = 0, hanging: int = 2, width: int = WIDTH) -> str:
-    """The text in lines of at most `width` columns; a path or a long word is left whole."""
+def wrap(text: str, indent: int = 0, hanging: int = 2, width: int = WIDTH) -> str:
+    """Break text into lines of at most `width` columns; paths and long words are not split."""
     return textwrap.fill(
         text, width, initial_indent=" " * indent, subsequent_indent=" " * (indent + hanging),
         break_on_hyphens=False, break_long_words=False,
     )  # fmt: skip
 
 
-def fitted(name: str, most: int = 40) -> str:
-    """A name of at most `most` characters, its middle left out where it is longer.
+def abbreviate(name: str, most: int = 40) -> str:
+    """Shorten a name to `most` characters by leaving out its middle.
 
     Examples
     --------
-    >>> fitted("a-very-long-name-of-a-reach", 14)
+    >>> abbreviate("a-very-long-name-of-a-reach", 14)
     'a-very...reach'
     """
     if len(name) <= most:
@@ -49,18 +50,18 @@ def fitted(name: str, most: int = 40) -> str:
     return f"{name[: most - 3 - end]}...{name[len(name) - end :]}"
 
 
-class Teller:
-    """Notes on stderr, and the time by phase where --verbose asks for it.
+class Console:
+    """Notes on stderr, and the duration of each phase with --verbose.
 
     Parameters
     ----------
     quiet, verbose : bool
-        One of them at most.
+        The options of the same names.
 
     Raises
     ------
     click.UsageError
-        For both.
+        If both are given.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
@@ -69,18 +70,18 @@ class Teller:
         self.quiet, self.verbose = quiet, verbose
         self._since = time.perf_counter()
 
-    def note(self, text: str) -> None:
-        """A line, unless --quiet."""
+    def info(self, text: str) -> None:
+        """Print a line, unless --quiet."""
         if not self.quiet:
             click.echo(f"rivid: {text}", err=True)
 
-    def more(self, name: str, text: str) -> None:
-        """A line of --verbose: a word and what stands behind it."""
+    def detail(self, name: str, text: str) -> None:
+        """Print a labelled line with --verbose."""
         if self.verbose:
             click.echo(f"{name:>10}  {text}", err=True)
 
     def phase(self, name: str) -> None:
-        """What has been done since the last call took this long."""
+        """Print with --verbose how long the phase that ends here has taken."""
         now = time.perf_counter()
         if self.verbose:
             click.echo(f"{now - self._since:8.2f} s  {name}", err=True)
@@ -89,57 +90,57 @@ class Teller:
     def timed(
         self, progress: Callable[[int], Any] | None, what: str = "data sets"
     ) -> Callable[[int], Any] | None:
-        """The progress bar of a run; with --verbose, what comes before and during it is timed."""
+        """Return the progress bar of a run; with --verbose, one that also times the phases around it."""
         if not self.verbose:
             return progress
 
         @contextmanager
         def bar(total: int) -> Iterator[Callable[[int], Any]]:
             self.phase("finding what is new")
-            with progress(total) if progress else nullcontext(lambda _: None) as done:
-                yield done
+            with progress(total) if progress else nullcontext(lambda _: None) as advance:
+                yield advance
             self.phase(f"estimating {total:,} {what}")
 
         return bar
 
     @contextmanager
     def steps(self, name: str) -> Iterator[Callable[[str], None]]:
-        """Something is called before each step with what comes; `name` is the first, which has begun.
+        """Yield a function to call with the name of each step as it begins; `name` is the first step.
 
-        On a terminal the line goes away when the next one comes; with --verbose each stays, timed.
+        A terminal shows the current step only; with --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose
-        under_way = name
+        current = name
 
         def step(text: str) -> None:
-            nonlocal under_way
+            nonlocal current
             if self.verbose:
-                self.phase(under_way)
+                self.phase(current)
             elif not self.quiet:
                 click.echo(f"{text:<78.78}\r" if on_terminal else text, err=True, nl=not on_terminal)
-            under_way = text
+            current = text
 
         try:
             yield step
         finally:
             if on_terminal and not self.quiet:
                 click.echo(" " * 78 + "\r", err=True, nl=False)
-        self.phase(under_way)
+        self.phase(current)
 
-    def begin(self, *places: tuple[str, "Path | str | None"]) -> None:
-        """Versions, and the files and directories that are taken, by name."""
+    def begin(self, *places: tuple[str, Path | str | None]) -> None:
+        """Print with --verbose the versions and the named files and directories in use."""
         if not self.verbose:
             return
-        self.more("versions", versions())
+        self.detail("versions", versions())
         for name, place in places:
             if place is not None:
-                self.more(name, str(place))
+                self.detail(name, str(place))
                 if name == "logs":
-                    self.more("", files_in(Path(place)))
+                    self.detail("", files_in(Path(place)))
 
 
 def versions() -> str:
-    """Of rivid, Python and what the figures and numbers come from; nothing is imported for it."""
+    """Return the versions of rivid, Python and the numerical libraries, without importing them."""
     import platform
     from importlib.metadata import version
 
@@ -150,12 +151,12 @@ def versions() -> str:
 
 
 def files_in(folder: Path) -> str:
-    """How many files a directory holds, their size, the first and the last by name."""
+    """Return the number of files in a directory, their size, and the first and last by name."""
     try:
         with os.scandir(folder) as entries:
             files = sorted((e.name, e.stat().st_size) for e in entries if e.is_file() and e.name[0] != ".")
     except OSError as error:
-        return f"cannot be looked at: {error.strerror}"
+        return f"cannot be read: {error.strerror}"
     if not files:
         return "no files"
     ends = files[0][0] if len(files) == 1 else f"{files[0][0]} to {files[-1][0]}"

@@ -9,7 +9,7 @@ import click
 import pytest
 
 from rivid.cli import fleet_run
-from rivid.cli.telling import Teller, files_in, fitted, wrapped
+from rivid.cli.console import Console, abbreviate, files_in, wrap
 from rivid.logs.sniff import sniff
 from tests.cli.conftest import ROOT
 from tests.daily import text_of, write_days
@@ -88,13 +88,17 @@ def test_what_sniff_proposes_fits_eighty_columns_and_means_what_it_found(rivid):
 
 def test_wrapped_leaves_a_path_whole():
     path = "/srv/" + "long/" * 30 + "report.html"
-    assert path in wrapped(f"report: {path}").split()
-    assert max(map(len, wrapped("a few words " * 30, 2, 4).splitlines())) <= 80
+    assert path in wrap(f"report: {path}").split()
+    assert max(map(len, wrap("a few words " * 30, 2, 4).splitlines())) <= 80
 
 
 def test_a_long_name_is_shortened_in_its_middle():
-    assert len(fitted(LONG)) == 40 and fitted(LONG).startswith("the-very") and fitted(LONG).endswith("hand-x")
-    assert fitted("short") == "short"
+    assert (
+        len(abbreviate(LONG)) == 40
+        and abbreviate(LONG).startswith("the-very")
+        and abbreviate(LONG).endswith("hand-x")
+    )
+    assert abbreviate("short") == "short"
 
 
 # Quiet and verbose
@@ -142,22 +146,22 @@ def test_verbose_tells_files_versions_and_time_and_leaves_stdout_alone(rivid, lo
 
 def test_times_of_phases_are_those_between_them(capsys, monkeypatch):
     clock = iter([10.0, 12.5, 13.0])
-    monkeypatch.setattr("rivid.cli.telling.time.perf_counter", lambda: next(clock))
-    tell = Teller(verbose=True)
-    tell.phase("first")
-    tell.phase("second")
+    monkeypatch.setattr("rivid.cli.console.time.perf_counter", lambda: next(clock))
+    console = Console(verbose=True)
+    console.phase("first")
+    console.phase("second")
     assert capsys.readouterr().err == "    2.50 s  first\n    0.50 s  second\n"
 
 
 def test_steps_are_named_as_they_come_or_timed_when_they_are_over(capsys):
-    for tell in (Teller(), Teller(verbose=True), Teller(quiet=True)):
-        with tell.steps("starting") as step:
+    for console in (Console(), Console(verbose=True), Console(quiet=True)):
+        with console.steps("starting") as step:
             step("one")
             step("two")
         said = capsys.readouterr().err
         timed = re.findall(r"s  (.+)$", said, re.M)
-        expected = [] if tell.quiet else ["starting", "one", "two"] if tell.verbose else ["one", "two"]
-        assert (timed if tell.verbose else said.splitlines()) == expected
+        expected = [] if console.quiet else ["starting", "one", "two"] if console.verbose else ["one", "two"]
+        assert (timed if console.verbose else said.splitlines()) == expected
 
 
 def test_files_are_counted_with_first_and_last(tmp_path):
@@ -166,7 +170,7 @@ def test_files_are_counted_with_first_and_last(tmp_path):
     assert files_in(tmp_path) == "1 file, 0.1 MB: a.csv"
     (tmp_path / "b.csv").write_bytes(b"x" * 100_000)
     assert files_in(tmp_path) == "2 files, 0.2 MB: a.csv to b.csv"
-    assert files_in(tmp_path / "none").startswith("cannot be looked at: No such file")
+    assert files_in(tmp_path / "none").startswith("cannot be read: No such file")
 
 
 # Colour
@@ -187,7 +191,7 @@ def test_colour_is_for_terminals_and_for_those_who_want_it(rivid, logs, tmp_path
 
 def test_quiet_and_verbose_together_are_a_usage_error():
     with pytest.raises(click.UsageError):
-        Teller(quiet=True, verbose=True)
+        Console(quiet=True, verbose=True)
 
 
 def test_where_every_day_fails_it_is_never_all_well(rivid, tmp_path):
