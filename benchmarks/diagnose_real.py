@@ -16,12 +16,10 @@ from benchmarks.measure import table
 from rivid.config import Config, load_config
 from rivid.diagnosis.answer import tell
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.data import Floats, Record
-from rivid.diagnosis.days import read_record
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of
+from rivid.diagnosis.data import Floats, Record, read_record
+from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.result import closed_share
-from rivid.diagnosis.setting import gauge_floor_of, library_of, response_of
 from rivid.diagnosis.study import Study
 from rivid.diagnosis.workflow import TRIM, look
 from rivid.report.diagnosis_files import write_diagnosis

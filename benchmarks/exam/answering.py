@@ -67,7 +67,7 @@ def record_of(logs: Logs) -> Record:
 
 def responses(logs: Logs, record: Record) -> tuple[Response, ...]:
     """The candidates that `rivid diagnose` would choose among."""
-    from rivid.diagnosis.setting import responses_of
+    from rivid.diagnosis.choice import responses_of
 
     return responses_of(logs.settings, record)
 
@@ -81,7 +81,7 @@ def answer(logs: Logs) -> dict[str, Any]:
         With `seconds`, and in `refused` what the guard refused; `error` where the diagnosis failed.
     """
     from rivid.diagnosis import workflow
-    from rivid.diagnosis.setting import gauge_floor_of, library_of
+    from rivid.diagnosis.choice import gauge_floor_of, library_of
 
     began = time.perf_counter()
     refused: list[str] = []

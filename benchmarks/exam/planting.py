@@ -14,9 +14,8 @@ import numpy as np
 from benchmarks.exam.answering import Logs, record_of, responses
 from benchmarks.exam.cases import Case
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import evaluate
-from rivid.diagnosis.setting import gauge_floor_of
+from rivid.diagnosis.choice import gauge_floor_of
+from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.workflow import TRIM
 from rivid.effects import Effect, worlds_of
 from rivid.simulation import Season, simulate

@@ -24,10 +24,9 @@ from benchmarks.exam.answering import record_of, responses
 from benchmarks.exam.cases import ROOT, SIZE_OF, SIZES_FILE, Case, resized
 from benchmarks.exam.planting import plant, scenario_of
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import Linear
-from rivid.diagnosis.noise import fit_noise
-from rivid.diagnosis.setting import gauge_floor_of
+from rivid.diagnosis.choice import gauge_floor_of
+from rivid.diagnosis.fit import Linear, Model, calibrate
+from rivid.diagnosis.noise.model import fit_noise
 from rivid.effects import Effect, effect_classes
 from rivid.effects.level import Seiche
 from rivid.errors import RividError

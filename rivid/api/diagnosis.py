@@ -105,8 +105,8 @@ class DiagnosisResult:
         RividError
             Where a file cannot be written.
         """
+        from rivid.diagnosis.choice import library_of
         from rivid.diagnosis.model.augmented import write_model
-        from rivid.diagnosis.setting import library_of
         from rivid.report.diagnosis_files import write_diagnosis
 
         page = write_diagnosis(
@@ -207,9 +207,9 @@ def diagnose(
     Steps as in docs/diagnose.md. Takes half a minute for two months, minutes for a year.
     """
     from rivid.diagnosis import workflow
-    from rivid.diagnosis.days import read_record
+    from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
+    from rivid.diagnosis.data import read_record
     from rivid.diagnosis.model.augmented import read_effects
-    from rivid.diagnosis.setting import gauge_floor_of, library_of, responses_of
 
     begin, end = as_date(first), as_date(last)
     failed: tuple[tuple[dt.date | None, str], ...] = ()

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rivid.diagnosis.blocks import Split
+from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.breakers import breaker
 from rivid.diagnosis.deciding.verdict import verdict_of
-from rivid.diagnosis.gap import HOURS, DayErrors, day_errors
-from rivid.diagnosis.loop.closed_loop import closed_loop
-from rivid.diagnosis.model.linear import Evaluation
+from rivid.diagnosis.fit import HOURS, DayErrors, Evaluation, day_errors
+from rivid.diagnosis.localise import as_scores, drivers, strongest
+from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.regimes import regimes
 from rivid.diagnosis.result import (
     Diagnosis,
@@ -24,14 +25,12 @@ from rivid.diagnosis.result import (
     Where,
     closed_share,
 )
-from rivid.diagnosis.search.segments import FEWEST_BLOCKS
-from rivid.diagnosis.search.spectrum import spectrum
-from rivid.diagnosis.where.place import as_scores, drivers, strongest
+from rivid.diagnosis.spectrum import spectrum
 from rivid.effects import Effect
 from rivid.types import Floats
 
 if TYPE_CHECKING:
-    from rivid.diagnosis.model.fit import Model
+    from rivid.diagnosis.fit import Model
     from rivid.diagnosis.study import Round, Study
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.gap import DayErrors, day_errors
+from rivid.diagnosis.fit import DayErrors, day_errors
 from rivid.diagnosis.result import Regime
 from rivid.types import Bools, Floats
 

@@ -391,11 +391,6 @@ def p_of(chance: Floats, seen: float) -> float:
     return float((1 + (chance >= seen * (1.0 - 1e-9)).sum()) / (1 + len(chance)))
 
 
-__all__ = [
-    "FEWEST_BLOCKS", "LEAST_LEFT", "MODEL_SHARE", "Candidate", "Dates", "Found", "Scan", "scan",
-]  # fmt: skip
-
-
 FLIPS = 4_999
 """Sign flips: the smallest p is 1 / 5,000."""
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.naming import Choice
-from rivid.diagnosis.model.fit import Model
-from rivid.diagnosis.model.linear import Evaluation, Linear
+from rivid.diagnosis.fit import Evaluation, Linear, Model
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.effects import Effect
 from rivid.types import Floats
@@ -45,7 +44,7 @@ class Study:
     first_evaluation, last_evaluation : Evaluation
     rounds : tuple of Round
     kernels : dict of str to ndarray
-        Step responses by place; see :func:`rivid.diagnosis.response.kernel.kernels_of`.
+        Step responses by place; see :func:`rivid.diagnosis.response.base.kernels_of`.
     notes : tuple of str
     noises : tuple of Effect
         Noises (wind, a seiche) that were known from the start.

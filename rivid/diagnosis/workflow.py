@@ -11,6 +11,7 @@ import numpy as np
 
 from rivid.diagnosis.answer import Evidence, no_candidates, tell, too_few, too_still
 from rivid.diagnosis.blocks import Split, split
+from rivid.diagnosis.choice import Calibrated, as_candidates, calibrated
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.guard import guarded
 from rivid.diagnosis.deciding.naming import Choice, choose
@@ -24,14 +25,11 @@ from rivid.diagnosis.deciding.trying import (
     rivals,
     worth_trying,
 )
+from rivid.diagnosis.events import happenings
+from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
 from rivid.diagnosis.model.adding import added, dropped, echoes, patched, recoded, varied
-from rivid.diagnosis.model.fit import Model
-from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
-from rivid.diagnosis.response.base import Response
-from rivid.diagnosis.response.choice import Calibrated, as_candidates, calibrated
-from rivid.diagnosis.response.kernel import kernels_of
+from rivid.diagnosis.response.base import Response, kernels_of
 from rivid.diagnosis.result import Diagnosis
-from rivid.diagnosis.search.happenings import happenings
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.search.propose import proposals
 from rivid.diagnosis.search.trials import Trial, trials_of

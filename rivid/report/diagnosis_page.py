@@ -12,8 +12,7 @@ from typing import Any
 
 from rivid import __version__
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.loop.result import ClosedLoop
-from rivid.diagnosis.result import Diagnosis, Estimate, Gap, NamedEffect, Regime
+from rivid.diagnosis.result import ClosedLoop, Diagnosis, Estimate, Gap, NamedEffect, Regime
 from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
 from rivid.plots.style import FigureFile

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.loop.result import ClosedLoop, LoopDay
-from rivid.diagnosis.result import Diagnosis, Gap
+from rivid.diagnosis.result import ClosedLoop, Diagnosis, Gap, LoopDay
 from rivid.plots.diagnosis import KINDS
 from rivid.plots.style import FigureFile
 from rivid.report.diagnosis_text import loop_words, name_words, scale_of

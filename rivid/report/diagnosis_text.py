@@ -7,8 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rivid.diagnosis.loop.result import ClosedLoop, Operators
-from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Unknown, Where
+from rivid.diagnosis.result import (
+    VERDICTS,
+    ClosedLoop,
+    Diagnosis,
+    Estimate,
+    Gap,
+    NamedEffect,
+    Operators,
+    Unknown,
+    Where,
+)
 from rivid.text import count, day_range, listed
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.loop.result import ClosedLoop, LoopDay, LoopErrors, Operators
-from rivid.diagnosis.result import Regime
+from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors, Operators, Regime
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 

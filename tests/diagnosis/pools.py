@@ -8,8 +8,7 @@ import numpy as np
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.simulation import simulate

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.deciding.naming import Choice
+from rivid.diagnosis.fit import calibrate, evaluate
 from rivid.diagnosis.model.adding import dropped, patched
-from rivid.diagnosis.model.fit import calibrate
-from rivid.diagnosis.model.linear import evaluate
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.study import Round
 from rivid.effects import CATALOGUE

@@ -7,16 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rivid.diagnosis import closed_loop as loops
+from rivid.diagnosis import operators as operator_law
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.loop import closed_loop as loops
-from rivid.diagnosis.loop import operator_law
-from rivid.diagnosis.loop.closed_loop import closed_loop
-from rivid.diagnosis.loop.operator_law import Law, beyond, identify, judged
-from rivid.diagnosis.loop.operator_moves import looks, moves, step_of
-from rivid.diagnosis.loop.run import cut, run_day, without_fronts
-from rivid.diagnosis.loop.set_point import SetPoint
-from rivid.diagnosis.model.fit import Model
-from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.closed_loop import closed_loop, cut, run_day, without_fronts
+from rivid.diagnosis.fit import Model
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.operators import Law, SetPoint, beyond, identify, judged, looks, moves, step_of
 from rivid.diagnosis.response.base import gauge_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.response.linear import LinearPool

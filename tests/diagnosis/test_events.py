@@ -5,10 +5,19 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from rivid.diagnosis.noise import NoiseModel
-from rivid.diagnosis.search.events import Event, Kind, best_kind, find_events
-from rivid.diagnosis.search.pursuit import Atoms, extended, pursue, response
-from rivid.diagnosis.search.timetable import sizes, timetable
+from rivid.diagnosis.events import (
+    Atoms,
+    Event,
+    Kind,
+    best_kind,
+    extended,
+    find_events,
+    pursue,
+    response,
+    sizes,
+    timetable,
+)
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.errors import RividError
 
 T, N, A = 133.0, 400, 2e6

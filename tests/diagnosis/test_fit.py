@@ -9,12 +9,9 @@ import pytest
 
 from rivid.config import Config, load_toml
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.data import as_record
-from rivid.diagnosis.days import read_record
-from rivid.diagnosis.gap import day_errors, residual_of
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import evaluate
-from rivid.diagnosis.noise import day_weights
+from rivid.diagnosis.data import as_record, read_record
+from rivid.diagnosis.fit import Model, calibrate, day_errors, evaluate, residual_of
+from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import FreeParameter, placed
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse

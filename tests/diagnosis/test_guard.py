@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.deciding.guard import LEAST, MEMORIES, driven_level, guard, guarded
-from rivid.diagnosis.response.kernel import kernels_of
+from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search.propose import proposals
 from rivid.diagnosis.search.trials import pool_trials
 from rivid.effects import CATALOGUE

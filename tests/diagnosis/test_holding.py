@@ -7,8 +7,7 @@ import pytest
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.deciding.holding import held_share
-from rivid.diagnosis.model.fit import calibrate
-from rivid.diagnosis.model.linear import evaluate
+from rivid.diagnosis.fit import calibrate, evaluate
 from rivid.effects import effect_classes
 from tests.diagnosis.pools import fresh, nominal, season
 

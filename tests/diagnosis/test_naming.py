@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.deciding.naming import choose, is_material, stands, tied_with
-from rivid.diagnosis.search.events import Event
-from rivid.diagnosis.search.happenings import _storms
+from rivid.diagnosis.events import Event, _storms
 from tests.diagnosis.pools import fitted, made, season
 
 RECORD = season(1, days=20)

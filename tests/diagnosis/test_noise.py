@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from rivid.diagnosis.noise import WALK_LIMIT, NoiseModel, day_weights, fit_noise
+from rivid.diagnosis.noise.model import WALK_LIMIT, NoiseModel, day_weights, fit_noise
 from rivid.errors import RividError
 
 N = 40
@@ -165,7 +165,7 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
     from rivid.diagnosis.noise.kalman import gather, lanes, log_likelihoods
-    from rivid.diagnosis.noise.starts import limits_of
+    from rivid.diagnosis.noise.model import limits_of
 
     z = POOL.simulate(9, N, np.random.default_rng(8))
     z[3:5, 10:20] = np.nan

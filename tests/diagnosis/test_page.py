@@ -8,8 +8,7 @@ import re
 
 import pytest
 
-from rivid.diagnosis.loop.result import ClosedLoop
-from rivid.diagnosis.result import VERDICTS, Estimate, Unknown, Where
+from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Unknown, Where
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.plots.style import FigureFile

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.data import START_UP, as_record
-from rivid.diagnosis.gap import DayErrors, day_errors, residual_of
-from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.errors import RividError
 
 SECONDS = 900.0 * np.arange(96)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.gap import HOURS, day_errors
-from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.fit import HOURS, day_errors
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
 from tests.diagnosis.answers import evidence_of, record_of
 

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.noise import NoiseModel
-from rivid.diagnosis.response.base import slopes_by_differences, vector_of, without_nudge
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.response.base import (
+    real_flows,
+    slopes_by_differences,
+    vector_of,
+    volume_before,
+    without_nudge,
+)
 from rivid.diagnosis.response.linear import LinearPool
-from rivid.diagnosis.response.real_flows import real_flows, volume_before
 from rivid.diagnosis.response.river import RiverResponse
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError

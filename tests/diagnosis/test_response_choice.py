@@ -3,7 +3,7 @@
 import pytest
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.response.choice import as_candidates, calibrated
+from rivid.diagnosis.choice import as_candidates, calibrated
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.workflow import look
 from rivid.effects import CATALOGUE

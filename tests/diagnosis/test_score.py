@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t as student
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.score import MODEL_SHARE, Candidate, scan
 from rivid.errors import RividError
 

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rivid.diagnosis.search.segments import block_inflation, partition, segment
+from rivid.diagnosis.segments import block_inflation, partition, segment
 from rivid.errors import RividError
 
 DAYS, BLOCK = 60, 3

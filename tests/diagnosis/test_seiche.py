@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rivid.diagnosis.noise import NoiseModel
-from rivid.diagnosis.search.seiche import LEAST_DAMPING, find_swing, periodograms, spectrum_of, through_filter
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.seiche import LEAST_DAMPING, find_swing, periodograms, spectrum_of, through_filter
 from rivid.effects import CATALOGUE
 
 SEICHE = CATALOGUE["seiche"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rivid.diagnosis.search.spectrum import _power, spectrum
+from rivid.diagnosis.spectrum import _power, spectrum
 from rivid.errors import RividError
 
 T = 133.0

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rivid.diagnosis.loop.result import ClosedLoop
-from rivid.diagnosis.result import VERDICTS, Estimate, Unknown, Where
+from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Unknown, Where
 from rivid.report.diagnosis_text import LABELS, MAY_NOT_SAY, WIDTH, summary, sure_words
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import loop_of

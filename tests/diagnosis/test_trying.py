@@ -13,10 +13,9 @@ from rivid.diagnosis.deciding.trying import (
     rivals,
     worth_trying,
 )
+from rivid.diagnosis.fit import calibrate, evaluate
 from rivid.diagnosis.model.adding import added, stepped
-from rivid.diagnosis.model.fit import calibrate
-from rivid.diagnosis.model.linear import evaluate
-from rivid.diagnosis.response.kernel import kernels_of
+from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search.propose import proposals
 from rivid.diagnosis.search.trials import pool_trials
 from rivid.effects import CATALOGUE

@@ -7,8 +7,7 @@ import pytest
 
 from rivid.diagnosis.deciding import verdict
 from rivid.diagnosis.deciding.verdict import HELD, verdict_of
-from rivid.diagnosis.gap import DayErrors
-from rivid.diagnosis.model.linear import limited
+from rivid.diagnosis.fit import DayErrors, limited
 from rivid.diagnosis.result import Gap, Unknown, Where
 
 DAYS = 20

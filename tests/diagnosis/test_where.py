@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.where.bins import influence
-from rivid.diagnosis.where.drivers import Driver, drivers, season, since_step
-from rivid.diagnosis.where.place import as_scores, hour_map, strongest, tables
+from rivid.diagnosis.localise import (
+    Driver,
+    as_scores,
+    drivers,
+    hour_map,
+    influence,
+    season,
+    since_step,
+    strongest,
+    tables,
+)
 from rivid.errors import RividError
 
 DAYS, N, BLOCK = 60, 144, 3

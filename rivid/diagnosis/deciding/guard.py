@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.model.linear import Evaluation, Linear
+from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.effects import CATALOGUE, Effect
 from rivid.types import Floats
@@ -63,7 +63,7 @@ def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: 
     evaluation : Evaluation
         The model without the effect.
     simulated : callable
-        Output of a record with further effects, as :meth:`rivid.diagnosis.model.fit.Model.baseline`.
+        Output of a record with further effects, as :meth:`rivid.diagnosis.fit.Model.baseline`.
 
     Returns
     -------

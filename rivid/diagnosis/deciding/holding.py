@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnosis.model.fit import Model
-from rivid.diagnosis.model.linear import Evaluation, Linear
+from rivid.diagnosis.fit import Evaluation, Linear, Model
 from rivid.errors import RividError
 
 TOLD = 0.2

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.diagnosis.model.linear import Evaluation, Linear
+from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.types import Floats
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.naming import ABSORBED, LEVEL
+from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
 from rivid.diagnosis.model.adding import added
-from rivid.diagnosis.model.fit import Model
-from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
 from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.diagnosis.search.trials import Window
 from rivid.errors import RividError

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rivid.diagnosis.deciding.holding import held_share
-from rivid.diagnosis.model.linear import limited
+from rivid.diagnosis.fit import limited
 from rivid.diagnosis.result import Gap, Unknown, Verdict
 from rivid.types import Floats
 

@@ -7,12 +7,10 @@ import numpy as np
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.deciding.naming import ABSORBED, Choice
-from rivid.diagnosis.gap import residual_of
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate, limited
-from rivid.diagnosis.noise import day_weights
+from rivid.diagnosis.events import as_effect, lock, rain, search
+from rivid.diagnosis.fit import Evaluation, Linear, Model, calibrate, evaluate, limited, residual_of
+from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import vector_of
-from rivid.diagnosis.search.happenings import as_effect, lock, rain, search
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.study import Round
 from rivid.effects import Effect

@@ -10,17 +10,17 @@ there is no A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it
 that a constant inflow stays a thing to find.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rivid.errors import RividError
-from rivid.types import Floats
+from rivid.types import Bools, Floats
 
 if TYPE_CHECKING:
-    from rivid.diagnosis.noise.kalman import System
+    from rivid.diagnosis.noise.kalman import Days, System
 
 Number = float | Floats
 
@@ -243,3 +243,257 @@ def entries(
     T, A = sample_time, surface_area
     phi, psi = np.exp(-T / inflow_memory), np.exp(-T / level_memory)
     return 0.0 if A is None else T / A, phi, psi, walk_sd**2, inflow_sd**2, level_sd**2, gauge_sd**2
+
+
+WALK_LIMIT = 1e-3
+"""Largest level random walk beside a level-type noise [m per sample]: a freer one swallows the wind."""
+
+
+class Limits(NamedTuple):
+    """A model whose `free` fields move between `low` and `high`; `scale` is a sample's usual change."""
+
+    model: NoiseModel
+    free: tuple[str, ...]
+    low: Floats
+    high: Floats
+    scale: float
+
+    def at(self, point: Floats) -> NoiseModel:
+        """The model at the logarithms of the free fields, shape (f,)."""
+        return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
+
+    def systems(self, points: Floats) -> Floats:
+        """What the filters of many models (q, f) are made of, shape (q, 7)."""
+        numbers = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
+        numbers |= dict(zip(self.free, np.exp(points).T, strict=True))
+        return np.stack(np.broadcast_arrays(*entries(**numbers)), axis=1)
+
+
+def limits_of(
+    days: "Days",
+    T: float,
+    A: float | None,
+    level: bool,
+    gauge_floor: float,
+    walk_limit: float | None,
+    memory_floor: float | None,
+) -> Limits:
+    """Limits by how much a sample usually changes; arguments as of the fit."""
+    there, n = days.there, days.values.shape[1]
+    both = there[:, 1:] & there[:, :-1]
+    scale = float(np.sqrt(np.mean(np.diff(days.values, axis=1)[both] ** 2) / 2.0))
+    longest = 10.0 * n * T  # a day cannot tell a longer memory from an endless one
+    most_walk = min(10.0 * scale, walk_limit or (WALK_LIMIT if level else np.inf))
+    bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
+    if A is not None:
+        bounds["walk_sd"] = (1e-4 * most_walk, most_walk)
+        bounds["inflow_sd"] = (1e-5 * scale * A / T, 10.0 * scale * A / T)
+        bounds["inflow_memory"] = (memory_floor or 10.0 * T, longest)
+    if A is None or level:
+        bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
+        bounds["level_memory"] = (3.0 * T, longest)
+    low, high = np.array(list(bounds.values())).T
+    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, 0.0, 100.0 * T, T, A)
+    return Limits(rest, tuple(bounds), low, high, scale)
+
+
+def usual_starts(limits: Limits, pool: bool, level: bool) -> tuple[NoiseModel, ...]:
+    """Weak and lasting, strong and short, or hardly any unknown inflow; with and without much wind."""
+    z, rest = limits.scale, limits.model
+    T, A = rest.sample_time, rest.surface_area
+    if not pool or A is None:
+        slow = replace(rest, gauge_sd=0.5 * z, level_sd=10.0 * z, level_memory=300.0 * T)
+        return slow, replace(rest, level_sd=z, level_memory=10.0 * T)
+    w = z * A / T
+    weak = replace(rest, walk_sd=0.03 * z, inflow_sd=0.05 * w, inflow_memory=100.0 * T)
+    short = replace(rest, gauge_sd=0.5 * z, walk_sd=0.1 * z, inflow_sd=0.3 * w, inflow_memory=30.0 * T)
+    walk = replace(rest, gauge_sd=0.5 * z, walk_sd=0.3 * z, inflow_sd=0.01 * w, inflow_memory=600.0 * T)
+    if not level:
+        return weak, short, walk
+    return tuple(  # slow levels are w's or s's doing: the likelihood has a hill for either
+        replace(start, walk_sd=walk * z, level_sd=size * z, level_memory=last * T)
+        for start in (weak, short)
+        for size, last in ((3.0, 80.0), (1.0, 10.0))
+        for walk in (0.01, 0.3)
+    )
+
+
+FEWEST_BLOCKS = 8
+"""Blocks below which the inflation is a guess."""
+
+KEPT = 0.75
+"""Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
+
+_KEPT_MEAN = 0.36852
+"""Mean of a chi-square variable of one degree below its 75 % quantile."""
+
+
+def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integer]) -> tuple[Floats, Floats]:
+    """Variance of blocks' scores over the nominal one, and the correlation of days within blocks.
+
+    From differences of means, of neighbouring blocks and of days within a block, without the largest quarter
+    of their squares: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
+
+    Parameters
+    ----------
+    score : ndarray, shape (draws, days)
+    information : ndarray, shape (days,)
+    blocks : ndarray of int, shape (days,)
+
+    Returns
+    -------
+    inflation, correlation : ndarray, shape (draws,)
+    """
+    used = information > 0.0
+    g, q = score[:, used], information[used]
+    label = np.unique(blocks[used], return_inverse=True)[1]
+    first = np.flatnonzero(np.diff(label, prepend=-1))
+    inflation = _squares(np.add.reduceat(g, first, axis=1), np.add.reduceat(q, first))
+    same = np.diff(label) == 0
+    if same.sum() < FEWEST_BLOCKS:
+        return inflation, np.zeros(len(g))
+    within = _squares(g, q, same)
+    days = len(q) / len(first)
+    rho = (inflation - within) / np.maximum(inflation + (days - 1.0) * within, 1e-300)
+    # Days of a block are not against each other: a smaller factor than that of days alone is chance.
+    return np.maximum(inflation, within), np.clip(rho, 0.0, 0.95)
+
+
+def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
+    """Variance of neighbours' means over the nominal one, from differences; g is (draws, k)."""
+    squares = np.diff(g / q, axis=1) ** 2 / (1.0 / q[1:] + 1.0 / q[:-1])
+    if kept is not None:
+        squares = squares[:, kept]
+    many = max(1, round(KEPT * squares.shape[1]))
+    smallest = np.partition(squares, many - 1, axis=1)[:, :many]
+    return np.asarray(np.maximum(smallest.mean(1) / _KEPT_MEAN, 1e-300))
+
+
+DAY_LIMIT = 1.3
+"""A day's mean square may be this many times the median's before the day loses weight."""
+
+STEP = 1e-4
+"""Of the differences that give slopes, in logarithms."""
+
+
+def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
+    """Weights of days, 1 for most, less for a day far noisier than the median.
+
+    Parameters
+    ----------
+    whitened : array_like, shape (days, n)
+        Whitened residual; exact zeros are samples that do not count.
+    limit : float
+        A day's mean square may be this many times the median's.
+
+    Returns
+    -------
+    ndarray, shape (days,)
+        min(1, limit x median / mean square); 0 for a day without samples.
+    """
+    r = np.asarray(whitened, float)
+    count = (r != 0.0).sum(1)
+    square = (r * r).sum(1) / np.maximum(count, 1)
+    if not (count > 0).any():
+        return np.zeros(len(r))
+    allowed = limit * np.median(square[count > 0])
+    return np.where(count > 0, np.minimum(1.0, allowed / np.maximum(square, allowed * 1e-12)), 0.0)
+
+
+def fit_noise(
+    residual: ArrayLike,
+    sample_time: float,
+    surface_area: float | None,
+    *,
+    weights: ArrayLike | None = None,
+    level: bool = False,
+    gauge_floor: float = 0.0,
+    walk_limit: float | None = None,
+    memory_floor: float | None = None,
+    starts: tuple[NoiseModel, ...] = (),
+    alone: bool = False,
+) -> NoiseModel:
+    """The noise model of greatest likelihood, from several starts.
+
+    With the unknown inflow alone, or from one start, the fit can end at "w is white", an optimum that hides
+    every slow effect: so gauge noise and the memory of w have lower limits, and w and the walk compete.
+
+    Parameters
+    ----------
+    residual : array_like, shape (days, n)
+        [m]; NaN is missing. For a river reach [m3/s].
+    sample_time, surface_area : float
+        T_s [s] and A [m2]; A is None for a river reach.
+    weights : array_like, shape (days,), optional
+        Of each day's log-likelihood. Default: fit, weigh days by :func:`day_weights`, fit again.
+    level : bool
+        Whether a pool has the level-type noise s (a river reach always has).
+    gauge_floor : float
+        Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
+    walk_limit : float, optional
+        Upper limit of walk_sd [m per sample]; default none, or
+        :data:`rivid.diagnosis.noise.model.WALK_LIMIT` with `level`.
+    memory_floor : float, optional
+        Lower limit of w's memory [s]; default ten samples.
+    starts : tuple of NoiseModel
+        Further starts, say the model of the last round.
+    alone : bool
+        Begin at `starts` only: quicker, where they are near.
+
+    Raises
+    ------
+    RividError
+        Where there is too little to fit.
+    """
+    from rivid.diagnosis.noise.kalman import gather
+
+    days = gather(residual)
+    both = days.there[:, 1:] & days.there[:, :-1]
+    if not np.diff(days.values, axis=1)[both].any():
+        raise RividError("residual has no day that moves: nothing to fit a noise to; check the logs")
+    limits = limits_of(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
+    usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
+    begin = usual + starts
+    if weights is not None:
+        given = np.asarray(weights, float)
+        if given.shape != (len(days.values),) or not (given >= 0.0).all() or not given.any():
+            raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
+        return _climb(days, given, begin, limits)
+    model = _climb(days, np.ones(len(days.values)), begin, limits)
+    w = day_weights(model.whiten(residual))
+    return model if (w == 1.0).all() else _climb(days, w, (model,), limits)
+
+
+def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits: Limits) -> NoiseModel:
+    """The likeliest model that the starts lead to."""
+    from scipy.optimize import minimize
+
+    from rivid.diagnosis.noise.kalman import lanes, log_likelihoods
+
+    used = weights > 0.0
+    w = weights[used] / (weights @ days.there.sum(1))  # a mean a sample: one tolerance fits all
+    order, ends, there = lanes(days.pattern[used], days.patterns)
+    values = np.ascontiguousarray(days.values[used][order].T)
+    free = len(limits.free)
+    around = STEP * np.concatenate([np.zeros((1, free)), np.eye(free), -np.eye(free)])
+
+    def cost(p: Floats) -> tuple[float, Floats]:
+        """Less the mean log-likelihood of a sample, and its slopes by central differences."""
+        likelihoods = np.empty((len(around), len(order)))
+        systems = limits.systems(p + around)
+        likelihoods[:, order] = log_likelihoods(values, ends, there, systems, limits.model.diffuse)
+        here, *near = (-float(w @ row) for row in likelihoods)
+        return here, (np.array(near[:free]) - np.array(near[free:])) / (2.0 * STEP)
+
+    low, high = np.log(limits.low), np.log(limits.high)
+    found = []
+    for start in starts:
+        given = np.array([max(getattr(start, name), 1e-300) for name in limits.free])
+        found.append(
+            minimize(
+                cost, np.clip(np.log(given), low, high), jac=True, method="L-BFGS-B",
+                bounds=list(zip(low, high, strict=True)),
+                options={"maxiter": 200, "ftol": 1e-10, "gtol": 1e-6},
+            )
+        )  # fmt: skip
+    return limits.at(min(found, key=lambda end: float(end.fun)).x)

@@ -10,11 +10,24 @@ from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
 from rivid.errors import RividError
-from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes
+from rivid.reach.loop import (
+    FLOW,
+    GATE,
+    POSITION,
+    TARGET,
+    GateArrays,
+    exchange_arrays,
+    gate_arrays,
+    gate_flow,
+    on_grid,
+    pond_flow,
+)
 from rivid.types import Floats
 
 STEP = 0.01
@@ -185,3 +198,193 @@ def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
     free = level.copy()
     free[:, 1:] -= np.cumsum(nudge[:, :-1] * np.diff(time, axis=1), axis=1)
     return free
+
+
+@dataclass(frozen=True, eq=False)
+class RealFlows:
+    """What really flows.
+
+    Attributes
+    ----------
+    inflow, outflow : ndarray, shape (days, n)
+        Through the dams, means of the samples [m3/s].
+    added : tuple of AddedFlow
+        Beside them; what leaks and ponds take is negative.
+    storage : ndarray, shape (days, n)
+        Water surface over the usual one [-].
+    gauge : ndarray, shape (days, n)
+        What the gauge gives above the water.
+    """
+
+    inflow: Floats
+    outflow: Floats
+    added: tuple[AddedFlow, ...]
+    storage: Floats
+    gauge: Floats
+
+
+def real_flows(record: Record, changes: Changes) -> RealFlows:
+    """The flows that changes make of the logs.
+
+    Parameters
+    ----------
+    record : Record
+    changes : Changes
+
+    Raises
+    ------
+    RividError
+        Where a river reach is given changes of a level, an outflow or a volume, which it has not; or arrays
+        do not fit the record.
+    """
+    shape = record.time.shape
+    inflow = record.inflow if changes.inflow is None else on_grid("the real inflow", changes.inflow, shape)
+    added = tuple(AddedFlow(part.place, on_grid("an added flow", part.flow, shape)) for part in changes.added)
+    gauge = gauge_of(record, changes)
+    if record.kind == "river":
+        named = (
+            ("a gate", not changes.gate_is_plain), ("a leak", bool(changes.leaks)),
+            ("a pond", bool(changes.ponds)), ("an area slope", changes.area_slope != 0.0),
+        )  # fmt: skip
+        for what, given in named:
+            if given:
+                raise RividError(
+                    f"{what} in a river reach, which has no level: expected effects on its inflow, added "
+                    "flows, or its gauge"
+                )
+        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge)
+    level = filled(record.time, record.output - gauge, changes.area_reference)
+    storage = 1.0 + changes.area_slope * (level - changes.area_reference)
+    if not (storage > 0.0).all():
+        raise RividError(
+            f"area_slope = {changes.area_slope:g} per m leaves no water surface at the observed levels: "
+            "expected a smaller one"
+        )
+    if changes.gate_is_plain and not changes.ponds:
+        outflow, ponds = record.outflow, np.zeros((0, *shape))
+    else:
+        outflow, ponds = _gate_and_ponds(record, changes, level)
+    taken = [AddedFlow(leak.place, leak.loss * (leak.reference - level)) for leak in changes.leaks]
+    taken += [AddedFlow(pond.place, -into) for pond, into in zip(changes.ponds, ponds, strict=True)]
+    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
+
+
+def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
+    """An output without gaps, straight lines across them, shape (days, n); `otherwise` on an empty row."""
+    whole = output.copy()
+    for row, at in zip(whole, time, strict=True):
+        there = np.isfinite(row)
+        row[~there] = np.interp(at[~there], at[there], row[there]) if there.any() else otherwise
+    return whole
+
+
+def volume(time: Floats, flow: Floats) -> Floats:
+    """Volume that a held flow has passed at each sample since the row's first, shape (days, n) [m3]."""
+    passed = np.zeros_like(flow)
+    np.cumsum(flow[:, :-1] * np.diff(time, axis=1), axis=1, out=passed[:, 1:])
+    return passed
+
+
+def volume_before(time: Floats, flow: Floats, delay: ArrayLike) -> Floats:
+    """That volume some time earlier; the first flow of a row holds before it.
+
+    Parameters
+    ----------
+    time, flow : ndarray, shape (days, n)
+        [s], [m3/s].
+    delay : float
+        How much earlier [s]; not negative.
+    """
+    passed = volume(time, flow)
+    asked = time - np.asarray(delay, float)
+    moved = np.empty_like(passed)
+    for row in range(len(time)):
+        moved[row] = np.interp(asked[row], time[row], passed[row])
+    return np.asarray(moved + flow[:, :1] * np.minimum(asked - time[:, :1], 0.0))
+
+
+def mean_before(time: Floats, passed: Floats) -> Floats:
+    """Mean flow of the interval that ends at each sample, from a volume; the first repeats the second."""
+    means = np.diff(passed, axis=1) / np.diff(time, axis=1)
+    return np.concatenate([means[:, :1], means], axis=1)
+
+
+def _gate_and_ponds(record: Record, changes: Changes, level: Floats) -> tuple[Floats, Floats]:
+    shape = record.time.shape
+    outflow, into = np.empty(shape), np.empty((len(changes.ponds), *shape))
+    exchange = exchange_arrays(changes, shape)
+    follow(
+        np.diff(record.time, axis=1, append=record.time[:, -1:] + record.sample_time), record.outflow, level,
+        gate_arrays(changes, shape), exchange.exchange, exchange.area, outflow, into,
+    )  # fmt: skip
+    return outflow, into
+
+
+TRIAL = 1.0
+"""Step of the added flow [m3/s]."""
+
+
+def step_response(response: Response, record: Record, place: float) -> Floats:
+    """Change of the output at each sample after 1 m3/s more enters at a place, about the usual flow.
+
+    Parameters
+    ----------
+    response : Response
+    record : Record
+        Its grid, usual flow and output are taken.
+    place : float
+        0 at the upstream dam, 1 at the downstream one.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [m per m3/s], or for a river reach [-].
+    """
+    n = record.time.shape[1]
+    level, flow = record.usual_output, record.usual_flow
+    steady = np.full((1, n + 1), flow)
+    still = replace(
+        record, dates=record.dates[:1], time=record.sample_time * np.arange(n + 1.0)[None], inflow=steady,
+        outflow=steady if record.kind == "pool" else np.zeros((1, n + 1)),
+        output=np.full((1, n + 1), level), used=np.ones((1, n + 1), bool),
+    )  # fmt: skip
+    later = np.concatenate([[0.0], np.full(n, TRIAL)])[None]  # the start is steady without it
+    more = Changes(added=(AddedFlow(place, later),))
+    answer = response.simulate(still, more) - response.simulate(still, Changes())
+    return np.asarray(answer[0, 1:] / TRIAL)
+
+
+def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
+    """Step responses: an inflow at the upper dam and in the middle, a release at the lower dam."""
+    return {
+        "up": step_response(response, record, 0.0),
+        "middle": step_response(response, record, 0.5),
+        "down": -step_response(response, record, 1.0),
+    }
+
+
+@njit(cache=True, error_model="numpy")
+def follow(
+    steps: Floats,
+    command: Floats,
+    level: Floats,
+    gate: GateArrays,
+    exchange: Floats,
+    area: Floats,
+    outflow: Floats,
+    into: Floats,
+) -> None:
+    """Write the gate's real flow (days, n) and what flows into each pond (ponds, days, n) [m3/s]."""
+    days, n = command.shape
+    ponds = len(area)
+    state, height = np.empty(GATE), np.empty(ponds)
+    for day in range(days):
+        state[TARGET] = state[POSITION] = state[FLOW] = command[day, 0]
+        height[:] = level[day, 0]
+        for k in range(n):
+            dt = steps[day, k]
+            outflow[day, k] = gate_flow(gate, day, k, command[day, k], level[day, k], dt, state)
+            for j in range(ponds):
+                flow = pond_flow(level[day, k], height[j], exchange[j, day, k], area[j], dt)
+                height[j] += flow * dt / area[j]
+                into[j, day, k] = flow

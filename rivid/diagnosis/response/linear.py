@@ -14,8 +14,17 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import FreeParameter, placed, slopes_by_differences, start_level
-from rivid.diagnosis.response.real_flows import RealFlows, mean_before, real_flows, volume, volume_before
+from rivid.diagnosis.response.base import (
+    FreeParameter,
+    RealFlows,
+    mean_before,
+    placed,
+    real_flows,
+    slopes_by_differences,
+    start_level,
+    volume,
+    volume_before,
+)
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.types import Floats

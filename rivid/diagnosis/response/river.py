@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import FreeParameter, placed, slopes_by_differences
-from rivid.diagnosis.response.real_flows import real_flows, volume
+from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences, volume
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.models.diffusive_wave import DiffusiveWave

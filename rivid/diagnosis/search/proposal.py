@@ -1,14 +1,17 @@
 """A proposal: an effect that might be missing, and what the model would be with it."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.diagnosis.model.linear import Evaluation, Linear
-from rivid.diagnosis.search.events import Events
+from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.search.trials import Window
 from rivid.effects import Effect
 from rivid.types import Floats
+
+if TYPE_CHECKING:
+    from rivid.diagnosis.events import Events
 
 MOST_USUAL = 4.0
 """A day counts for at most so many times the usual day's gain."""
@@ -64,7 +67,7 @@ class Proposal:
     t: float
     improvement: Floats
     blocks: int
-    events: Events | None = None
+    events: "Events | None" = None
     level_noise: bool = False
     spreads: dict[str, float] = field(default_factory=dict)
     gains: Floats | None = None

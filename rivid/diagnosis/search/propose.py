@@ -11,7 +11,7 @@ import numpy as np
 
 from rivid.diagnosis.blocks import flip_blocks
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
+from rivid.diagnosis.fit import Evaluation, Linear, evaluate
 from rivid.diagnosis.score import Candidate, scan
 from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.diagnosis.search.trials import HOURS_A_DAY, Trial, Window, columns_of, hour_columns

@@ -1,14 +1,4 @@
-"""How the operators command the outflow, identified from the logs.
-
-They act in steps. After a move k of theirs the command is, in the integrated form of (9),
-
-    u_Qo(k) = c + K_Q u_Qi(k - l) + G e(k) + (G / T_trim) integral of e dt + n(k),
-
-with e the level's deviation from the set point beyond the dead-band, G = -K_h, and n what they do besides:
-rounding is white, a person with gains of his own makes a slow walk. They see the level that their moves
-before have made, so ordinary least squares would blame the level for n. Whitened by the model of n, what is
-left at a move is not known before it, and the level at that move is: least squares are then consistent.
-"""
+"""The level that the operators aim at, which may follow the day's flow."""
 
 from dataclasses import dataclass, replace
 
@@ -16,12 +6,171 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.loop.operator_moves import last_move, late, looks, lowest_of, moves, step_of
-from rivid.diagnosis.loop.result import Operators
-from rivid.diagnosis.loop.set_point import SURE, SetPoint, day_flow, set_points
-from rivid.diagnosis.noise import NoiseModel, day_weights, fit_noise
+from rivid.diagnosis.noise.model import NoiseModel, day_weights, fit_noise
+from rivid.diagnosis.result import Operators
 from rivid.errors import RividError
 from rivid.types import HOUR, Bools, Floats
+
+HINGES = 20
+"""Flows that are tried as the one above which the set point changes with it."""
+SURE = 3.0
+"""Standard errors from which a set point that follows the flow is believed."""
+BESIDE = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
+"""Levels that are tried beside the days' mean [m]."""
+FEWEST_DAYS = 6
+"""From which a set point that follows the flow can be seen."""
+
+
+@dataclass(frozen=True)
+class SetPoint:
+    """The level aimed at: ``level + slope max(flow - hinge, 0)``, flow the day's mean inflow.
+
+    Attributes
+    ----------
+    level : float
+        [m].
+    slope : float
+        [m per m3/s].
+    hinge : float
+        [m3/s].
+    """
+
+    level: float
+    slope: float = 0.0
+    hinge: float = 0.0
+
+    def at(self, flow: Floats) -> Floats:
+        """The level aimed at on days of a mean inflow [m3/s]; any shape."""
+        return np.asarray(self.level + self.slope * np.maximum(flow - self.hinge, 0.0))
+
+
+def set_points(record: Record) -> list[SetPoint]:
+    """Levels that may be aimed at: about the days' means, one level or one that follows the inflow.
+
+    Within a dead-band the mean is not what they aim at: so levels beside it are tried too.
+    """
+    flow, level = day_flow(record), _day_means(record.output, record)
+    known = np.isfinite(level)
+    flow, level = flow[known], level[known]
+    best, least = None, np.inf
+    for hinge in np.linspace(flow.min(), flow.max(), HINGES, endpoint=False).tolist():
+        x = np.maximum(flow - hinge, 0.0)
+        if len(x) < FEWEST_DAYS or np.ptp(x) == 0.0:  # the same every day
+            continue
+        X = np.stack([np.ones_like(x), x], axis=1)
+        found = np.linalg.lstsq(X, level, rcond=None)[0]
+        left = float(((level - X @ found) ** 2).sum())
+        error = np.sqrt(left / (len(x) - 2) / ((x - x.mean()) ** 2).sum())
+        if abs(found[1]) > SURE * error and left < least:
+            best, least = SetPoint(float(found[0]), float(found[1]), hinge), left
+    means = [SetPoint(float(np.median(level)))] + ([] if best is None else [best])
+    return [replace(aim, level=aim.level + beside) for aim in means for beside in BESIDE]
+
+
+def day_flow(record: Record) -> Floats:
+    """Mean inflow of each day [m3/s], shape (days,)."""
+    return np.asarray(record.inflow[:, record.lead :].mean(axis=1))
+
+
+def _day_means(values: Floats, record: Record) -> Floats:
+    """Mean of each day's samples that count, shape (days,); NaN where there are none."""
+    kept = record.used & np.isfinite(values)
+    number = kept.sum(axis=1)
+    total = np.where(kept, values, 0.0).sum(axis=1)
+    return np.asarray(np.divide(total, number, out=np.full(len(values), np.nan), where=number > 0))
+
+
+PROMPT = 0.5
+"""Chance of a move at a sample from which the inflow's move is said to ask for it."""
+
+OFTEN = 0.02
+"""Share of the samples at the smallest command from which that is a limit."""
+
+
+def moves(record: Record) -> Bools:
+    """Samples at which the outflow command is new and the level known, shape (days, n)."""
+    return np.asarray(_new(record) & record.used & np.isfinite(record.output))
+
+
+def last_move(record: Record) -> NDArray[np.intp]:
+    """Sample of the last new command in the row, shape (days, n); 0 before the first."""
+    sample = np.arange(record.time.shape[1])
+    return np.asarray(np.maximum.accumulate(np.where(_new(record), sample, 0), axis=1))
+
+
+def looks(record: Record, lag: int) -> tuple[float, float]:
+    """Longest time between looks [s], and the move of the inflow that asks for one at once [m3/s].
+
+    Where there is something to answer, the chance of a move at a sample has two values, below and above
+    the notice: the notice is where they tell the logs' moves best, infinite where what lies above is no
+    prompt answer either. Moves below it are looks that were due: their usual distance is the time.
+    """
+    sample, last = np.arange(record.time.shape[1]), last_move(record)
+    before = np.concatenate([last[:, :1], last[:, :-1]], axis=1)
+    seen = late(record.inflow, lag)
+    waiting = np.abs(seen - np.take_along_axis(seen, before, axis=1))[record.used]
+    acted, age = moves(record)[record.used], (sample - before)[record.used]
+    some = waiting > 0.0
+    best, notice = -np.inf, np.inf
+    for limit in np.unique(np.quantile(waiting[some], np.linspace(0.0, 0.98, 50))) if some.any() else ():
+        above, below = some & (waiting > limit), some & (waiting <= limit)
+        told = _nats(acted[above]) + _nats(acted[below])
+        if told > best and above.any():
+            best, notice = told, float(limit) if acted[above].mean() > PROMPT else np.inf
+    due = acted & (waiting <= notice)
+    return float(np.median(age[due if due.any() else acted])) * record.sample_time, notice
+
+
+def step_of(values: Floats) -> float:
+    """The step that values come in; 0 where they come in none.
+
+    Examples
+    --------
+    >>> step_of(np.array([130.01, 130.04, 130.02])), step_of(np.array([1.0, 2.5, 1.3])), step_of(np.ones(3))
+    (0.01, 0.1, 0.0)
+    """
+    there = np.unique(np.round(values[np.isfinite(values)], 9))
+    if len(there) < 2:
+        return 0.0
+    smallest = float(np.diff(there).min())
+    for digits in range(-3, 5):
+        for part in (5.0, 2.0, 1.0):
+            step = part * 10.0**-digits
+            off = np.abs(there - np.round(there / step) * step)
+            if step <= smallest * (1 + 1e-6) and off.max() < 1e-6:
+                return round(step, 9)
+    return 0.0
+
+
+def lowest_of(values: Floats) -> float:
+    """The smallest command, if it is given so often that it must be a limit; else 0, or none that is less.
+
+    Examples
+    --------
+    >>> lowest_of(np.array([40.0, 40.0, 57.0, 63.0])), lowest_of(np.linspace(40.0, 90.0, 100))
+    (40.0, 0.0)
+    """
+    smallest = float(values.min())
+    return smallest if np.mean(values == smallest) > OFTEN else min(smallest, 0.0)
+
+
+def late(values: Floats, lag: int) -> Floats:
+    """Values some samples before; a row's first holds before it."""
+    if lag == 0:
+        return values
+    return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
+
+
+def _new(record: Record) -> Bools:
+    return np.asarray(np.diff(record.outflow, axis=1, prepend=record.outflow[:, :1]) != 0.0)
+
+
+def _nats(happened: Bools) -> float:
+    """Largest log-likelihood of a chance that is the same for all."""
+    n = len(happened)
+    p = happened.mean() if n else 0.0
+    return float(n * (p * np.log(p) + (1 - p) * np.log1p(-p))) if 0.0 < p < 1.0 else 0.0
+
 
 BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
 """Dead-bands that are tried [m]."""

@@ -1,7 +1,8 @@
-"""Which response is rich enough: the one under which days that it was not fitted to are most likely.
+"""Which reach responses are calibrated, and which of them describes the reach well enough.
 
-Everything else hangs on it. A response that cannot follow the waves of a reach leaves residuals that look
-like effects; one with too many coefficients takes a true effect upon itself.
+The nominal responses follow from the configuration. The choice is by the likelihood of days that were not
+used for fitting: a response that cannot follow the waves of a reach leaves residuals that look like effects,
+and one with too many coefficients absorbs a true effect.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,12 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rivid.config import Config
+from rivid.core.hydraulics import travel_bounds
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.model.fit import Model, calibrate
-from rivid.diagnosis.model.linear import Evaluation, Linear, evaluate
+from rivid.diagnosis.fit import Evaluation, Linear, Model, calibrate, evaluate
 from rivid.diagnosis.response.base import Response
-from rivid.errors import RividError
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.response.linear import Fronts, LinearPool
+from rivid.diagnosis.response.river import RiverResponse
+from rivid.effects import Effect, effect_classes
+from rivid.errors import ConfigError, RividError
 
 AS_GOOD = 2.0
 """Nats a selecting day by which a later candidate must be ahead of one that is preferred to it."""
@@ -124,3 +130,78 @@ def _calibrated(
 def as_candidates(response: Response | Sequence[Response]) -> tuple[Response, ...]:
     """One response, or several in order of preference."""
     return tuple(response) if isinstance(response, Sequence) else (response,)
+
+
+FALLBACKS: tuple[Fronts, ...] = ("none", "zero", "fir")
+SPREAD = 0.3
+"""Of a river's arrivals, first guess, as a share of its delay."""
+
+
+def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
+    """Nominal responses of the configured reach, in order of preference.
+
+    A pool: Saint-Venant, the integrator with its delay, the same with fronts, FIRs on both flows. A river: a
+    diffusive wave.
+
+    Raises
+    ------
+    ConfigError
+        Where the geometry gives none.
+    """
+    first = response_of(config, record)
+    if record.kind == "river":
+        return (first,)
+    reach = config.reach
+    bounds = travel_bounds(record.usual_flow, length=reach.length, width=reach.width, depth=reach.depth)
+    rest = [
+        LinearPool.nominal(record, fronts, surface_area=reach.surface_area, delay=float(bounds.gravity))
+        for fronts in FALLBACKS
+    ]
+    return (first, *rest)
+
+
+def response_of(config: Config, record: Record) -> Response:
+    """The first of them: Saint-Venant for a pool, a diffusive wave for a river."""
+    reach, flow = config.reach, record.usual_flow
+    if reach.kind == "river":
+        bounds = travel_bounds(flow, length=reach.length, width=reach.width, depth=reach.depth)
+        delay = float(np.sqrt(bounds.gravity * bounds.kinematic))
+        if not np.isfinite(delay):
+            raise ConfigError(
+                f"[reach] gives no travel time at {flow:.0f} m3/s: expected length, width and depth of a "
+                "flow below critical"
+            )
+        return RiverResponse.nominal(delay, SPREAD * delay, flow)
+    level = record.usual_output
+    depth = reach.depth if reach.bed_level is None else level - reach.bed_level
+    if not depth > 0:
+        raise ConfigError(
+            f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m"
+        )
+    said = config.diagnose
+    return HydraulicResponse.nominal(
+        reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow, slope=said.slope,
+        manning=said.manning,
+    )  # fmt: skip
+
+
+def library_of(config: Config) -> dict[str, type[Effect]]:
+    """The effects that may be named."""
+    said = config.diagnose
+    classes = effect_classes(said.effects_file)
+    for name in said.exclude:
+        if name not in classes:
+            raise ConfigError(
+                f"diagnose.exclude: no effect is called {name!r}: expected {', '.join(classes)}"
+            )
+    return {name: one for name, one in classes.items() if name not in said.exclude}
+
+
+def gauge_floor_of(config: Config, record: Record) -> float:
+    """Least gauge noise [m or m3/s]: that of the reading's step, configured or seen in the readings."""
+    step = config.diagnose.gauge_step
+    if step is None:
+        moves = np.abs(np.diff(record.output[record.used]))
+        moves = moves[moves > 1e-6]
+        step = float(np.quantile(moves, 0.05)) if len(moves) else 0.0
+    return float(step / np.sqrt(12.0))

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from rivid.diagnosis.model.linear import Evaluation, Linear
-from rivid.diagnosis.noise import NoiseModel
+from rivid.diagnosis.fit import Evaluation, Linear
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.effects import Effect
 from rivid.types import Bools, Floats

@@ -1,0 +1,847 @@
+"""Matching pursuit of events in one row of a residual: responses to a pulse or a recession of flow.
+
+The response of the output to a unit step of flow that starts at sample s is h_{t-s}. Whitening W is linear,
+so one whitened step for each start gives every atom without whitening again:
+
+    pulse of D samples:  W p_s = W h_s - W h_{s+D},
+    recession:           W e_s = (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession).
+
+Starts before the row are events under way. Pati, Rezaiifar and Krishnaprasad (1993): take the atom that
+gains most, fit all amplitudes again, go on until the next one is not worth its price.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.fit import Evaluation, Linear, evaluate
+from rivid.diagnosis.noise.model import WALK_LIMIT
+from rivid.diagnosis.search.proposal import Proposal, compared
+from rivid.diagnosis.seiche import seiche
+from rivid.effects import Effect
+from rivid.errors import RividError
+from rivid.types import DAY, HOUR, Bools, Floats, Ints
+
+Shape = Literal["pulse", "recession"]
+Whiten = Callable[[Floats, Floats], Floats]
+"""Columns (..., days, n) and a row each that is NaN where a sample is missing, to whitened columns."""
+
+VISIBLE = 0.05
+"""Atoms with less than this share of the largest norm are not looked for: the row hardly sees them."""
+
+LASTS = 2.5
+"""Recessions for which rain is carried from day to day; after them 8 % of its peak flow is left."""
+
+APART = 2
+"""Samples between the starts of two recessions."""
+
+PATTERNS = 2
+"""Patterns of missing samples whose atoms are kept: most days have the same."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An event in a row.
+
+    Attributes
+    ----------
+    start : int
+        Sample of the row; negative before its first one.
+    size, size_se : float
+    gain : float
+        Log-likelihood lost without it, the others fitted again [nats].
+    """
+
+    start: int
+    size: float
+    size_se: float
+    gain: float
+
+
+def extended(kernel: Floats, length: int) -> Floats:
+    """A step response (m,) of some length, going on as it ended: a pool rises, a river stays."""
+    if len(kernel) >= length:
+        return np.asarray(kernel[:length])
+    slope = kernel[-1] - kernel[-2]
+    beyond = kernel[-1] + slope * np.arange(1, length - len(kernel) + 1)
+    return np.asarray(np.concatenate([kernel, beyond]), float)
+
+
+def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Floats:
+    """Response (length,) of the output to a unit pulse or recession of some samples that starts at 0."""
+    h = extended(kernel, length)
+    if shape == "pulse":
+        D = round(samples)
+        return np.asarray(h - np.concatenate([np.zeros(min(D, length)), h[: max(length - D, 0)]]), float)
+    flow = np.exp(-np.arange(length) / samples)
+    size = 2 * length
+    spread = np.fft.irfft(np.fft.rfft(np.diff(h, prepend=0.0), size) * np.fft.rfft(flow, size), size)
+    return np.asarray(spread[:length], float)
+
+
+class Atoms:
+    """Whitened atoms of one kind for rows of n samples, whatever is missing in them.
+
+    Parameters
+    ----------
+    kernel : ndarray, shape (m,)
+        h, the output's change to a unit step of flow.
+    shape : {"pulse", "recession"}
+    grid : tuple of float
+        Durations or recessions [samples].
+    n : int
+        Samples of a row.
+    whiten : callable
+    """
+
+    def __init__(self, kernel: Floats, shape: Shape, grid: tuple[float, ...], n: int, whiten: Whiten) -> None:
+        self.shape, self.grid, self.n, self.whiten = shape, grid, n, whiten
+        self.before = int(np.ceil(max(grid) * (LASTS if shape == "recession" else 1.0)))
+        """Starts before the row: index k of an atom is the start k - before."""
+        h = extended(kernel, n + self.before)
+        lag = np.arange(n) - (np.arange(self.before + n) - self.before)[:, None]
+        self.steps: Floats = np.where(lag >= 0, h[np.maximum(lag, 0)], 0.0)
+        self.first = tuple(max(self.before - int(np.ceil(x)) + 1, 0) for x in grid)
+        """First atom to look for, for each of the grid: what is over before the row, or long past its peak,
+        is not."""
+        self._kept: dict[bytes, list[tuple[Floats, Floats]]] = {}
+
+    def whitened(self, there: Bools) -> list[tuple[Floats, Floats]]:
+        """For each of the grid: atoms (starts, n) and their norms (starts,), 0 where hardly visible."""
+        key = there.tobytes()
+        if key not in self._kept:
+            while len(self._kept) >= PATTERNS:
+                self._kept.pop(next(iter(self._kept)))
+            like = np.where(there, 0.0, np.nan)[None]
+            W = self.whiten(self.steps[:, None], like)[:, 0]
+            self._kept[key] = [self._atoms(W, samples) for samples in self.grid]
+        return self._kept[key]
+
+    def _atoms(self, W: Floats, samples: float) -> tuple[Floats, Floats]:
+        A = W.copy()
+        if self.shape == "pulse":
+            D = round(samples)
+            A[: len(A) - D] -= W[D:]
+        else:
+            A[:-1] -= W[1:]
+            rho = np.exp(-1.0 / samples)
+            for s in range(len(A) - 2, -1, -1):
+                A[s] += rho * A[s + 1]
+        norm = np.sqrt((A * A).sum(1))
+        norm[norm < VISIBLE * norm.max(initial=0.0)] = 0.0
+        return A, norm
+
+
+def pursue(
+    A: Floats,
+    norm: Floats,
+    r: Floats,
+    *,
+    first: int,
+    sign: int,
+    apart: int,
+    price: float,
+    most: int,
+    weight: float,
+    carried: list[tuple[int, float, float]],
+) -> tuple[list[Found], list[Found], float]:
+    """Events of one sign in a whitened row.
+
+    Parameters
+    ----------
+    A, norm : ndarray, shapes (starts, n) and (starts,)
+        Atoms and their norms; 0 is never chosen.
+    r : ndarray, shape (n,)
+        Whitened residual.
+    first : int
+        Atoms before this one are not looked for.
+    sign : {-1, 1}
+    apart : int
+        Least distance of two starts [samples].
+    price : float
+        Of an event [nats].
+    most : int
+        Events at most.
+    weight : float
+        Of the row's log-likelihood.
+    carried : list of (int, float, float)
+        Events of the row before: index, size and its standard error; they are free and cost nothing.
+
+    Returns
+    -------
+    new, carried : list of Found
+        `start` is an index of A.
+    gain : float
+        Of all, over none, prices of the new ones paid [nats].
+    """
+    told = [(a, 1.0 / max(se, 1e-12) ** 2) for _, a, se in carried]
+    old = len(carried)
+    fit = _fit(A, r, weight, [k for k, _, _ in carried], told)
+    none = -0.5 * weight * float(r @ r)
+    unit = np.where(norm > 0.0, sign * np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
+    unit[:first] = 0.0
+    refused = np.zeros(len(norm), bool)
+    tries = 0
+    while len(fit.starts) - old < most and tries < 3 * most and weight > 0.0:
+        tries += 1
+        worth = unit * (A @ fit.rest)
+        worth[refused | _near(fit.starts, len(norm), apart)] = 0.0
+        k = int(np.argmax(worth))
+        # With the others fitted again an atom gains more than this, twice as much where it leans on them.
+        if worth[k] ** 2 < price:
+            break
+        more = _settled(A, r, weight, unit, _fit(A, r, weight, [*fit.starts, k], told), old, apart, told)
+        if (sign * more.size[old:] <= 0.0).any() or more.likelihood - fit.likelihood < price:
+            refused[k] = True
+        else:
+            fit = more
+    gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)  # exact: the likelihood is a parabola
+    if len(fit.starts) > old and gains[old:].min() < price:
+        kept = [k for i, k in enumerate(fit.starts) if i < old or gains[i] >= price]
+        fit = _fit(A, r, weight, kept, told)
+        gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)
+    every = [
+        Found(k, float(a), float(np.sqrt(v)), float(g))
+        for k, a, v, g in zip(fit.starts, fit.size, fit.variance, gains, strict=True)
+    ]
+    return every[old:], every[:old], fit.likelihood - none - price * (len(every) - old)
+
+
+class _Fit(NamedTuple):
+    """Amplitudes of the atoms that start at `starts`: sizes, their variances, and what is left of the row."""
+
+    starts: list[int]
+    size: Floats
+    variance: Floats
+    likelihood: float
+    rest: Floats
+
+
+def _fit(A: Floats, r: Floats, weight: float, starts: list[int], told: list[tuple[float, float]]) -> _Fit:
+    """Least squares; the first atoms have a mean and a precision from the row before."""
+    if not starts:
+        return _Fit([], np.zeros(0), np.zeros(0), -0.5 * weight * float(r @ r), r)
+    X = A[starts]
+    mean, precision = np.zeros(len(starts)), np.zeros(len(starts))
+    if told:
+        mean[: len(told)], precision[: len(told)] = np.array(told).T
+    G = weight * (X @ X.T) + np.diag(precision)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(G), 1e-300))
+    inverse = np.linalg.pinv(G * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(scale, scale)
+    size = inverse @ (weight * (X @ r) + precision * mean)
+    rest = r - size @ X
+    likelihood = -0.5 * (weight * float(rest @ rest) + float(precision @ (size - mean) ** 2))
+    return _Fit(starts, size, np.diag(inverse).copy(), likelihood, rest)
+
+
+def _near(starts: list[int], many: int, apart: int) -> Bools:
+    """Starts that would share a sample with an event that is there."""
+    near = np.zeros(many, bool)
+    for k in starts:
+        near[max(k - apart + 1, 0) : k + apart] = True
+    return near
+
+
+def _settled(
+    A: Floats,
+    r: Floats,
+    weight: float,
+    unit: Floats,
+    fit: _Fit,
+    old: int,
+    apart: int,
+    told: list[tuple[float, float]],
+) -> _Fit:
+    """Each new event at its best start given the others, once round: the first ones were chosen without."""
+    if len(fit.starts) - old < 2:
+        return fit
+    starts = list(fit.starts)
+    for i in range(old, len(starts)):
+        others = starts[:i] + starts[i + 1 :]
+        worth = unit * (A @ (fit.rest + fit.size[i] * A[starts[i]]))
+        worth[_near(others, len(unit), apart) | (unit == 0.0)] = -np.inf
+        k = int(np.argmax(worth))
+        if k == starts[i]:
+            continue
+        moved = _fit(A, r, weight, [*starts[:i], k, *starts[i + 1 :]], told)
+        if moved.likelihood > fit.likelihood:
+            fit, starts[i] = moved, k
+    return fit
+
+
+PRICE = 12.0
+"""Of an event [nats]."""
+
+MOST = 14
+"""Events of a day at most."""
+
+PULSES = (900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
+"""Durations of a pulse [s]."""
+
+RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
+"""Recessions of rain [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of event to look for.
+
+    Attributes
+    ----------
+    name : str
+    shape : {"pulse", "recession"}
+        A constant flow for some time, or a steep rise that recedes exponentially.
+    sign : {-1, 1}
+        Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it.
+    kernel : ndarray, shape (m,)
+        Change of the output to a unit step of added flow at its place, by samples since the step [m per
+        m3/s], or of a river reach [-].
+    grid : tuple of float
+        Durations or recessions [s].
+    """
+
+    name: str
+    shape: Shape
+    sign: int
+    kernel: Floats
+    grid: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        kernel = np.asarray(self.kernel, float)
+        if kernel.ndim != 1 or len(kernel) < 2 or not np.isfinite(kernel).all() or not kernel.any():
+            raise RividError(f"kernel of {self.name} has shape {kernel.shape}: expected two or more finite "
+                             "numbers, not all zero")  # fmt: skip
+        if self.sign not in (-1, 1):
+            raise RividError(f"sign of {self.name} is {self.sign}: expected -1 or 1")
+        if any(not x > 0.0 for x in self.grid):
+            raise RividError(f"grid of {self.name} is {self.grid}: expected durations over 0 s")
+        object.__setattr__(self, "kernel", kernel)
+        if not self.grid:
+            object.__setattr__(self, "grid", PULSES if self.shape == "pulse" else RECESSIONS)
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event.
+
+    Attributes
+    ----------
+    day : int
+        Row in which it begins, or is under way at the beginning.
+    start_s : float
+        Start after the day's midnight [s]; negative where it is under way before.
+    duration_s : float
+        Duration of a pulse, or recession [s].
+    size, size_se : float
+        Flow, of a recession at its peak [m3/s], and its standard error.
+    gain : float
+        Log-likelihood that is lost without it, the rest fitted again [nats].
+    under_way : bool
+        Whether it began before the first sample of the row: the start is a guess then.
+    """
+
+    day: int
+    start_s: float
+    duration_s: float
+    size: float
+    size_se: float
+    gain: float
+    under_way: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The events of one kind.
+
+    Attributes
+    ----------
+    kind : Kind
+    duration_s : float
+        The duration or recession with the largest gain [s].
+    events : tuple of Event
+        By day and start.
+    coded : ndarray, shape (days, n)
+        Their response, as it is in the residual.
+    remaining : ndarray, shape (days, n)
+        Residual less `coded`.
+    gain : float
+        Log-likelihood gained on all days, prices paid [nats].
+    gains : tuple of float
+        The same for each of the kind's grid.
+    """
+
+    kind: Kind
+    duration_s: float
+    events: tuple[Event, ...]
+    coded: Floats
+    remaining: Floats
+    gain: float
+    gains: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Kinds of events by what they gain.
+
+    Attributes
+    ----------
+    found : tuple of Events
+        Best first.
+    margin : float
+        Gain of the best one over the next, or over no events [nats].
+    """
+
+    found: tuple[Events, ...]
+    margin: float
+
+
+def find_events(
+    residual: ArrayLike,
+    whiten: Whiten,
+    kind: Kind,
+    sample_time: float,
+    *,
+    lead: int = 0,
+    follows: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+    price: float = PRICE,
+    most: int = MOST,
+) -> Events:
+    """Look for events of one kind, day by day, for each duration; keep the duration that gains most.
+
+    Parameters
+    ----------
+    residual : array_like, shape (days, n)
+        Measured less simulated output [m, or m3/s]; NaN where a sample is missing or does not count.
+    whiten : callable
+        `whiten(columns, like)` of a noise model: linear along the last axis, variance 1 if the columns are
+        noise; `like` (days, n) is NaN where samples are missing.
+    kind : Kind
+    sample_time : float
+        T_s [s].
+    lead : int
+        Samples of a row before its day; rows are `n - lead` samples apart.
+    follows : array_like of bool, shape (days,), optional
+        Whether a row is the day after the one above it: what is under way is carried over. Default: none is.
+    weights : array_like, shape (days,), optional
+        Of each day's log-likelihood.
+    price : float
+        Of an event [nats].
+    most : int
+        Events of a day at most.
+
+    Raises
+    ------
+    RividError
+        Where arrays do not fit.
+    """
+    z = np.asarray(residual, float)
+    if z.ndim != 2 or not 0 <= lead < z.shape[1]:
+        raise RividError(f"residual has shape {z.shape} with a lead of {lead}: expected (days, n), n > lead")
+    days, n = z.shape
+    after = np.zeros(days, bool) if follows is None else np.asarray(follows, bool)
+    weight = np.ones(days) if weights is None else np.asarray(weights, float)
+    if after.shape != (days,) or weight.shape != (days,):
+        raise RividError(
+            f"follows and weights have shapes {after.shape} and {weight.shape}: expected ({days},)"
+        )
+    grid = tuple(max(x / sample_time, 1.0) for x in kind.grid)
+    if kind.shape == "pulse":
+        grid = tuple(float(round(x)) for x in grid)
+    there = np.isfinite(z)
+    r = whiten(np.where(there, z, np.nan)[None], z)[0]
+    atoms = Atoms(kind.kernel, kind.shape, grid, n, whiten)
+    searches = [_Search(g, n - lead, atoms.before, k) for g, k in zip(grid, atoms.first, strict=True)]
+    for d in range(days):
+        if not there[d].any():
+            continue
+        for search, (A, norm) in zip(searches, atoms.whitened(there[d]), strict=True):
+            apart = int(search.samples) if kind.shape == "pulse" else APART
+            search.day(d, bool(after[d]), A, norm, r[d], kind.sign, apart, price, most, float(weight[d]))
+    gains = tuple(s.gain for s in searches)
+    best = int(np.argmax(gains))
+    chosen = searches[best]
+    coded = np.zeros(z.shape)
+    if chosen.seen:
+        shape = response(kind.kernel, kind.shape, grid[best], n + atoms.before + n)
+        for d, k, i in chosen.seen:
+            lag = np.arange(n) - k
+            coded[d] += chosen.found[i][1].size * np.where(lag >= 0, shape[np.maximum(lag, 0)], 0.0)
+    events = tuple(
+        Event(
+            day=d, start_s=(f.start - lead) * sample_time, duration_s=grid[best] * sample_time, size=f.size,
+            size_se=f.size_se, gain=f.gain, under_way=f.start < 0,
+        )
+        for d, f in sorted(chosen.found, key=lambda e: (e[0], e[1].start))
+    )  # fmt: skip
+    return Events(kind, kind.grid[best], events, coded, z - coded, gains[best], gains)
+
+
+class _Search:
+    """Events of one duration, day after day."""
+
+    def __init__(self, samples: float, row: int, before: int, first: int) -> None:
+        self.samples, self.row, self.before, self.first = samples, row, before, first
+        self.found: list[tuple[int, Found]] = []
+        self.seen: list[tuple[int, int, int]] = []
+        """Row, start in it, and which event."""
+        self.gain = 0.0
+        self._last = -1
+
+    def day(
+        self, d: int, follows: bool, A: Floats, norm: Floats, r: Floats, sign: int, apart: int, price: float,
+        most: int, weight: float,
+    ) -> None:  # fmt: skip
+        """Look in row d; events of the row before that still show keep their place and are measured again."""
+        before = [(k - self.row, i) for e, k, i in self.seen if follows and e == d - 1 == self._last]
+        old = [(k, i) for k, i in before if k >= -self.before and norm[k + self.before] > 0.0]
+        carried = [(k + self.before, self.found[i][1].size, self.found[i][1].size_se) for k, i in old]
+        new, again, gain = pursue(
+            A, norm, r, first=self.first, sign=sign, apart=apart, price=price, most=most, weight=weight,
+            carried=carried,
+        )  # fmt: skip
+        for (k, i), f in zip(old, again, strict=True):
+            day, first = self.found[i]
+            # Two days' worth: the second was told the first one's size, with its standard error.
+            self.found[i] = day, replace(first, size=f.size, size_se=f.size_se, gain=f.gain)
+            self.seen.append((d, k, i))
+        for f in new:
+            start, i = f.start - self.before, len(self.found)
+            self.found.append((d, replace(f, start=start)))
+            self.seen.append((d, start, i))
+            if follows and self._last == d - 1 and 0 <= start + self.row < len(r):
+                self.seen.append((d - 1, start + self.row, i))  # too late in its own day to be told there
+        self.gain += gain
+        self._last = d
+
+
+def best_kind(
+    residual: ArrayLike,
+    whiten: Whiten,
+    kinds: Sequence[Kind],
+    sample_time: float,
+    *,
+    lead: int = 0,
+    follows: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+    price: float = PRICE,
+    most: int = MOST,
+) -> Ranking:
+    """Which kind of event the residual holds: pulses or recessions, up or down, here or there.
+
+    Parameters are those of :func:`find_events`. Kinds pay the same price, so their gains compare; the error
+    that they leave does not: any smooth hump takes rain for a release.
+
+    Raises
+    ------
+    RividError
+        Where there are no kinds.
+    """
+    if not kinds:
+        raise RividError("no kinds of events: expected one or more")
+    found = [
+        find_events(residual, whiten, kind, sample_time, lead=lead, follows=follows, weights=weights,
+                    price=price, most=most)
+        for kind in kinds
+    ]  # fmt: skip
+    found.sort(key=lambda e: -e.gain)
+    second = max(found[1].gain, 0.0) if len(found) > 1 else 0.0
+    return Ranking(tuple(found), found[0].gain - second)
+
+
+WITHIN = 1800.0
+"""Two starts are at the same hour if they are no further apart by the clock [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timetable:
+    """Hours at which events start.
+
+    Attributes
+    ----------
+    counts : ndarray of int, shape (24,)
+        Starts in each hour of the day.
+    hours : tuple of float
+        Hours at which many start, busiest first [h].
+    share : float
+        Share of the starts that are at one of `hours`.
+    p_value : float
+        Of as many pairs of starts at the same hour, were they anywhere; 1 with events of one day only.
+    """
+
+    counts: Ints
+    hours: tuple[float, ...]
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How alike events are.
+
+    Attributes
+    ----------
+    median : float
+        [m3/s]
+    variation : float
+        Coefficient of variation [-], without what the standard errors explain; NaN for fewer than two.
+    raw_variation : float
+        With it.
+    """
+
+    median: float
+    variation: float
+    raw_variation: float
+
+
+def timetable(
+    events: Sequence[Event], *, within: float = WITHIN, draws: int = 999, seed: int = 0
+) -> Timetable:
+    """Whether starts agree by the clock, against as many at random.
+
+    Parameters
+    ----------
+    events : sequence of Event
+        Those under way at the start of a row do not count.
+    within : float
+        Largest distance of two starts at the same hour [s].
+    draws, seed : int
+        Timetables at random.
+    """
+    counted = [e for e in events if not e.under_way]
+    starts = np.array([e.start_s % DAY for e in counted])
+    days = np.array([e.day for e in counted])
+    counts = np.bincount((starts // 3600.0).astype(int), minlength=24).astype(np.int64)
+    if len(np.unique(days)) < 2:
+        return Timetable(counts, (), 0.0, 1.0)
+    observed = _agreeing(starts[None], within)[0]
+    by_chance = np.random.default_rng(seed).uniform(0.0, DAY, (draws, len(starts)))
+    p = float((1 + (_agreeing(by_chance, within) >= observed).sum()) / (1 + draws))
+    hours, left = [], np.ones(len(starts), bool)
+    while left.any():
+        near = (_apart(starts[:, None], starts) <= within) & left
+        busiest = int(np.argmax(near.sum(1)))
+        members = near[busiest]
+        if members.sum() < max(3, 0.15 * len(starts)):
+            break
+        turn = (starts[members] - starts[busiest] + DAY / 2) % DAY - DAY / 2
+        hours.append(float((starts[busiest] + np.median(turn)) % DAY / 3600.0))
+        left &= ~members
+    return Timetable(counts, tuple(hours), float(1.0 - left.mean()), p)
+
+
+def sizes(events: Sequence[Event]) -> Sizes:
+    """Median size of events, and how much sizes differ beyond their standard errors."""
+    a = np.array([e.size for e in events])
+    if len(a) < 2:
+        return Sizes(float(a[0]) if len(a) else float("nan"), float("nan"), float("nan"))
+    variance, mean = float(a.var(ddof=1)), abs(float(a.mean()))
+    own = max(variance - float(np.mean([e.size_se**2 for e in events])), 0.0)
+    scale = max(mean, 1e-300)
+    return Sizes(float(np.median(a)), float(np.sqrt(own) / scale), float(np.sqrt(variance) / scale))
+
+
+def _apart(a: Floats, b: Floats) -> Floats:
+    """Distance by the clock [s]."""
+    d = np.abs(a - b)
+    return np.asarray(np.minimum(d, DAY - d), float)
+
+
+def _agreeing(starts: Floats, within: float) -> Ints:
+    """Pairs of starts up to about `within` apart by the clock, on a ring of bins; starts (draws, events)."""
+    ring = max(round(DAY / (within / 3.0)), 8)
+    bins = np.minimum((starts * (ring / DAY)).astype(np.int64), ring - 1)
+    cell = bins + ring * np.arange(len(starts))[:, None]
+    counts = np.bincount(cell.ravel(), minlength=ring * len(starts)).reshape(len(starts), ring)
+    near = sum(np.roll(counts, shift, axis=1) for shift in range(-3, 4))
+    return np.asarray((counts * near).sum(1), np.int64)
+
+
+FEWEST = 3
+"""Events of a kind must be so many."""
+ALIKE = 0.75
+"""Releases are alike: their sizes vary by less than this share, rain's by more or less."""
+A_STORM = 3 * HOUR
+"""Events that follow each other within this are one storm."""
+SCHEDULED = 0.002
+"""p of a timetable from which events are somebody's."""
+MOST_PULSE, MOST_RAIN = 3.0, 10.0
+"""Times the usual event: of one that midnight cuts off only the start is seen, and its size is a guess."""
+STEP_PRICE = 30.0
+"""Of a jump of the gauge [nats]."""
+LEAST_WIND = 0.005
+"""[m]."""
+EDGE = 20
+"""Samples at both ends of a day in which a jump cannot be told from a bad start."""
+SMALLEST_STEP = 0.015
+"""[m]."""
+
+
+def happenings(
+    model: Linear,
+    before: Evaluation,
+    classes: dict[str, type[Effect]],
+    kernels: dict[str, Floats],
+    names: tuple[str, ...] = (),
+    coded: bool = False,
+) -> list[Proposal]:
+    """Events and noises that might be missing, by gain on the selecting days.
+
+    Parameters
+    ----------
+    model : Linear
+    before : Evaluation
+    classes : dict
+        Effects that may be named.
+    kernels : dict of str to ndarray, shape (n,)
+        Step responses of an inflow in the middle ("middle") and of a release at the lower dam ("down").
+    names : tuple of str
+        Effects that are in already.
+    coded : bool
+        Whether pulses at the lower dam are among them.
+    """
+    record = model.record
+    kinds = []
+    if "rain_inflow" in classes and "rain_inflow" not in names:
+        kinds.append(rain(kernels))
+    if "unlogged_downstream_release" in classes and record.kind == "pool" and not coded:
+        kinds.append(lock(kernels))
+    found = [_of_events(model, before, kind, classes[kind.name]) for kind in kinds]
+    if "sensor_step" in classes and record.kind == "pool" and "sensor_step" not in names:
+        found.append(_of_steps(model, before, classes["sensor_step"]))
+    if "seiche" in classes and record.kind == "pool" and "seiche" not in names:
+        found.append(seiche(model, before, classes["seiche"]))
+    if "wind_setup" in classes and record.kind == "pool" and not model.level_noise:
+        found.append(_of_wind(model, before, classes["wind_setup"]))
+    return sorted((f for f in found if f is not None), key=lambda f: -f.gain_select)
+
+
+def rain(kernels: dict[str, Floats]) -> Kind:
+    """Rain: a steep rise and a recession."""
+    return Kind("rain_inflow", "recession", 1, kernels["middle"], RECESSIONS)
+
+
+def lock(kernels: dict[str, Floats]) -> Kind:
+    """Pulses at the lower dam."""
+    return Kind("unlogged_downstream_release", "pulse", -1, -kernels["down"], PULSES)
+
+
+def search(model: Linear, before: Evaluation, kind: Kind, price: float = PRICE) -> Events:
+    """Events of a kind in the residual of all days."""
+    record = model.record
+    follows = np.append(False, np.diff(record.day_number) == 1)
+    return find_events(
+        model.used(before.residual), before.noise.whiten, kind, record.sample_time, lead=record.lead,
+        follows=follows, weights=before.weights, price=price,
+    )  # fmt: skip
+
+
+def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effect]) -> Proposal | None:
+    events = search(model, before, kind)
+    if len(events.events) < FEWEST:
+        return None
+    if kind.shape == "pulse" and sizes(events.events).variation > ALIKE:
+        return None
+    if kind.shape == "recession":
+        clock = timetable(_storms(events.events))
+        if clock.p_value <= SCHEDULED and clock.share > 0.5:
+            return None  # rain keeps no hours
+    record = model.record
+    made = as_effect(effect, events, record)
+    price = PRICE * np.bincount([e.day for e in events.events], minlength=record.days).astype(float)
+    after = evaluate(model.less(events.coded))
+    active = np.abs(events.coded).max(axis=1)
+    fit, select, t, better, blocks = compared(model, before, after, price, active)
+    return Proposal(
+        kind.name, f"{len(events.events)} events", made, (), (None, None), _chance(fit), after,
+        events.coded[None], fit, select, t, better, blocks, events=events,
+    )  # fmt: skip
+
+
+def _storms(events: Sequence[Event]) -> list[Event]:
+    """The first event of each storm: a rise that took its time is coded as several that follow each other."""
+    found: list[Event] = []
+    last = -np.inf
+    for event in sorted(events, key=lambda e: (e.day, e.start_s)):
+        at = event.day * DAY + event.start_s
+        if at - last > A_STORM:
+            found.append(event)
+        last = at
+    return found
+
+
+def _chance(gain: float) -> float:
+    """Of events whose price is the logarithm of how many there could have been; half, for safety."""
+    return float(np.exp(-max(gain, 0.0) / 2.0))
+
+
+def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
+    """The effect with its events, as hours since the first day's midnight."""
+    number = record.day_number
+    starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
+    sizes_ = np.array([abs(float(e.size)) for e in events.events])
+    most = (MOST_RAIN if effect.name == "rain_inflow" else MOST_PULSE) * float(np.median(sizes_))
+    size = tuple(np.minimum(sizes_, most).tolist())
+    if effect.name == "rain_inflow":
+        table = {"starts": starts, "peak": size, "rise": 0.1, "recession": events.events[0].duration_s / HOUR}
+    else:
+        table = {"starts": starts, "size": size, "duration": events.events[0].duration_s / HOUR}
+    return effect.from_table({key: list(v) if isinstance(v, tuple) else v for key, v in table.items()})
+
+
+def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
+    """Jumps of the gauge: a pulse of one sample into a reach that only stores is a step."""
+    record = model.record
+    ramp = np.arange(record.time.shape[1], dtype=float)
+    found = [
+        search(model, before, Kind("sensor_step", "pulse", sign, ramp, (record.sample_time,)), STEP_PRICE)
+        for sign in (1, -1)
+    ]
+    best = max(found, key=lambda f: f.gain)
+    edge = EDGE * record.sample_time
+    end = (record.time.shape[1] - record.lead) * record.sample_time - edge
+    large = [e for e in best.events if abs(e.size) > SMALLEST_STEP and edge < e.start_s < end]
+    if not large:
+        return None
+    top = max(large, key=lambda e: e.gain)
+    at = record.lead + top.start_s / record.sample_time
+    column = np.zeros(record.time.shape)
+    column[top.day] = np.arange(record.time.shape[1]) >= at
+    after = evaluate(model, column[None])
+    gain = after.likelihood - before.likelihood
+    total = float(gain[model.split.fit | model.split.select].sum()) - STEP_PRICE
+    day = record.day_number[top.day]
+    made = effect.from_table(
+        {"step": float(top.size), "start": float((day * DAY + top.start_s) / HOUR)}
+    )  # fmt: skip
+    return Proposal(
+        "sensor_step", "jump", made, (), (None, None), _chance(total), after, column[None], total, total,
+        float(np.sqrt(max(total, 0.0))),
+        1.0 - after.errors.rmse([top.day]) / before.errors.rmse([top.day]), 1,
+    )  # fmt: skip
+
+
+def _of_wind(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
+    """A level noise with a memory of hours.
+
+    A random walk of the level is all but the same within a day, and would swallow it: both models have
+    a small one only.
+    """
+    plain = replace(model, noise=before.noise)
+    after = evaluate(plain, level_noise=True)
+    before = evaluate(plain, walk_limit=WALK_LIMIT)
+    noise = after.noise
+    if not (LEAST_WIND < noise.level_sd < 1.0 and 0.3 * HOUR < noise.level_memory < 24.0 * HOUR):
+        return None
+    quiet = np.zeros(model.record.days)
+    fit, select, t, better, blocks = compared(model, before, after, quiet, quiet + 1.0)
+    made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})
+    return Proposal(
+        "wind_setup", "level noise", made, (), (None, None), _chance(fit), after,
+        np.empty((0, *model.record.time.shape)), fit, select, t, better, blocks, level_noise=True,
+        gains=after.likelihood - before.likelihood,
+    )  # fmt: skip

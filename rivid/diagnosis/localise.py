@@ -1,0 +1,519 @@
+"""What samples are binned by to see where a gap is: clock, calendar, flows, level, their rates, and steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.noise.model import FEWEST_BLOCKS
+from rivid.diagnosis.segments import segment
+from rivid.errors import RividError
+from rivid.types import Bools, Floats, Ints
+
+BINS = 8
+"""Bins of a flow, a level or a rate, with as many samples each."""
+
+PART_BLOCKS = 10
+"""Blocks in a part of the season: flips of k blocks give no p under 2^(1 - k)."""
+
+STEP = 0.02
+"""A step is a change from one sample to the next of more than this share of the flow's 5-95 % range."""
+
+SINCE = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 24.0)
+"""Hours since a step: edges of bins."""
+
+WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """Something that samples are binned by.
+
+    Attributes
+    ----------
+    name, unit : str
+    edges : ndarray, shape (k + 1,)
+        [unit]; a bin holds its lower edge.
+    labels : tuple of str, length k
+    bin : ndarray of int, shape (days, n)
+        Bin of each sample; -1 for none.
+    cyclic : bool
+        Whether the last bin is next to the first one.
+    """
+
+    name: str
+    unit: str
+    edges: Floats
+    labels: tuple[str, ...]
+    bin: Ints
+    cyclic: bool = False
+
+
+def drivers(record: Record, blocks: ArrayLike, shift_start: float = 5.0) -> tuple[Driver, ...]:
+    """Everything the logs allow to bin by; what does not vary is left out.
+
+    Parameters
+    ----------
+    record : Record
+    blocks : array_like of int, shape (days,)
+        Block of each day; parts of the season are whole blocks.
+    shift_start : float
+        Hour at which one of the day's three shifts begins.
+    """
+    hour, used = record.hour, record.used
+    weekday = np.asarray(record.day_number + record.dates[0].weekday(), float) % 7.0
+    level = ("level", "m") if record.kind == "pool" else ("discharge", "m3/s")
+    logs = (("inflow", "m3/s", record.inflow), ("outflow", "m3/s", record.outflow), (*level, record.output))
+    lag = max(1, round(3600.0 / record.sample_time))
+    shift = np.mod(hour - shift_start, 24.0) / 8.0
+    hours = [f"{h} to {h + 1} h" for h in range(24)]
+    turns = [f"{(shift_start + 8 * i) % 24:g} to {(shift_start + 8 * i + 8) % 24:g} h" for i in range(3)]
+    found = [
+        Driver("hour", "h", np.arange(25.0), tuple(hours), _floor(hour), True),
+        Driver("shift", "shift", np.arange(4.0), tuple(turns), _floor(shift), True),
+        Driver("weekday", "day", np.arange(8.0), WEEKDAYS, _floor(weekday[:, None] + 0.0 * hour), True),
+        season(record.dates, blocks, hour.shape[1]),
+        *(by_size(name, unit, values, used) for name, unit, values in logs),
+        *(by_size(f"rate of {name}", f"{unit} per h", rate(values, lag, record.sample_time), used)
+          for name, unit, values in logs),
+        *(since_step(f"hours since a step of the {name}", values, record.sample_time)
+          for name, _, values in logs[:2]),
+    ]  # fmt: skip
+    return tuple(d for d in found if d is not None and len(np.unique(d.bin[used & (d.bin >= 0)])) > 1)
+
+
+def season(dates: Sequence[date], blocks: ArrayLike, n: int) -> Driver | None:
+    """Parts of the season of :data:`PART_BLOCKS` blocks or more, for rows of n samples; None if only one."""
+    number = np.unique(np.asarray(blocks), return_inverse=True)[1]
+    many = int(number.max()) + 1
+    parts = min(many // PART_BLOCKS, 12)
+    if parts < 2:
+        return None
+    part = number * parts // many
+    ends = [*np.flatnonzero(np.diff(part, prepend=-1)).tolist(), len(dates)]
+    labels = tuple(
+        f"{in_words(dates[a])} to {in_words(dates[b - 1])}" for a, b in zip(ends[:-1], ends[1:], strict=True)
+    )
+    return Driver(
+        "date", "row", np.array(ends, float), labels, np.repeat(part[:, None].astype(np.int64), n, axis=1)
+    )
+
+
+def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
+    """Bins with as many used samples each; None where nothing varies. NaN has no bin."""
+    there = used & np.isfinite(values)
+    if not there.any():
+        return None
+    edges = np.unique(np.quantile(values[there], np.linspace(0.0, 1.0, BINS + 1)))
+    if len(edges) < 3:
+        return None
+    inner = np.digitize(values, edges[1:-1])  # the highest value belongs to the last bin
+    outside = ~np.isfinite(values) | (values < edges[0]) | (values > edges[-1])
+    labels = tuple(f"{a:.4g} to {b:.4g} {unit}" for a, b in zip(edges[:-1], edges[1:], strict=True))
+    return Driver(name, unit, edges, labels, np.where(outside, -1, inner).astype(np.int64))
+
+
+def rate(values: Floats, lag: int, sample_time: float) -> Floats:
+    """Change over the last `lag` samples, per hour, shape (days, n); NaN before."""
+    out = np.full(values.shape, np.nan)
+    out[:, lag:] = (values[:, lag:] - values[:, :-lag]) * (3600.0 / (lag * sample_time))
+    return out
+
+
+def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
+    """Hours since the last step in the row; samples before the first one have no bin."""
+    low, high = np.quantile(flow, [0.05, 0.95])
+    steps = np.abs(np.diff(flow, axis=1, prepend=flow[:, :1])) > max(STEP * (high - low), 1e-9)
+    if not steps.any():
+        return None
+    at = np.where(steps, np.arange(flow.shape[1]), -1)
+    last = np.maximum.accumulate(at, axis=1)
+    hours = (np.arange(flow.shape[1]) - last) * (sample_time / 3600.0)
+    bins = np.where((last >= 0) & (hours < SINCE[-1]), np.digitize(hours, SINCE) - 1, -1)
+    labels = tuple(f"{a:g} to {b:g} h" for a, b in zip(SINCE[:-1], SINCE[1:], strict=True))
+    return Driver(name, "h", np.array(SINCE), labels, bins.astype(np.int64))
+
+
+def in_words(day: date) -> str:
+    """12 May."""
+    return f"{day.day} {day:%B}"
+
+
+def _floor(values: Floats) -> Ints:
+    return np.floor(values + 1e-9).astype(np.int64)
+
+
+FEWEST = 5
+"""Blocks that a bin must be seen in: flips of fewer give no small p."""
+
+KEPT = 0.6
+"""Share of blocks, those that say least, that set the scale of a bin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores ready to be binned; made by :func:`as_scores`.
+
+    Attributes
+    ----------
+    score, information : ndarray, shape (days, n)
+        s and q; 0 where a sample does not count.
+    used : ndarray of bool, shape (days, n)
+    block : ndarray of int, shape (days,)
+        0, 1, ... without holes.
+    """
+
+    score: Floats
+    information: Floats
+    used: Bools
+    block: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A size in each bin of one driver; arrays of shape (k,) but for the edges.
+
+    Attributes
+    ----------
+    driver, unit : str
+    edges : ndarray, shape (k + 1,)
+    labels : tuple of str, length k
+    mean, departure : ndarray
+        Size, and its difference from that of all samples; NaN where a bin is empty.
+    se : ndarray
+        Standard error of the departure, from blocks drawn again; NaN where fewer than :data:`FEWEST` have it.
+    z : ndarray
+        Departure over its standard error.
+    samples, blocks : ndarray of int
+        How many the bin has.
+    p_value : float
+        Of the largest bin of this driver, by block sign flips.
+    """
+
+    driver: str
+    unit: str
+    edges: Floats
+    labels: tuple[str, ...]
+    mean: Floats
+    departure: Floats
+    se: Floats
+    z: Floats
+    samples: Ints
+    blocks: Ints
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Tables of all drivers.
+
+    Attributes
+    ----------
+    bins : tuple of Bins
+    p_value : float
+        Of the smallest p of them all, by the same flips.
+    """
+
+    bins: tuple[Bins, ...]
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Sizes over hour and date, for the picture.
+
+    Attributes
+    ----------
+    hours : ndarray, shape (h + 1,)
+        Edges [h].
+    days : ndarray of int, shape (c + 1,)
+        First row of each column of days, and the number of rows.
+    mean : ndarray, shape (h, c)
+        Size; NaN where nothing is seen.
+    information : ndarray, shape (h, c)
+    """
+
+    hours: Floats
+    days: Ints
+    mean: Floats
+    information: Floats
+
+
+def as_scores(
+    score: ArrayLike, used: ArrayLike, blocks: ArrayLike, information: ArrayLike | None = None
+) -> Scores:
+    """Scores, their samples and their blocks, checked.
+
+    Parameters
+    ----------
+    score : array_like, shape (days, n)
+        s, as above.
+    used : array_like of bool, shape (days, n)
+        Samples that count.
+    blocks : array_like of int, shape (days,)
+        Block of each day.
+    information : array_like, shape (days, n), optional
+        q; 1 by default.
+
+    Raises
+    ------
+    RividError
+        Where arrays do not fit, or there are too few blocks.
+    """
+    there, s = np.asarray(used, bool), np.asarray(score, float)
+    q = np.ones_like(s) if information is None else np.asarray(information, float)
+    block = np.asarray(blocks)
+    if s.ndim != 2 or not (s.shape == there.shape == q.shape) or block.shape != s.shape[:1]:
+        raise RividError(f"score, used, information, blocks have shapes {s.shape}, {there.shape}, "
+                         f"{q.shape}, {block.shape}: expected (days, n) and (days,)")  # fmt: skip
+    if not (np.isfinite(s[there]).all() and np.isfinite(q[there]).all()):
+        raise RividError("a used sample has no score: mark it as not used")
+    seen = len(np.unique(block[there.any(1)]))
+    if seen < FEWEST_BLOCKS:
+        raise RividError(f"{seen} blocks have samples that count: expected {FEWEST_BLOCKS} or more; "
+                         "give more days or shorter blocks")  # fmt: skip
+    number = np.unique(block, return_inverse=True)[1].astype(np.int64)
+    return Scores(np.where(there, s, 0.0), np.where(there, q, 0.0), there, number)
+
+
+def tables(
+    scores: Scores, by: Sequence[Driver], *, draws: int = 1999, resamples: int = 400, seed: int = 0
+) -> Tables:
+    """A table for each driver, and the p of the most telling one of them all.
+
+    Parameters
+    ----------
+    scores : Scores
+    by : sequence of Driver
+    draws, resamples, seed : int
+        Sign flips, the same for all drivers; times that blocks are drawn again; their seed.
+    """
+    rng = np.random.default_rng(seed)
+    J = int(scores.block.max()) + 1
+    signs = rng.choice(np.array([-1.0, 1.0]), (draws, J))
+    weights = rng.multinomial(J, np.full(J, 1.0 / J), resamples).astype(float)
+    found, ranks = [], []
+    for driver in by:
+        S, Q, count = (sums(driver, a, scores.block) for a in (scores.score, scores.information, scores.used))
+        psi = influence(S, Q)
+        root = _spread(psi)
+        seen = (count > 0.0).sum(0)
+        tested = (seen >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
+        flipped = np.abs(signs @ (psi[:, tested] / root[tested])).max(1, initial=0.0)
+        top = float((np.abs(psi[:, tested].sum(0)) / root[tested]).max(initial=0.0))
+        share = _shares(np.append(flipped, top))
+        ranks.append(share)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            again = (weights @ S) / (weights @ Q) - (weights @ S.sum(1) / (weights @ Q.sum(1)))[:, None]
+            mean = S.sum(0) / Q.sum(0)
+        se = np.full(len(seen), np.nan)
+        se[tested] = np.nanstd(again[:, tested], axis=0)
+        se[se == 0.0] = np.nan
+        departure = np.where(seen > 0, psi.sum(0), np.nan)
+        found.append(Bins(
+            driver.name, driver.unit, driver.edges, driver.labels, mean=mean, departure=departure, se=se,
+            z=departure / se, samples=count.sum(0).astype(np.int64), blocks=seen.astype(np.int64),
+            p_value=float(share[-1]),
+        ))  # fmt: skip
+    # Bins of one driver compare, drivers do not: the smallest p of each flip does (Westfall and Young 1993).
+    smallest = np.min(ranks, axis=0)
+    return Tables(tuple(found), float(np.mean(smallest <= smallest[-1])))
+
+
+def hour_map(scores: Scores, hour: ArrayLike, *, days: int = 1, hours: float = 1.0) -> Map:
+    """Sizes over the hour of the day, `hour` (days, n) of each sample, and the date, by columns of days."""
+    edges = np.arange(0.0, 24.0 + hours / 2.0, hours)
+    h = np.clip(np.digitize(np.asarray(hour, float) + 1e-9, edges) - 1, 0, len(edges) - 2)
+    columns = np.append(np.arange(0, len(scores.block), days), len(scores.block))
+    column = np.repeat(np.arange(len(columns) - 1), np.diff(columns))[:, None]
+    c = len(columns) - 1
+    cell = np.asarray(h * c + column).ravel()
+    S, Q = (np.bincount(cell, a.ravel(), (len(edges) - 1) * c).reshape(-1, c)
+            for a in (scores.score, scores.information))  # fmt: skip
+    mean = np.where(Q > 0.0, S / np.where(Q > 0.0, Q, 1.0), np.nan)
+    return Map(edges, columns.astype(np.int64), mean, np.asarray(Q, float))
+
+
+def sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
+    """Sums by block and bin, shape (blocks, k)."""
+    k, J = len(driver.labels), int(block.max()) + 1
+    inside = driver.bin >= 0
+    cell = (block[:, None] * k + driver.bin)[inside]
+    return np.asarray(np.bincount(cell, np.asarray(values, float)[inside], J * k).reshape(J, k), float)
+
+
+def influence(S: Floats, Q: Floats) -> Floats:
+    """psi, shape (blocks, k), of sums by block and bin; 0 in bins with nothing."""
+    u = S - S.sum() / max(Q.sum(), 1e-300) * Q
+    known = Q.sum(0)
+    return np.where(known > 0.0, u / np.where(known > 0.0, known, 1.0) - u.sum(1)[:, None] / known.sum(), 0.0)
+
+
+def _spread(psi: Floats) -> Floats:
+    """Scale of each bin's departure, shape (k,), from the smaller contributions of blocks (blocks, k).
+
+    Flips leave it alone, so it cannot spoil the test; and what is there in some weeks only does not hide
+    itself by swelling its own scale.
+    """
+    squares = np.sort(psi**2, axis=0)
+    many = (squares > 0.0).sum(0)
+    rank = np.arange(len(psi))[:, None] - (len(psi) - many)
+    kept = (rank >= 0) & (rank < np.ceil(KEPT * many))
+    mean = (squares * kept).sum(0) / np.maximum(kept.sum(0), 1)
+    return np.asarray(np.sqrt(mean * many))
+
+
+def _shares(values: Floats) -> Floats:
+    """Share of all values that are as large as each one, itself included, to rounding."""
+    rounded = np.round(values, 9)
+    return np.asarray(1.0 - np.searchsorted(np.sort(rounded), rounded, side="left") / len(values), float)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a gap is largest.
+
+    Attributes
+    ----------
+    driver : str
+    low, high : float
+        Range of the driver [its unit]; low >= high goes past midnight or Sunday. Of dates, see `windows`.
+    size, size_se : float
+        There, less elsewhere [unit of the effect], and its standard error by blocks.
+    p_value : float
+        All drivers and bins counted.
+    windows : tuple of (date, date)
+        First and last day of each time in which it is there; the whole season if no end is seen.
+    text : str
+        The same in words.
+    """
+
+    driver: str
+    low: float
+    high: float
+    size: float
+    size_se: float
+    p_value: float
+    windows: tuple[tuple[date, date], ...]
+    text: str
+
+
+def strongest(
+    scores: Scores, by: Sequence[Driver], dates: Sequence[date], *, unit: str = "m3/s", level: float = 0.05,
+    cut_level: float = 0.01, draws: int = 1999, seed: int = 0,
+) -> Place | None:  # fmt: skip
+    """The place that stands out most: neighbouring bins of one driver, and the dates; None if none does.
+
+    Parameters
+    ----------
+    scores : Scores
+    by : sequence of Driver
+    dates : sequence of date, length days
+    unit : str
+        Of a size.
+    level : float
+        For the largest bin of all drivers. What is there in k blocks only has no p under 2^(1 - k).
+    cut_level : float
+        For the dates.
+    draws, seed : int
+        As for :func:`tables`.
+    """
+    told = tables(scores, by, draws=draws, resamples=2, seed=seed)
+    loud = [d for d, t in zip(by, told.bins, strict=True) if t.p_value <= level]
+    if told.p_value > level or not loud:
+        return None
+    all_days = np.ones(len(dates), bool)
+    driver = max(loud, key=lambda d: _best_run(scores, d, all_days)[0])
+    days, first, last = _extent(scores, driver, cut_level, seed)
+    where = days[:, None] & (_between(driver, first, last) | (driver.name == "date"))
+    two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
+    S, Q = (sums(two, a, scores.block) for a in (scores.score, scores.information))
+    size = S.sum(0) / np.maximum(Q.sum(0), 1e-300)
+    error = (S - size * Q) / np.maximum(Q.sum(0), 1e-300)
+    value, se = float(size[1] - size[0]), float(np.sqrt(((error[:, 1] - error[:, 0]) ** 2).sum()))
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], days, [False]]).astype(int))).tolist()
+    windows = tuple((dates[a], dates[b - 1]) for a, b in zip(ends[::2], ends[1::2], strict=True))
+    text = f"{_range(driver, first, last)}{value:.3g} {unit}, {_when(windows, bool(days.all()))}"
+    low, high = float(driver.edges[first]), float(driver.edges[last + 1])
+    return Place(driver.name, low, high, value, se, told.p_value, windows, text)
+
+
+def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bools, int, int]:
+    """Days (days,), and the first and last bin, of what stands out most."""
+    days = np.ones(len(scores.block), bool)
+    if driver.name == "date":
+        q = scores.information.sum(1)
+        cut = segment(scores.score.sum(1), q, scores.block, rest="free", level=level, seed=seed)
+        if cut.found:
+            longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the one that lasts
+            apart = np.abs(cut.size - cut.size[longest])
+            other = apart > 2.0 * np.hypot(cut.size_se, cut.size_se[longest])
+            return np.repeat(other & (np.arange(len(other)) != longest), np.diff(cut.bounds)), 0, 0
+        _, _, first, last = _best_run(scores, driver, days)
+        return np.asarray(_between(driver, first, last).any(1)), first, last
+    first = last = 0
+    for _ in range(3):  # the hours sharpen the dates, and the dates the hours
+        _, sign, first, last = _best_run(scores, driver, days)
+        inside = _between(driver, first, last)
+        rest = ~(inside & days[:, None])
+        usual = (scores.score * rest).sum() / max((scores.information * rest).sum(), 1e-300)
+        g = ((scores.score - usual * scores.information) * inside).sum(1)
+        q = (scores.information * inside).sum(1)
+        if len(np.unique(scores.block[q > 0.0])) < FEWEST_BLOCKS:
+            break  # on too few days for dates of their own
+        cut = segment(g, q, scores.block, sign=sign, level=level, seed=seed)
+        now = cut.mask if cut.found else np.ones_like(days)
+        if (now == days).all():
+            break
+        days = now
+    return days, first, last
+
+
+def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, int, int]:
+    """Gain [nats], sign, first and last bin of the neighbours that differ most from the rest of some days.
+
+    No more than half the information: the rest of a cycle would otherwise be the same run, with a minus.
+    """
+    S, Q = (sums(driver, a * days[:, None], scores.block).sum(0) for a in (scores.score, scores.information))
+    k, total_S, total_Q = len(S), S.sum(), Q.sum()
+    best = (0.0, 1, 0, 0)
+    for first in range(k):
+        for length in range(1, k if driver.cyclic else k - first + 1):
+            members = np.arange(first, first + length) % k
+            s, q = S[members].sum(), Q[members].sum()
+            if not 0.0 < q < total_Q or (length > 1 and q > 0.5 * total_Q * (1.0 + 1e-9)):
+                continue
+            contrast = s / q - (total_S - s) / (total_Q - q)
+            gain = 0.5 * contrast**2 * q * (total_Q - q) / total_Q
+            if gain > best[0]:
+                best = (float(gain), 1 if contrast > 0 else -1, first, int(members[-1]))
+    return best
+
+
+def _between(driver: Driver, first: int, last: int) -> Bools:
+    b = driver.bin
+    return (b >= first) & (b <= last) if first <= last else (b >= first) | ((b >= 0) & (b <= last))
+
+
+def _range(driver: Driver, first: int, last: int) -> str:
+    low, high = driver.edges[first], driver.edges[last + 1]
+    if driver.name == "date":
+        return ""
+    if driver.name == "hour":
+        return f"hours {low:g} to {high:g}, "
+    if driver.name in ("weekday", "shift"):
+        names = driver.labels[first], driver.labels[last]
+        return f"{driver.name} {names[0] if first == last else ' to '.join(names)}, "
+    return f"{driver.name} {low:.4g} to {high:.4g} {driver.unit}, "
+
+
+def _when(windows: Sequence[tuple[date, date]], whole: bool) -> str:
+    if whole:
+        return "on all days"
+    spans = [f"from {in_words(a)} to {in_words(b)}" for a, b in windows]
+    if len(spans) > 3:
+        spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
+    return f"on days {' and '.join(spans)}"

@@ -1,1 +1,0 @@
-"""The reach with its operators in the loop."""
