@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, DataError, RividError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.ingest import work
 from rivid.logs.ingest.work import Wish, ingest
 from rivid.logs.read import read_window

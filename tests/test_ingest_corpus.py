@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.ingest.work import Wish, ingest
 from rivid.logs.read import read_window
 

@@ -164,7 +164,7 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     >>> read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
     Day(2008-03-14, basse-isere: 650 samples of 133 s, inflow 350 to 452 m3/s)
     """
-    from rivid.logs.find import find_days
+    from rivid.logs.catalog import find_days
     from rivid.logs.read import read_window
     from rivid.run.lean import spare_pandas
 

@@ -14,7 +14,7 @@ from rivid.check.spacing import Spacing
 from rivid.check.units import units
 from rivid.config import Config
 from rivid.errors import DataError, PendingError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import DataSet, read_window, refuse_columns
 from rivid.types import ONE_DAY
 

@@ -10,7 +10,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.catalog import DaySource, is_day_file
 from rivid.logs.files import DAY, MANY
-from rivid.logs.load import load
+from rivid.logs.log import load
 from rivid.logs.spec import MICRO, spec_of
 from rivid.logs.times import local
 

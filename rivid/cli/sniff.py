@@ -27,7 +27,7 @@ def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
       rivid sniff tests/data/exports/french/telereleve.csv --time-zone Etc/GMT-1
     """
     from rivid.config import InputConfig, parse
-    from rivid.logs.sniff import sniff
+    from rivid.logs.sniff.propose import sniff
 
     parse({"time_zone": time_zone}, InputConfig, "--time-zone")
     click.echo("\n".join(map(_narrow, sniff(exports, time_zone).toml.split("\n"))), nl=False)

@@ -1,12 +1,21 @@
 """What is known of DATA_DIR: the days, the files that speak of each, and what spares looking twice."""
 
 import datetime as dt
+import os
 import re
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
-from rivid.logs.files import shown, suffix_of
+from rivid.config import Config
+from rivid.errors import ConfigError, DataError, NoDataError
+from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
+from rivid.logs.log import load
+from rivid.logs.spec import Spec, spec_of
+from rivid.types import ONE_DAY
 
 _DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
 
@@ -119,3 +128,203 @@ class Catalog:
     days: list[DaySource]
     bad_files: list[tuple[str, str]] = field(default_factory=list)
     files: dict[str, FileFacts] = field(default_factory=dict)
+
+
+__all__ = ["Catalog", "DaySource", "FileFacts", "Part", "find_days"]
+
+FEW_ROWS, FEW_BYTES = 4, 8192
+"""Only a log as small as this may hold a single row, and is opened to see."""
+LOOKED_FOR = f"YYYY-MM-DD{', YYYY-MM-DD'.join(SUFFIXES)}, or files of many days with these suffixes"
+
+
+def find_days(
+    root: Path, config: Config, known: Mapping[str, FileFacts] | None = None, *, verify: bool = False
+) -> Catalog:
+    """List the days in a directory of logs.
+
+    Hidden files, directories and files that are no logs are passed over.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or one file.
+    config : Config
+    known : mapping of str to FileFacts, optional
+        What an earlier look found.
+    verify : bool
+        Hash every file, also where size and modification time are as known.
+
+    Returns
+    -------
+    Catalog
+
+    Raises
+    ------
+    NoDataError
+        Where there is no log.
+    ConfigError
+        Where the configuration is for exports of the long layout.
+    """
+    refuse_exports(config)
+    paths, folder = _candidates(root, shown(str(root)))
+    within = os.path.realpath(folder) if folder == root else None
+    spec = spec_of(config)
+    settings = spec.digest
+    parts: dict[dt.date, list[Part]] = {}
+    bad: list[tuple[str, str]] = []
+    files: dict[str, FileFacts] = {}
+    day_files: dict[dt.date, list[Part]] = {}
+    edges: list[tuple[dt.date, Part]] = []
+    for path in paths:
+        name = path.name
+        try:
+            facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
+        except DataError as error:
+            bad.append((shown(name), _without_name(str(error), shown(name))))
+            continue
+        files[name] = facts
+        if is_day_file(name):
+            part = Part(name, facts.digest)
+            day_files.setdefault(_date_of(name), []).append(part)
+            if facts.days is None:
+                parts.setdefault(_date_of(name), []).append(part)
+            continue
+        for iso, digest in facts.days or ():
+            date, part = dt.date.fromisoformat(iso), Part(name, digest)
+            if iso in facts.edges:
+                edges.append((date, part))
+            else:
+                parts.setdefault(date, []).append(part)
+    for date, part in edges:
+        if date in parts:  # a row at midnight alone makes no day; beside others it may complete one
+            parts[date].append(part)
+    if spec.latest:
+        for date in parts:  # the row that closes it may stand in the next day's file
+            parts[date] += day_files.get(date + ONE_DAY, [])
+    if not parts:
+        if files:
+            raise NoDataError(
+                f"no log in {shown(str(root))} holds more of a day than the row at its midnight"
+            )
+        if bad:
+            raise NoDataError(f"no log in {shown(str(root))} can be used: {bad[0][0]}: {bad[0][1]}")
+        raise NoDataError(f"no logs in {shown(str(root))}: looked for {LOOKED_FOR}")
+    return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
+
+
+def refuse_exports(config: Config) -> None:
+    """Refuse a configuration for what only `rivid ingest` reads.
+
+    Raises
+    ------
+    ConfigError
+    """
+    key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
+    if key:
+        raise ConfigError(
+            f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
+            "configuration that it writes beside these"
+        )
+
+
+def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
+    """Paths that may be logs, in order of name, and the folder they are in."""
+    try:
+        if root.is_file():
+            if suffix_of(root.name) is None:
+                raise NoDataError(
+                    f"{name} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
+                )
+            return [root], root.parent
+        names = sorted(os.listdir(root))
+    except OSError as error:
+        raise NoDataError(f"{name} cannot be read: {error.strerror}; expected a directory of logs") from None
+    return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
+
+
+def _look(
+    path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
+) -> FileFacts:
+    """What a file is and says of which days; `inside` is where a link may lead."""
+    try:
+        status = os.lstat(path)
+        if stat.S_ISLNK(status.st_mode):
+            target = os.path.realpath(path, strict=True)
+            if inside is not None and os.path.commonpath([inside, target]) != inside:
+                raise DataError(
+                    "is a link that leads out of the directory of logs: put the file itself there"
+                )
+            status = os.stat(path)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise DataError("is a link to another drive: put the file itself there") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise DataError("is a directory: expected a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise DataError("is not a regular file")
+    same = (
+        not verify
+        and known is not None
+        and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns)
+    )
+    single = is_day_file(path.name)
+    date = _date_of(path.name) if single else None
+    if same and known is not None and known.settings == settings and (single or known.days is not None):
+        return known
+    if date is None:
+        return _split(path, spec, status, settings)
+    digest, rows = _hash(path, status.st_size)
+    few = rows <= spec.skip_rows + spec.unit_rows + FEW_ROWS
+    days = () if spec.latest and few and _is_edge(path, spec, date) else None
+    return FileFacts(status.st_size, status.st_mtime_ns, digest, days, settings)
+
+
+def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
+    """Whether a day's file holds no more than the row at its midnight: an end of the day before."""
+    try:
+        log = load(path, shown(path.name), spec, DAY, fresh=True)
+    except DataError:
+        return False
+    start, end = log.bounds(date)
+    return log.is_edge(date) and start <= log.times[0] and log.times[-1] < end
+
+
+def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> FileFacts:
+    """The days of a file of many."""
+    log = load(path, shown(path.name), spec, MANY, fresh=True)
+    dates = log.dates()
+    days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
+    if not days:
+        raise DataError("has no values in the columns that are asked for")
+    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
+    return FileFacts(status.st_size, status.st_mtime_ns, log.digest, days, settings, edges)
+
+
+def _date_of(name: str) -> dt.date:
+    try:
+        return dt.date.fromisoformat(name[:10])
+    except ValueError:
+        raise DataError(f"{name[:10]} is no date: expected YYYY-MM-DD") from None
+
+
+def _hash(path: Path, size: int) -> tuple[str, int]:
+    """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted.
+
+    One beyond the limits is not read for it, as it will not be for its data.
+    """
+    if size > DAY.bytes:
+        return sha256(f"too large: {size}".encode()).hexdigest(), size
+    try:
+        with open(path, "rb", buffering=0) as file:
+            content = file.read(DAY.bytes + 1)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}") from None
+    packed = suffix_of(path.name) != ".csv"
+    rows = max(size - FEW_BYTES, 0) if packed else content.count(b"\n")
+    return sha256(content).hexdigest(), rows
+
+
+def _without_name(reason: str, name: str) -> str:
+    """A reason that is shown beside the name need not begin with it."""
+    return reason.removeprefix(name).lstrip(" ,:") or reason

@@ -1,13 +1,119 @@
-"""The header of a CSV log, and the words for a column that is not there."""
+"""What every reader hands on: the columns of one log as arrays, and the rows that could not be read."""
 
 import csv
 import difflib
+import re
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rivid.errors import DataError
 from rivid.logs.files import CutError
 from rivid.logs.spec import Spec
+from rivid.logs.times import read_text
+from rivid.types import Floats
+
+Micros = NDArray[np.int64]
+
+
+class BadRow(NamedTuple):
+    """A row that cannot be used.
+
+    Attributes
+    ----------
+    row : int
+        How many good rows stand before it.
+    text : str
+        Where it is and what is wrong, with what to do.
+    cut : bool
+        Whether it is the end of a log that is still being written, or was cut off.
+    """
+
+    row: int
+    text: str
+    cut: bool = False
+
+
+@dataclass
+class Seen:
+    """What else a file holds, for whoever wants the whole account.
+
+    Attributes
+    ----------
+    rows : int
+        Rows of data, good or bad; not headers, comments and empty ones.
+    comments, headers, empty, footers : int
+        Lines that hold no data, and headers beyond the first.
+    others : Counter
+        Rows of tags that are not asked for.
+    units : dict of str
+        Per source: what the file says of its unit.
+    cells : dict of set, or None
+        Per column that is not read: its different texts; None where these are many.
+    """
+
+    rows: int = 0
+    comments: int = 0
+    headers: int = 0
+    empty: int = 0
+    footers: int = 0
+    others: Counter[str] = field(default_factory=Counter)
+    units: dict[str, str] = field(default_factory=dict)
+    cells: dict[str, set[str] | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of a log that are asked for, in the order of its rows.
+
+    Attributes
+    ----------
+    times : ndarray, (n,)
+        [us]: of UTC where `aware`, else of the local clock.
+    aware : bool
+        Whether the times carry offsets.
+    offset : int or None
+        The one offset of all times [s]; None where they are many, or unaware.
+    numbers : dict of ndarray, (n,)
+        Per column of the log, in its unit; NaN where nothing is measured.
+    lines : ndarray, (n,), or None
+        Line of each row; None where rows are consecutive from `first_line`.
+    bad : list of BadRow
+    dropped : dict of list of int
+        Per kind of row that was left out on purpose: how many good rows stand before each.
+    zone : str or None
+        Name of the zone that the log itself states (Parquet can).
+    unit : str
+        How messages call a row: line or row.
+    why : dict of dict
+        Per column: of rows without a number, the status text or flag for which there is none.
+    flags : Counter
+        Flags for which values were dropped.
+    seen : Seen
+    """
+
+    times: Micros
+    aware: bool
+    offset: int | None
+    numbers: dict[str, Floats]
+    first_line: int = 1
+    lines: NDArray[np.int64] | None = None
+    bad: list[BadRow] = field(default_factory=list)
+    dropped: dict[str, list[int]] = field(default_factory=dict)
+    zone: str | None = None
+    unit: str = "line"
+    why: dict[str, dict[int, str]] = field(default_factory=dict)
+    flags: Counter[str] = field(default_factory=Counter)
+    seen: "Seen" = field(default_factory=lambda: Seen())
+
+    def place(self, row: int) -> str:
+        """Where a row stands in its file."""
+        return f"{self.unit} {self.first_line + row if self.lines is None else self.lines[row]}"
+
 
 UTF8_BOM = b"\xef\xbb\xbf"
 UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
@@ -238,3 +344,88 @@ def _end_of_line(content: bytes, start: int) -> int:
     if back >= 0 and back + 1 != feed:
         return back + 1
     return len(content) if feed < 0 else feed + 1
+
+
+MOST = 20
+"""Lines that are looked at, from the end."""
+TAIL = 64 << 10
+"""Bytes that are enough for these."""
+LINE = re.compile(r"\r\n|\n|\r")
+_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d|\d{8}")
+
+
+def footer_lines(
+    lines: Sequence[str], time_at: Sequence[int], separator: str, time_format: str | None, comment: str = ""
+) -> list[int]:
+    """Which of the last lines hold no data: the cells of the time, at `time_at`, hold none.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Split at each line break: the last one is empty where the text ends with one.
+    time_at : sequence of int
+    separator : str
+    time_format : str or None
+        None is ISO 8601.
+    comment : str
+        How lines begin that hold no data anyway; empty for none.
+
+    Returns
+    -------
+    list of int
+        Ascending; without empty lines, rows of empty cells and comments. A line whose time begins like a
+        date is none of them, nor is one that begins with a digit where no line break follows: it may be a row
+        that is damaged or cut off. None at all where there are too many.
+    """
+    found: list[int] = []
+    for at in range(len(lines) - 1, -1, -1):
+        line = lines[at]
+        if not line.strip() or (comment and line.startswith(comment)):
+            continue
+        cells = split_cells(line, separator)
+        if cells is not None and not any(cells):
+            continue
+        if at == len(lines) - 1 and line.lstrip(' "')[:1].isdigit():
+            break
+        text = " ".join((cells or [])[i] for i in time_at if i < len(cells or []))
+        if _DATE.match(text) or read_text(text, time_format) is not None:
+            break
+        found.append(at)
+        if len(found) > MOST:
+            return []
+    return found[::-1]
+
+
+def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
+    """A log without the lines that `[input] footer_rows` declares, and how many these are.
+
+    A line with a time is never one of them, so a file that has no footer, or not yet, loses nothing.
+
+    Parameters
+    ----------
+    content : bytes
+        In UTF-8.
+    header : Header
+    spec : Spec
+
+    Returns
+    -------
+    content : bytes
+    count : int
+        At most `footer_rows`.
+    """
+    if not spec.footer_rows:
+        return content, 0
+    begin = max(header.body, len(content) - TAIL)
+    tail = content[begin:].decode("utf-8", "surrogateescape")
+    lines = LINE.split(tail)
+    known = 1 if begin > header.body else 0  # the first line may be a part of one
+    time_at = [header.names.index(name) for name in spec.time]
+    found = footer_lines(lines[known:], time_at, spec.separator, spec.time_format, spec.dialect.comment)
+    found = found[-spec.footer_rows :]
+    if not found:
+        return content, 0
+    behind = known + found[0]
+    ends = [match.end() for match in LINE.finditer(tail)]
+    kept = tail[: ends[behind - 1] if behind else 0]
+    return content[: begin + len(kept.encode("utf-8", "surrogateescape"))], len(found)

@@ -1,4 +1,4 @@
-"""A data set: the samples of one local day, or of several in a row, on the regular grid."""
+"""Several logs of a day, or days of a window, as one: they must mean the same days and agree."""
 
 import datetime as dt
 from collections import Counter
@@ -14,13 +14,58 @@ from rivid.errors import ConfigError, DataError, PendingError
 from rivid.logs.catalog import DaySource, Part, is_day_file
 from rivid.logs.files import DAY, MANY, CutError
 from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
-from rivid.logs.header import ColumnError
-from rivid.logs.join import join, merge, refuse_shifted, refuse_zones
-from rivid.logs.load import load
-from rivid.logs.log import Log
+from rivid.logs.header import ColumnError, Micros
+from rivid.logs.log import Log, load
 from rivid.logs.spec import Spec, spec_of
-from rivid.logs.times import LAST_ZONE, day_bounds, local, zone_named
+from rivid.logs.times import LAST_ZONE, clock, day_bounds, local, zone_named
 from rivid.types import Floats
+
+
+def refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:
+    """Refuse a day whose logs mean different days."""
+    if len({day_bounds(date, zone) for zone in zones}) > 1:
+        raise DataError(
+            f"the logs of {date} have different UTC offsets: "
+            "set [input] time_zone to the zone whose days are meant"
+        )
+
+
+def refuse_shifted(sources: Sequence[DaySource], zones: Sequence[dt.tzinfo]) -> None:
+    """Each day must end where the next begins, or the grid is not regular."""
+    for (a, zone_a), (b, zone_b) in zip(
+        zip(sources, zones, strict=True), list(zip(sources, zones, strict=True))[1:], strict=False
+    ):
+        if day_bounds(a.date, zone_a)[1] != day_bounds(b.date, zone_b)[0]:
+            if b.date - a.date == dt.timedelta(days=1):
+                raise DataError(
+                    f"{a.date} and {b.date} have different UTC offsets: "
+                    "set [input] time_zone to the zone whose days are meant"
+                )
+            raise DataError(f"{a.date} and {b.date} are not consecutive days")
+
+
+def join(parts: list[tuple[Micros, Floats]]) -> tuple[Micros, Floats]:
+    """One column of what follows each other."""
+    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def merge(
+    parts: list[tuple[Micros, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
+) -> tuple[Micros, Floats]:
+    """One column of a day from several files; where they overlap they must agree."""
+    times, values = join(parts)
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
+    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
+    if len(conflict):
+        i = int(conflict[0])
+        moment = clock(int(times[i]), zone, with_date=True)
+        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
+    if repeated.any():
+        notes[f"values of {name} in two files"] += int(repeated.sum())
+    return times[~repeated], values[~repeated]
+
 
 Micros = NDArray[np.int64]
 Series = dict[str, tuple[Micros, Floats]]

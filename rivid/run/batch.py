@@ -21,7 +21,7 @@ from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import DataError, PendingError, printable
 from rivid.estimators import Answer, Days, Estimator
-from rivid.logs.find import DaySource
+from rivid.logs.catalog import DaySource
 from rivid.logs.read import DataSet, read_window
 from rivid.results.tables import SEGMENT, to_table
 from rivid.types import Floats

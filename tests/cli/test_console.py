@@ -10,7 +10,7 @@ import pytest
 
 from rivid.cli import fleet_run
 from rivid.cli.console import Console, abbreviate, files_in, wrap
-from rivid.logs.sniff import sniff
+from rivid.logs.sniff.propose import sniff
 from tests.cli.conftest import ROOT
 from tests.daily import text_of, write_days
 

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rivid.errors import RividError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
-from rivid.logs.sniff import sniff
+from rivid.logs.sniff.propose import sniff
 from tests.logs.helpers import DAY, config, rows, text
 
 REACH = {"sample_time": 900}

@@ -3,7 +3,7 @@
 import datetime as dt
 
 from rivid.config import Config, parse
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 from tests.daily import a_day
 

@@ -8,10 +8,10 @@ import pytest
 
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, PendingError, RividError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.ingest.work import ingest
 from rivid.logs.read import read_window
-from rivid.logs.sniff import sniff
+from rivid.logs.sniff.propose import sniff
 from tests.logs.helpers import DAY, config, read, rows
 
 HEAD = "time,u_Qi,u_Qo,h_L"

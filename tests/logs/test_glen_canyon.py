@@ -8,7 +8,7 @@ import pytest
 
 from rivid.check import check
 from rivid.config import UNITS, load_config
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 
 HOME = Path(__file__).parents[2]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError, NoDataError, PendingError
-from rivid.logs.catalog import FileFacts
-from rivid.logs.find import find_days
+from rivid.logs.catalog import FileFacts, find_days
 from rivid.logs.read import read_window
 from tests.logs.helpers import DAY, config, put, rows, text
 
@@ -125,7 +124,7 @@ class TestAFilePerDayStampedAtTheEnd:
         before = find_days(folder, settings)
         known = {name: FileFacts.from_json(facts.to_json()) for name, facts in before.files.items()}
         assert known == before.files
-        monkeypatch.setattr("rivid.logs.find._hash", None)
+        monkeypatch.setattr("rivid.logs.catalog._hash", None)
         assert days_of(folder, settings, known=known) == before.days
 
     def test_off_the_hour(self, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError, PendingError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 from tests.daily import a_day, write_days
 from tests.logs.helpers import DAY, HEAD, config, put, read, rows
@@ -25,7 +25,7 @@ def test_quick_and_tolerant_reading_give_the_same_bits(tmp_path, monkeypatch):
     lines = rows()
     lines[40][3] = "NA"
     quick = read(put(tmp_path / "a", lines))
-    monkeypatch.setattr("rivid.logs.csvfast.read_fast", lambda *_: None)
+    monkeypatch.setattr("rivid.logs.arrow.read_fast", lambda *_: None)
     slow = read(put(tmp_path / "b", lines))
     assert (quick.output == slow.output).all() and (quick.inflow == slow.inflow).all()
     assert quick.n_filled == slow.n_filled == 1
@@ -309,7 +309,7 @@ def test_a_fault_in_a_file_of_many_days_fails_its_day_only(tmp_path):
 
 
 def test_reading_every_day_of_a_file_parses_it_once(tmp_path, monkeypatch):
-    import rivid.logs.load as log
+    import rivid.logs.log as log
 
     lines = [row for k in range(5) for row in rows(DAY + dt.timedelta(days=k))]
     folder = put(tmp_path, lines, name="march.csv")

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from rivid.logs.sniff import sniff
+from rivid.logs.sniff.propose import sniff
 
 UNITS = {"flow": "m3/s", "level": "m"}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError
-from rivid.logs.sentinels import SENTINELS, may_hold, sentinels_in
+from rivid.logs.log import SENTINELS, may_hold, sentinels_in
 from tests.logs.helpers import DAY, put, read, rows
 
 FLOW = np.round(300 + 50 * np.sin(np.arange(650) / 40))

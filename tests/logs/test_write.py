@@ -12,7 +12,7 @@ import pytest
 
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.logs.find import find_days
+from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 from rivid.logs.write import write_day, write_days
 

@@ -1,20 +1,27 @@
 """One exported file, read as declared: text of any dialect, or Parquet."""
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rivid.errors import DataError
-from rivid.logs import csvfast
-from rivid.logs.columns import Columns, Seen
-from rivid.logs.csvtext import WideReader, read_tolerant
+from rivid.logs import arrow as csvfast
 from rivid.logs.files import MANY, read_bytes, refuse_rows, refuse_size, shown
-from rivid.logs.footer import LINE, cut_footer
-from rivid.logs.guess import unit_said
-from rivid.logs.header import Header, UndeclaredError, check_names, plain_bytes, read_odd_header, split_cells
-from rivid.logs.longtext import LongReader, is_unit_column, read_long
+from rivid.logs.header import (
+    LINE,
+    Columns,
+    Header,
+    Seen,
+    UndeclaredError,
+    check_names,
+    cut_footer,
+    plain_bytes,
+    read_odd_header,
+    split_cells,
+)
+from rivid.logs.sniff.columns import looks_like_flags, unit_said
 from rivid.logs.spec import Spec
+from rivid.logs.text import LongReader, WideReader, read_long, read_tolerant
 
 LONGEST = 200
 """Characters of a cell of Parquet."""
@@ -149,52 +156,6 @@ def _refuse_units(export: Export, spec: Spec) -> None:
                     f"{export.name}: {source!r} seems to be in {unit}: set [input.units] "
                     f'{signal.name} = "{unit}", or to what it is'
                 )
-
-
-def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> bool:
-    """Whether a column that is not read may say which values are doubtful.
-
-    Parameters
-    ----------
-    column : str
-    texts : set of str, or None
-        Its different cells; None where these are many.
-    read : set of str
-        The columns of values.
-    """
-    if texts is None or texts <= {""}:
-        return False
-    low = column.lower()
-    if is_unit_column(column):
-        return False
-    words = (
-        "qual",
-        "flag",
-        "status",
-        "valid",
-        "qc",
-        "state",
-        "etat",
-        "état",
-        "güte",
-        "remark",
-        "code",
-        "zone",
-    )
-    if any(word in low for word in words) or {"tz", "utc", "gmt"} & set(re.split(r"[^a-z]+", low)):
-        return True
-    if any(low != name.lower() and low.startswith(name.lower()) for name in read):
-        return True
-    plain = [text for text in texts if not _is_number(text)]
-    return len(texts) > 1 and bool(set(plain) - {""}) and max(map(len, texts)) <= 12
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _of_parquet(content: bytes, spec: Spec, name: str, stem: str) -> Export:

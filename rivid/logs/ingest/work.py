@@ -1,28 +1,202 @@
-"""All of an ingest: read, judge, write, count."""
+"""The configuration with which the logs that were written are read: `[input]` says no more of the exports."""
 
 import datetime as dt
 import difflib
+import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from rivid.config import Config
+from rivid.atomic import replacing, write_text
+from rivid.config import Config, parse
 from rivid.errors import ConfigError, NoDataError
+from rivid.logs.catalog import is_day_file
+from rivid.logs.files import SUFFIXES, shown, suffix_of
 from rivid.logs.header import UndeclaredError
-from rivid.logs.ingest.days import DayLog, dates_of, judge, settle
+from rivid.logs.ingest.days import DayLog, canonical, dates_of, judge, settle
 from rivid.logs.ingest.export import Export, read_export
-from rivid.logs.ingest.ledger import Fate, FileCount, Ledger
-from rivid.logs.ingest.place import differs, put, refuse_place
-from rivid.logs.ingest.series import Gathered, gather
-from rivid.logs.ingest.settings import refuse_settings, settings_for_logs, standing, write_settings
-from rivid.logs.ingest.signals import canonical
+from rivid.logs.ingest.series import Fate, FileCount, Gathered, Ledger, gather
 from rivid.logs.spec import Spec, spec_of
-from rivid.logs.write import Format
-from rivid.logs.write_rows import rows_as_bytes
+from rivid.logs.write import Format, rows_as_bytes
+
+KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
+"""What says how days are made of values, not what a file looks like."""
+
+
+def settings_for_logs(config: Config) -> str:
+    """A configuration, as TOML, for the logs made of exports.
+
+    Parameters
+    ----------
+    config : Config
+        Of the exports.
+
+    Raises
+    ------
+    ConfigError
+        Where the rest of the configuration cannot do with that `[input]`.
+    """
+    raw = config.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    given = raw.pop("input", {})
+    own = {key: given[key] for key in KEPT if key in given}
+    if config.input.u_Qo == "" and config.reach.kind == "pool":
+        own["u_Qo"] = ""
+    intervals = {name: seconds for name, seconds in config.input.interval.items()}
+    if intervals:
+        own["interval"] = intervals
+    raw = {key: value for key, value in raw.items() if key in ("reach",)} | {"input": own} | raw
+    parse(raw, Config, "the configuration for the logs")
+    lines: list[str] = []
+    for section, entries in raw.items():
+        if entries:
+            lines += ["", *_table(section, entries)]
+    body = "\n".join(lines) + "\n"
+    return _first_line(body) + body
+
+
+def _first_line(body: str) -> str:
+    """The first line of what ingest writes: it tells, of the rest, whether people have changed it."""
+    mark = sha256(body.encode()).hexdigest()[:12]
+    return (
+        f"# Written by `rivid ingest` for the logs it made of the exports; it keeps this up to date. {mark}\n"
+    )
+
+
+def _table(name: str, entries: dict[str, Any]) -> list[str]:
+    inner = {key: value for key, value in entries.items() if isinstance(value, dict)}
+    lines = [f"[{name}]"]
+    lines += [f"{key} = {_said(value)}" for key, value in entries.items() if key not in inner]
+    for key, value in inner.items():
+        if value:
+            lines += ["", *_table(f"{name}.{key}", value)]
+    return lines
+
+
+def _said(value: Any) -> str:
+    # JSON strings, numbers and lists are TOML ones too, but for escapes that JSON alone knows
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+Standing = Literal["absent", "same", "own", "other"]
+
+
+def standing(path: Path, text: str) -> Standing:
+    """What is there in place of the settings: nothing, the same, others that ingest wrote, or others."""
+    if not path.exists():
+        return "absent"
+    try:
+        there = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return "other"
+    if there == text:
+        return "same"
+    first, _, body = there.partition("\n")
+    return "own" if f"{first}\n" == _first_line(body) else "other"
+
+
+def refuse_settings(path: Path) -> None:
+    """Refuse to overwrite unasked what people wrote, or what other logs are read with.
+
+    Raises
+    ------
+    ConfigError
+    """
+    raise ConfigError(
+        f"{shown(str(path))} is there and says otherwise: --force writes it and differing days again, "
+        "--run-config writes it elsewhere"
+    )
+
+
+def write_settings(path: Path, text: str) -> None:
+    """Write it whole or not at all."""
+    write_text(path, text)
+
+
+Written = Literal["written", "identical", "differs"]
+
+
+def refuse_place(out: Path, exports: Sequence[Path]) -> None:
+    """Refuse a directory in which the logs would mix with others, or with the exports.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"--out {shown(str(out))} is a file: expected a directory")
+    here = out.resolve()
+    for export in exports:
+        if export.resolve().parent == here and suffix_of(export.name):
+            raise ConfigError(
+                f"{shown(str(export))} lies in {shown(str(out))}, where `rivid run` would take it for a log: "
+                "choose another --out"
+            )
+    if not out.is_dir():
+        return
+    for path in sorted(out.iterdir()):
+        if suffix_of(path.name) and not path.name.startswith(".") and not is_day_file(path.name):
+            raise ConfigError(
+                f"{shown(str(out))} holds {shown(path.name)}, which would mix with the days: choose an empty "
+                "directory, or one of daily logs"
+            )
+
+
+def differs(out: Path, date: dt.date, format: str, data: bytes) -> bool:
+    """Whether a log of that day is there, and another one."""
+    path = out / f"{date}.{format}"
+    there = [out / f"{date}{suffix}" for suffix in SUFFIXES]
+    if any(other.exists() or other.is_symlink() for other in there if other != path):
+        return True
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        return True
+    return path.is_file() and (path.stat().st_size != len(data) or path.read_bytes() != data)
+
+
+def put(out: Path, date: dt.date, format: str, data: bytes, *, force: bool) -> tuple[Written, str]:
+    """Write a day's log.
+
+    Parameters
+    ----------
+    out : Path
+    date : date
+    format : str
+        csv, csv.gz or parquet.
+    data : bytes
+    force : bool
+        Overwrite a log of that day that differs.
+
+    Returns
+    -------
+    (str, str)
+        "written", "identical" (it was there, byte by byte), or "differs" (another is there, and stays); and
+        the name of the file in question.
+
+    Raises
+    ------
+    RividError
+        Where the disk refuses.
+    """
+    path = out / f"{date}.{format}"
+    for suffix in SUFFIXES:
+        other = out / f"{date}{suffix}"
+        if other != path and other.exists():
+            return "differs", other.name
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        return "differs", path.name
+    if path.is_file():
+        if path.stat().st_size == len(data) and path.read_bytes() == data:
+            return "identical", path.name
+        if not force:
+            return "differs", path.name
+    with replacing(path) as scratch:
+        scratch.write_bytes(data)
+    return "written", path.name
+
 
 SNIFF = "`rivid sniff` proposes an [input] block"
 

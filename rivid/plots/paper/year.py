@@ -115,7 +115,7 @@ def read_year(data_dir: Path, config: Config) -> Year:
     NoDataError
         Where no day can be used.
     """
-    from rivid.logs.find import find_days
+    from rivid.logs.catalog import find_days
     from rivid.logs.read import read_window
 
     if config.reach.kind != "pool":

@@ -1,4 +1,4 @@
-"""The layout of a foreign CSV: encoding, separator, where the header is."""
+"""Lines of an export that hold no data, and what ZRXP says in them."""
 
 import csv
 import re
@@ -7,7 +7,70 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from rivid.errors import DataError
-from rivid.logs.remarks import Zrxp, guess_comment, read_zrxp
+from rivid.logs.times import read_text
+
+MARKS = ("#", "!", "%", "//")
+PATTERN = "#REXCHANGE([^|]+)"
+
+
+@dataclass(frozen=True)
+class Zrxp:
+    """What the comments of a ZRXP file say.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of the rows, which have no header.
+    pattern : str
+        Regular expression that finds the tag of the rows below.
+    missing : tuple of float
+        Numbers that stand for values that are not there.
+    zone : str
+        Of the clock, as the zone of a fixed offset; empty where it is not said.
+    units : dict of str
+        Per tag.
+    """
+
+    columns: tuple[str, ...]
+    pattern: str
+    missing: tuple[float, ...]
+    zone: str
+    units: dict[str, str]
+
+
+def guess_comment(lines: Sequence[str]) -> str:
+    """How lines begin that hold no data: by the first line of the file, or by several."""
+    filled = [line for line in lines if line.strip()]
+    for mark in MARKS:
+        count = sum(line.startswith(mark) for line in filled)
+        if count and count < len(filled) and (filled[0].startswith(mark) or count >= 3):
+            return mark
+    return ""
+
+
+def read_zrxp(lines: Sequence[str]) -> Zrxp | None:
+    """What a ZRXP file says of itself; None for a file of another kind."""
+    remarks = [line for line in lines if line.startswith("#")]
+    layout = next((m for line in remarks if (m := re.search(r"#LAYOUT\(([^)]*)\)", line))), None)
+    if layout is None or not any(re.search(PATTERN, line) for line in remarks):
+        return None
+    text = "\n".join(remarks)
+    missing = {float(value) for value in re.findall(r"RINVAL(-?\d+(?:\.\d+)?)", text)}
+    zones = set(re.findall(r"TZ(?:UTC|GMT)([+-]?\d{1,2})\b", text))
+    units, tag = {}, ""
+    for line in remarks:
+        if match := re.search(PATTERN, line):
+            tag = match[1].strip()
+        if tag and (match := re.search(r"CUNIT([^|*]+)", line)):
+            units[tag] = match[1].strip()
+    zone = _zone(int(zones.pop())) if len(zones) == 1 else ""
+    columns = tuple(name.strip() for name in layout[1].split(","))
+    return Zrxp(columns, PATTERN, tuple(sorted(missing)), zone, units)
+
+
+def _zone(hours: int) -> str:
+    return "UTC" if hours == 0 else f"Etc/GMT{-hours:+d}"  # POSIX signs are the other way round
+
 
 SEPARATORS = (";", "\t", "|", ",")
 """In this order where several fit: a comma may be a decimal mark, the others hardly anything else."""
@@ -189,3 +252,114 @@ def _looks_like_data(cell: str) -> bool:
     return (
         re.match(r"[+-]?[.,]?\d[\d.,' \u00a0]*([eE][+-]?\d+)?$|\d{1,4}[-/.]\d{1,2}[-/.]\d", cell) is not None
     )
+
+
+_DATES = (
+    "%d/%m/%Y",
+    "%m/%d/%Y",
+    "%d.%m.%Y",
+    "%d-%m-%Y",
+    "%m-%d-%Y",
+    "%Y/%m/%d",
+    "%d/%m/%y",
+    "%m/%d/%y",
+    "%d.%m.%y",
+)
+_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f")
+FORMATS: tuple[str | None, ...] = (
+    None,
+    *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
+    *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
+)
+"""Formats that are tried; None is ISO 8601."""
+
+_CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
+LONGEST_JUMP = 20 * 86_400 * 1_000_000
+
+
+@dataclass(frozen=True)
+class TimeLayout:
+    """Which columns hold the time, and in which format.
+
+    Attributes
+    ----------
+    columns : tuple of int
+        One, or two: date and clock.
+    time_format : str or None
+        None is ISO 8601.
+    zoned : bool
+        Whether the times carry UTC offsets.
+    doubt : str
+        What could not be decided; empty where nothing is left open.
+    steps : list of int
+        Between rows [us].
+    others : tuple of str
+        Formats that mean other times and fit as well; then `time_format` is not decided.
+    """
+
+    columns: tuple[int, ...]
+    time_format: str | None
+    zoned: bool
+    doubt: str
+    steps: list[int]
+    others: tuple[str, ...] = ()
+
+
+def guess_time(layout: Layout) -> TimeLayout | None:
+    """Find the time's columns and format; None where no column reads as times."""
+    rows = layout.rows
+    for at in range(len(layout.names)):
+        texts = [row[at] for row in rows]
+        clock = at + 1
+        if clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50]):
+            both = [f"{row[at]} {row[clock]}" for row in rows]
+            if found := _guess_format(both, (at, clock)):
+                return found
+        if found := _guess_format(texts, (at,)):
+            return found
+    for at, name in enumerate(layout.names):
+        if re.search(r"unix|epoch|timestamp", name, re.I):
+            for time_format, least in (("unix_ms", 1e11), ("unix", 1e8)):
+                if all(_number(row[at]) >= least for row in rows):
+                    times = [read_text(row[at], time_format) for row in rows]
+                    return TimeLayout((at,), time_format, True, "", _steps([t[0] for t in times if t]))
+    return None
+
+
+def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | None:
+    fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
+    few = texts[:: max(len(texts) // 40, 1)]
+    for time_format in FORMATS:
+        if sum(read_text(text, time_format) is not None for text in few) < 0.9 * len(few):
+            continue
+        times = [time for text in texts if (time := read_text(text, time_format)) is not None]
+        if len(times) >= 0.95 * len(texts):
+            fits.append((time_format, times))
+    if not fits:
+        return None
+    best = max(len(times) for _, times in fits)
+    fits = [fit for fit in fits if len(fit[1]) == best]
+    doubt, others = "", []
+    if len(fits) > 1 and fits[0][0] is not None:
+        smooth = [
+            fit for fit in fits if max(map(abs, _steps([t for t, _ in fit[1]])), default=0) < LONGEST_JUMP
+        ]
+        if len(smooth) == 1:
+            fits = smooth
+        elif len({tuple(t for t, _ in fit[1]) for fit in fits}) > 1:
+            others = [fit[0] for fit in fits[1:] if fit[0]]
+            doubt = f"{texts[0]!r} also reads as {', '.join(map(repr, others))}: day or month first?"
+    time_format, times = fits[0]
+    zoned = all(offset is not None for _, offset in times)
+    return TimeLayout(columns, time_format, zoned, doubt, _steps([time for time, _ in times]), tuple(others))
+
+
+def _steps(times: list[int]) -> list[int]:
+    return [b - a for a, b in zip(times, times[1:], strict=False)]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0

@@ -1,0 +1,602 @@
+"""What the columns of a foreign table are: numbers, marks, sentinels, units, and which is which."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from rivid.logs.log import sentinels_in
+from rivid.logs.sniff.layout import Layout, TimeLayout
+from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
+from rivid.logs.times import read_text
+
+MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (".", "'"), (",", "'"))
+"""Decimal and thousands marks that are tried, the plainest first."""
+
+_FLOW_UNITS = (
+    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft|00060"),
+    ("m3/h", r"m3/h|m³/h"),
+    ("L/s", r"l/s|lps"),
+    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|cms|cumec"),
+)
+# 00060, 00065 and the like are the parameter codes of the USGS
+_LEVEL_UNITS = (
+    ("ft", r"ft|feet|foot|00065|00062|62614|62615"),
+    ("cm", r"cm"),
+    ("mm", r"mm"),
+    ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
+)
+_ROLES = (
+    (
+        "h_L",
+        r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$"
+        r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
+    ),
+    (
+        "u_Qo",
+        r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
+        r"|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
+    ),
+    (
+        "u_Qi",
+        r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"
+        r"|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])",
+    ),
+    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
+)
+_SURE = {
+    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|incoming",
+    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|outgoing|salien",
+    "flow": r"^q_l$",
+}
+_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo"
+"""Names that tell which way the water goes; all others tell a place or a device, on one side or the other."""
+
+
+@dataclass
+class Questions:
+    """Questions so far, each with the key that it is about."""
+
+    asked: list[tuple[str, str]] = field(default_factory=list)
+
+    def ask(self, key: str, text: str) -> None:
+        """Ask, unless there is nothing to ask."""
+        if text:
+            self.asked.append((key, text))
+
+
+def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> bool:
+    """Whether a column that is not read may say which values are doubtful.
+
+    Parameters
+    ----------
+    column : str
+    texts : set of str, or None
+        Its different cells; None where these are many.
+    read : set of str
+        The columns of values.
+    """
+    if texts is None or texts <= {""}:
+        return False
+    low = column.lower()
+    if is_unit_column(column):
+        return False
+    words = (
+        "qual",
+        "flag",
+        "status",
+        "valid",
+        "qc",
+        "state",
+        "etat",
+        "état",
+        "güte",
+        "remark",
+        "code",
+        "zone",
+    )
+    if any(word in low for word in words) or {"tz", "utc", "gmt"} & set(re.split(r"[^a-z]+", low)):
+        return True
+    if any(low != name.lower() and low.startswith(name.lower()) for name in read):
+        return True
+    plain = [text for text in texts if not _is_number(text)]
+    return len(texts) > 1 and bool(set(plain) - {""}) and max(map(len, texts)) <= 12
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class ColumnGuess:
+    """A column of numbers.
+
+    Attributes
+    ----------
+    name : str
+    role : str
+        u_Qi, u_Qo, h_L, flow for a discharge of which no more is known, or empty.
+    unit : str
+        As `[input.units]` writes it; empty where the log does not say.
+    sentinels : tuple of float
+    texts : tuple of str
+        What stands in cells that hold no number.
+    every : int
+        Rows from one value to the next, usually.
+    sure : bool
+        Whether the name leaves no doubt that it is an inflow, or an outflow.
+    """
+
+    name: str
+    role: str
+    unit: str
+    sentinels: tuple[float, ...]
+    texts: tuple[str, ...]
+    every: int
+    sure: bool = False
+
+
+def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
+    """Decimal mark, thousands mark, and what stays open, of the cells of all columns."""
+    cells = [cell for column in columns for cell in column if re.search(r"\d", cell)]
+    counts = []
+    for decimal, thousands in MARKS:
+        reader = NumberReader((), decimal, thousands)
+        counts.append(sum(reader.read(cell) is not None for cell in cells))
+    decimal, thousands = MARKS[counts.index(max(counts))]
+    with_comma = [cell for cell in cells if "," in cell]
+    doubt = ""
+    if with_comma and all(re.fullmatch(r"[+-]?\d{1,3},\d{3}", cell) for cell in with_comma):
+        if not any("." in cell for cell in cells):
+            doubt = f"{with_comma[0]!r}: is the comma a decimal mark (as taken here) or between thousands?"
+    if cells and all(re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", cell) for cell in cells):
+        doubt = f"{cells[0]!r}: is the point a decimal mark (as taken here) or between thousands?"
+    return decimal, thousands, doubt
+
+
+def guess_column(name: str, unit: str, cells: Sequence[str], reader: NumberReader) -> ColumnGuess | None:
+    """What a column is; None for one that does not hold numbers."""
+    values, texts, at = [], Counter[str](), []
+    for i, cell in enumerate(cells):
+        value = reader.read(cell)
+        if value is None:
+            texts[cell] += 1
+        elif value == value:
+            values.append(value)
+            at.append(i)
+    if not values or len(values) < texts.total():
+        return None
+    steps = Counter(b - a for a, b in pairwise(at))
+    every = steps.most_common(1)[0][0] if steps else 1
+    role, known = _guess_role(name, unit)
+    sure = re.search(_SURE.get(role, "$^"), name.lower()) is not None
+    return ColumnGuess(name, role, known, tuple(sentinels_in(np.array(values))), tuple(texts), every, sure)
+
+
+def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
+    text = name.lower()
+    if not unit_text and (match := re.search(r"[\[(]([^\])]*)[\])]", name)):
+        unit_text = match[1]
+    flow = _unit_in(text, unit_text, _FLOW_UNITS)
+    role = next((role for role, words in _ROLES if re.search(words, text)), "")
+    if role == "h_L" and flow:
+        role = "flow"
+    if role == "h_L":
+        return role, _unit_in(text, unit_text, _LEVEL_UNITS)
+    level = "" if flow else _unit_in("", unit_text, _LEVEL_UNITS)
+    if role and level and re.search(_PLACE, text):
+        return "h_L", level  # "Oberwasser [m]"
+    if not role:
+        return ("flow", flow) if flow else ("h_L", level) if level else ("", "")
+    return role, flow
+
+
+def unit_said(name: str, unit: str, *, level: bool) -> str:
+    """The unit of a level, or else of a discharge, that its name or the text beside it tells; empty: none."""
+    return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
+
+
+def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:
+    for unit, words in units:
+        if re.fullmatch(rf"[\[(]?({words})[\])]?", unit_text.strip().lower()):
+            return unit
+        if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", re.sub("_", " ", text)):
+            return unit
+    return ""
+
+
+MOST_TAGS = 200
+VALUE = re.compile(r"values?|val|wert|messwert|valeurs?|valor|valore|reading|vtq|magnitude", re.I)
+_FLAGS = re.compile(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|remark|tz|zone", re.I)
+NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Tagged:
+    """A table of the long layout.
+
+    Attributes
+    ----------
+    tag : str
+        Column of the tags; empty where lines or the file's name tell them.
+    value : str
+        Column of the values.
+    cells : dict of list of str
+        Values by tag.
+    units : dict of str
+        By tag, where the file tells.
+    steps : dict of list of int
+        Between the values of each tag [us].
+    """
+
+    tag: str
+    value: str
+    cells: dict[str, list[str]]
+    units: dict[str, str]
+    steps: dict[str, list[int]]
+
+    def usual(self, tag: str) -> int:
+        """The median step of a tag [us]; 0 where there is none."""
+        steps = sorted(self.steps.get(tag, ()))
+        return steps[len(steps) // 2] if steps else 0
+
+    @property
+    def shortest(self) -> list[int]:
+        """The steps of the tag that comes most often [us]."""
+        tags = [tag for tag in self.steps if self.usual(tag)]
+        return self.steps[min(tags, key=self.usual)] if tags else []
+
+
+def by_tag(layout: Layout, time: TimeLayout, file: str) -> Tagged | None:
+    """The tags of a long table; None for a wide one.
+
+    Parameters
+    ----------
+    layout : Layout
+    time : TimeLayout
+    file : str
+        Its name: the tag of a table with one column that is called like a value.
+    """
+    value_at = _value_column(layout, time)
+    if value_at is None:
+        return None
+    if layout.zrxp is not None:
+        return _tagged("", value_at, layout.blocks, layout, time, layout.zrxp.units)
+    tag_at = _tag_column(layout, time, value_at)
+    if tag_at is not None:
+        tags = [row[tag_at] for row in layout.rows]
+        unit_at = next((i for i, name in enumerate(layout.names) if is_unit_column(name)), None)
+        units = {} if unit_at is None else {row[tag_at]: row[unit_at] for row in layout.rows[::-1]}
+        return _tagged(layout.names[tag_at], value_at, tags, layout, time, units)
+    if VALUE.fullmatch(layout.names[value_at]):
+        plain = file[:-3] if file.lower().endswith(".gz") else file
+        stem = plain.rpartition(".")[0] or plain
+        return _tagged("", value_at, [stem] * len(layout.rows), layout, time, {})
+    return None
+
+
+def _value_column(layout: Layout, time: TimeLayout) -> int | None:
+    """The one column of numbers that is no flag; None where there are several."""
+    rest = [
+        i for i, name in enumerate(layout.names)
+        if i not in time.columns and not _FLAGS.search(name) and _numeric([row[i] for row in layout.rows])
+    ]  # fmt: skip
+    named = [i for i in rest if VALUE.fullmatch(layout.names[i])]
+    return named[0] if len(named) == 1 else rest[0] if len(rest) == 1 else None
+
+
+def _tag_column(layout: Layout, time: TimeLayout, value_at: int) -> int | None:
+    for i, name in enumerate(layout.names):
+        if i == value_at or i in time.columns or _FLAGS.search(name) or is_unit_column(name):
+            continue
+        texts = {row[i] for row in layout.rows}
+        if 2 <= len(texts) <= MOST_TAGS and "" not in texts and not _numeric([row[i] for row in layout.rows]):
+            return i
+    return None
+
+
+def _tagged(
+    tag: str, value_at: int, tags: list[str], layout: Layout, time: TimeLayout, units: dict[str, str]
+) -> Tagged:
+    cells: dict[str, list[str]] = {}
+    times: dict[str, list[int]] = {}
+    for name, row in zip(tags, layout.rows, strict=True):
+        moment = read_text(" ".join(row[i] for i in time.columns), time.time_format)
+        cells.setdefault(name, []).append(row[value_at])
+        if moment is not None:
+            times.setdefault(name, []).append(moment[0])
+    steps = {name: [b - a for a, b in pairwise(sorted(set(moments)))] for name, moments in times.items()}
+    return Tagged(tag, layout.names[value_at], cells, units, steps)
+
+
+GOOD = frozenset(("good", "ok", "valid", "a", "approved", "0", "192", "g", "gut", "bon", "normal"))
+"""Flags that mean a good value wherever they are used."""
+OFFSETS = {
+    "UTC": "+00:00", "GMT": "+00:00", "Z": "+00:00", "WET": "+00:00", "WEST": "+01:00", "BST": "+01:00",
+    "CET": "+01:00", "MEZ": "+01:00", "CEST": "+02:00", "MESZ": "+02:00", "EET": "+02:00", "EEST": "+03:00",
+    "EST": "-05:00", "EDT": "-04:00", "CST": "-06:00", "CDT": "-05:00", "MST": "-07:00", "MDT": "-06:00",
+    "PST": "-08:00", "PDT": "-07:00", "AKST": "-09:00", "AKDT": "-08:00",
+}  # fmt: skip
+"""What abbreviations of zones usually mean."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What stands beside the values.
+
+    Attributes
+    ----------
+    flags : dict of str
+        Column of flags by the column it belongs to.
+    of_row : str
+        The one column of flags for the whole row; may be empty.
+    good : list of str
+        Flags that are taken as good.
+    counted : str
+        All flags, with counts.
+    zone_column : str
+    zones : dict of str
+        Offset by zone.
+    doubtful : list of str
+        Columns that reading asks for, though they are no zone: flags, or to be ignored.
+    """
+
+    flags: dict[str, str] = field(default_factory=dict)
+    of_row: str = ""
+    good: list[str] = field(default_factory=list)
+    counted: str = ""
+    zone_column: str = ""
+    zones: dict[str, str] = field(default_factory=dict)
+    doubtful: list[str] = field(default_factory=list)
+
+    @property
+    def columns(self) -> set[str]:
+        """All columns that hold no values."""
+        return {*self.doubtful, self.zone_column}
+
+
+def look_beside(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Beside:
+    """Find flags and zones.
+
+    Parameters
+    ----------
+    layout : Layout
+    time : TimeLayout
+    tagged : Tagged or None
+        Of the long layout.
+    """
+    values = {tagged.tag, tagged.value} if tagged else set()
+    names = [n for i, n in enumerate(layout.names) if n and i not in time.columns and n not in values]
+    cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
+    texts = {name: set(column) for name, column in cells.items()}
+    zone_column, zones = "", {}
+    for name in names:
+        if texts[name] and texts[name] <= set(OFFSETS):
+            zone_column, zones = name, {zone: OFFSETS[zone] for zone in sorted(texts[name])}
+            break
+    read = {tagged.value} if tagged else {n for n in names if not _is_flag(n) and _numeric(cells[n])}
+    doubtful = [
+        name
+        for name in names
+        if name != zone_column
+        and not is_unit_column(name)
+        and looks_like_flags(name, texts[name] if len(texts[name]) <= MANY_TEXTS else None, read)
+    ]
+    if doubtful:  # where others are used, an empty one is a column of flags too
+        empty = [name for name in names if texts[name] == {""} and _is_flag(name) and _owner(name, read)]
+        doubtful = [name for name in names if name in doubtful or name in empty]
+    flags = {} if tagged else {o: n for n in doubtful if (o := _owner(n, read))}
+    free = [name for name in doubtful if _is_flag(name) and name not in flags.values()]
+    of_row = free[0] if len(free) == 1 and not flags else ""
+    chosen = [*flags.values()] or ([of_row] if of_row else [])
+    counts = Counter(text for name in chosen for text in cells[name])
+    common = counts.most_common(1)[0][0] if counts else ""
+    good = [flag for flag in counts if flag == common or flag.lower() in GOOD]
+    counted = ", ".join(f"{flag!r} {count}" for flag, count in counts.most_common(12))
+    return Beside(flags, of_row, good, counted, zone_column, zones, doubtful)
+
+
+def _numeric(cells: list[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return 2 * sum(NUMBER.fullmatch(cell) is not None for cell in filled) > len(filled)
+
+
+def _owner(name: str, columns: set[str]) -> str:
+    """The column of values that a column of flags is named after."""
+    owners = [column for column in columns if name != column and name.startswith(column)]
+    return max(owners, key=len, default="")
+
+
+def _is_flag(name: str) -> bool:
+    return re.search(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|_cd$", name, re.I) is not None
+
+
+Group = list[ColumnGuess]
+MOST = 6
+"""Other choices that are shown."""
+_BREAK = re.compile(r"[\s._:/\\|-]+")
+_NO_SITE = re.compile(
+    r"(q|h|w|z|flows?|discharge|in|out|inflow|outflow|level|stage|elev\w*|debit|débit|niveau|cote|hauteur|pegel"
+    r"|wasserstand|durchfluss|zufluss|abfluss|caudal|nivel|portata|livello|total|sum|mean|avg"
+    r"|(u|g|t|unit|units|groupe|turbines?|gates?|spill\w*|vannes?|tor|wehr|release)\d*)"
+)
+"""First words of names that tell a quantity or a machine, not a place."""
+_TOTAL = re.compile(r"(?<![a-z])(total|sum|gesamt|summe|somme|suma|totale)(?![a-z])")
+_TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|abajo")
+
+
+@dataclass
+class Roles:
+    """Which column is which.
+
+    Attributes
+    ----------
+    groups : dict of list of ColumnGuess
+        By canonical column; several of one are summed.
+    kind : {"pool", "river"}
+    instead : dict of list
+        By canonical column: what else it may be, as `groups`.
+    """
+
+    groups: dict[str, Group]
+    kind: str
+    instead: dict[str, list[Group]] = field(default_factory=dict)
+
+
+def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
+    """Which column is which; several columns of one site that leave or enter the reach are summed.
+
+    Parameters
+    ----------
+    columns : list of ColumnGuess
+    questions : Questions
+        Gets what names do not tell.
+    """
+    flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
+    levels = [c for c in columns if c.role == "h_L"]
+    if not levels:
+        return _river(flows, questions)
+    level = next((c for c in levels if not _TAILWATER.search(c.name.lower())), levels[0])
+    instead: dict[str, list[Group]] = {}
+    if len(levels) > 1:
+        names = ", ".join(c.name for c in levels)
+        questions.ask("h_L", f"h_L: which of {names} is the level at the downstream dam?")
+        instead["h_L"] = [[c] for c in levels if c is not level]
+    sites = _sites([*flows, level])
+    ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
+    if not ins:
+        questions.ask("u_Qi", "no column is called like an inflow: set u_Qi")
+    elif len(flows) > 1 or not ins[0].sure:
+        _ask_which(ins, outs, flows, why, questions)
+        if not _unmistakable(ins, outs, flows):
+            instead |= _others(ins, outs, flows, sites)
+    groups = {"h_L": [level], "u_Qi": ins, "u_Qo": outs}
+    return Roles({role: group for role, group in groups.items() if group}, "pool", instead)
+
+
+def _river(flows: Group, questions: Questions) -> Roles:
+    named = [c for c in flows if c.role == "u_Qi"]
+    rest = [c for kind in ("flow", "u_Qo") for c in flows if c.role == kind]
+    order = [*named[:1], *rest, *named[1:]]  # what is not called an inflow is rather the output
+    ins, outs = order[:1], order[1:2]
+    instead = {}
+    if not ins:
+        questions.ask("u_Qi", "no column is called like an inflow: set u_Qi")
+    if not outs:
+        questions.ask(
+            "h_L", "no column is called like a level or a second discharge: set h_L, or Q_L of a river"
+        )
+    elif not _unmistakable(ins, outs, flows):
+        many = "more than two discharges" if len(order) > 2 else "two discharges"
+        questions.ask("u_Qi", f"{many} and no level: which is the inflow, which the output?")
+        instead = {
+            "u_Qi": _distinct([[c] for c in order], ins),
+            "Q_L": _distinct([[c] for c in order], outs),
+        }
+    groups = {"u_Qi": ins, "Q_L": outs}
+    return Roles({role: group for role, group in groups.items() if group}, "river", instead)
+
+
+def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:
+    """Whether names alone tell the inflow and the outflow, and no other could be meant."""
+    sure_in = [c for c in flows if c.sure and c.role == "u_Qi"]
+    sure_out = [c for c in flows if c.sure and c.role != "u_Qi"]
+    return len(ins) == 1 and len(outs) <= 1 and ins == sure_in and outs == sure_out
+
+
+def _sites(columns: Group) -> dict[str, str]:
+    """The site of each column by its name: the first word that they do not all share; empty for none."""
+    words = {c.name: _BREAK.split(re.sub(r"[\[(].*", "", c.name).strip().lower()) for c in columns}
+    shared = 0
+    while all(len(w) > shared + 1 for w in words.values()) and len({w[shared] for w in words.values()}) == 1:
+        shared += 1
+    sites = {}
+    for name, parts in words.items():
+        site = parts[shared] if len(parts) > shared + 1 else ""
+        sites[name] = "" if _NO_SITE.fullmatch(site) else site
+    return sites
+
+
+def _by_site(
+    flows: Group, level: ColumnGuess, sites: dict[str, str]
+) -> tuple[Group, Group, tuple[str, str]] | None:
+    """The flows of the level's site, downstream, and those of the first other one; None without two sites."""
+    here = sites[level.name]
+    others = [sites[c.name] for c in flows if sites[c.name] not in ("", here)]
+    own = [c for c in flows if sites[c.name] == here]
+    if not here or not own or not others:
+        return None
+    outs = _leaving(own)
+    ins = _leaving([c for c in flows if sites[c.name] == others[0]])
+    said = _said_site(ins[0].name, others[0]), _said_site(level.name, here)
+    return ins, outs, (f"of {said[0]}, not of the level's site", f"of {said[1]}, as the level")
+
+
+def _leaving(group: Group) -> Group:
+    """What leaves a site: not what is called its inflow, and a total rather than the sum of all."""
+    group = [c for c in group if not (c.sure and c.role == "u_Qi")] or group
+    return [c for c in group if _TOTAL.search(c.name.lower())][:1] or group
+
+
+def _said_site(name: str, site: str) -> str:
+    at = name.lower().find(site)
+    return name[: at + len(site)]
+
+
+def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[str, str]]:
+    """By what the columns are called, else in their order."""
+    called_in = sorted((c for c in flows if c.role == "u_Qi"), key=lambda c: not c.sure)
+    called_out = [c for c in flows if c.role == "u_Qo"]
+    neutral = [c for c in flows if c.role == "flow"]
+    ins = called_in[:1] or neutral[:1]
+    outs = called_out or [c for c in [*neutral, *called_in] if c not in ins][:1]
+    if any(c.sure for c in outs):
+        outs = [c for c in outs if c.sure]
+    if all(sites[c.name] for c in outs):  # sites are never mixed in a sum
+        outs = [c for c in outs if sites[c.name] == sites[outs[0].name]]
+    outs = [c for c in outs if _TOTAL.search(c.name.lower())][:1] or outs
+    if not ins:
+        ins = [c for c in called_out if c not in outs and sites[c.name] != sites[outs[0].name]][:1]
+    guessed = "guessed by its name"
+    first = "it is only the first discharge" if ins and ins[0].role == "flow" else guessed
+    return ins, outs, (first, "its name does not tell" if outs and outs[0].role == "flow" else guessed)
+
+
+def _ask_which(ins: Group, outs: Group, flows: Group, why: tuple[str, str], questions: Questions) -> None:
+    if _unmistakable(ins, outs, flows):
+        return
+    for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
+        if len(group) > 1:
+            names = ", ".join(c.name for c in group)
+            questions.ask(role, f"{role}: is the sum of {names} the {what}? ({reason}; a list is a sum)")
+        elif group:
+            questions.ask(role, f"{role}: is {group[0].name} the {what}? ({reason})")
+
+
+def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
+    """What else the inflow and the outflow may be: each other, all of another site, any other column."""
+    by_site: dict[str, Group] = {}
+    for column in flows:
+        if sites[column.name]:
+            by_site.setdefault(sites[column.name], []).append(column)
+    whole = [_leaving(group) for group in by_site.values()]
+    left = [[c] for c in flows if c not in ins and c not in outs]
+    return {
+        "u_Qi": _distinct([outs, *whole, *left], ins),
+        "u_Qo": _distinct([ins, *whole, *left], outs),
+    }
+
+
+def _distinct(groups: Sequence[Group], but: Group) -> list[Group]:
+    kept: list[Group] = []
+    for group in groups:
+        if group and group != but and group not in kept:
+            kept.append(group)
+    return kept[:MOST]
