@@ -10,7 +10,6 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv
 
-from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.fleet.outcome import Outcome, worst
 from rivid.report.page import write_page
@@ -170,7 +169,6 @@ def _context(
     left.sort(key=_distance, reverse=True)
     return {
         "name": name,
-        "version": __version__,
         "made": told["made"],
         "since": before.get("made", ""),
         "facts": [count(len(outcomes), "reach", "reaches"), count(told["data_sets"], "data set")],

@@ -1,6 +1,5 @@
 """report.html: one self-contained page that says what a run found, and shows it."""
 
-import base64
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from rivid import __version__
 from rivid.plots.style import FigureFile
 from rivid.report.attention import SHOWN, Attention, missing, spans
 from rivid.report.glance import glance
 from rivid.report.headline import facts, headline, leading
 from rivid.report.lately import Lately, lately
 from rivid.report.looking import dates_of, to_look_at
-from rivid.report.page import write_page
+from rivid.report.page import data_uri, write_page
 from rivid.report.strip import sign, strip, svg
 from rivid.results.passage import leading_response, passage
 from rivid.results.read import EstimatorResults, Results
@@ -99,7 +97,6 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
     numbered = list(enumerate(rows[:MOST]))
     return {
         "reach": results.reach,
-        "version": __version__,
         "period": day_range(dates[0], dates[-1]) if dates else "no days",
         "days": count(len(dates), "day"),
         "sample_time": number(results.sample_time),
@@ -226,20 +223,10 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
         {
             "name": name,
             "words": estimator_words(name) if name else "",
-            "figures": [(k, f, _data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
+            "figures": [(k, f, data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
         }
         for name in order
     ]
-
-
-def _data_uri(path: Path) -> str:
-    from rivid.errors import RividError
-
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RividError(f"cannot read {path}: {error.strerror}: draw the figures again") from None
-    return "data:image/png;base64," + base64.b64encode(data).decode("ascii")
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:

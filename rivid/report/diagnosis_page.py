@@ -1,6 +1,5 @@
 """diagnosis.html: one self-contained page that says what is missing, how big, when, and how sure."""
 
-import base64
 import datetime as dt
 import json
 import math
@@ -10,11 +9,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from rivid import __version__
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import ClosedLoop, Diagnosis, Estimate, Gap, NamedEffect, Regime
 from rivid.effects import Effect, effect_classes
-from rivid.errors import RividError
 from rivid.plots.style import FigureFile
 from rivid.report import page
 from rivid.report.diagnosis_text import (
@@ -92,7 +89,6 @@ def _context(
     river = record is not None and record.kind == "river"
     return {
         "reach": reach or ("River reach" if river else "Reach"),
-        "version": __version__,
         "period": period(record.dates) if record is not None else "",
         "sample_time": number(record.sample_time) if record is not None else "",
         "river": river,
@@ -105,7 +101,7 @@ def _context(
         "unknown": None if diagnosis.unknown is None else unknown_words(diagnosis.unknown),
         "gap": None if diagnosis.gap is None else _gap(diagnosis.gap, named),
         "loop": None if loop is None else _loop(loop, named),
-        "figures": [(f, _data_uri(f.path)) for f in figures],
+        "figures": [(f, page.data_uri(f.path, "run the diagnosis again")) for f in figures],
         "notes": diagnosis.notes,
         "may_not_say": MAY_NOT_SAY[diagnosis.verdict],
         "known": count(len(classes), "effect"),
@@ -238,14 +234,6 @@ def _loop(loop: ClosedLoop, named: bool) -> dict[str, Any]:
 def _tight(text: str) -> str:
     """The text with units that stay with their numbers at the end of a line."""
     return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text)
-
-
-def _data_uri(path: Path) -> str:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RividError(f"cannot read {path}: {error.strerror}: run the diagnosis again") from None
-    return "data:image/png;base64," + base64.b64encode(data).decode("ascii")
 
 
 def _toml(table: Mapping[str, Any]) -> str:

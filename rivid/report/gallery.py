@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rivid import __version__
 from rivid.plots.paper.sheets import PaperFigure
 from rivid.plots.paper.year import Year
 from rivid.report import page
@@ -47,7 +46,6 @@ def write(year: Year, figures: Sequence[PaperFigure], folder: Path) -> Path:
             days=count(len(year.dates), "day"),
             left_out=year.left_out,
             sample_time=number(year.sample_time),
-            version=__version__,
             parts=parts,
         ),
     )

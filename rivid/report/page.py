@@ -1,16 +1,37 @@
-"""Pages from templates: escaped, in one piece, and bound to ask nothing of anybody.
+"""Pages from templates: escaped, in one piece, without any outside request.
 
-A page ``name.html.j2`` has its style beside it in ``name.css``. The policy in its head names the one style
-sheet that a browser may use, by hash, and where pictures may come from; all else is refused.
+Every page ``name.html.j2`` extends ``base.html.j2`` and uses the one style sheet ``base.css``.
 """
 
 import base64
 import hashlib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from rivid import __version__
 from rivid.atomic import write_text
+from rivid.errors import RividError
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@cache
+def environment() -> "Environment":
+    """Return the Jinja environment of all pages, made once in a process; its globals hold the style sheet."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    loader = PackageLoader("rivid", "templates")
+    made = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    style = loader.get_source(made, "base.css")[0]
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
+    made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
+    return made
 
 
 def write_page(path: Path, name: str, context: Mapping[str, Any]) -> Path:
@@ -19,31 +40,36 @@ def write_page(path: Path, name: str, context: Mapping[str, Any]) -> Path:
     Parameters
     ----------
     path : Path
-        Where to.
+        File to write.
     name : str
-        Of the template, without its ending.
+        Name of the template, without its ending.
     context : mapping
-        What the template names, all of it; strings are escaped.
+        The variables of the template, all of them; strings are escaped.
 
     Returns
     -------
     Path
-        The page.
+        `path`.
 
     Raises
     ------
     RividError
-        Where it cannot be written.
+        If the file cannot be written.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    loader = PackageLoader("rivid", "templates")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    style = loader.get_source(environment, f"{name}.css")[0]
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
-    given = {**context, "style": Markup(style), "style_hash": f"sha256-{digest}"}
-    write_text(path, environment.get_template(f"{name}.html.j2").render(given))
+    write_text(path, environment().get_template(f"{name}.html.j2").render(context))
     return path
+
+
+def data_uri(path: Path, remedy: str = "draw the figures again") -> str:
+    """Return a PNG file as a data URI, for a page that needs no other file.
+
+    Raises
+    ------
+    RividError
+        If the file cannot be read; the message ends with `remedy`.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RividError(f"cannot read {path}: {error.strerror}: {remedy}") from None
+    return "data:image/png;base64," + base64.b64encode(data).decode("ascii")

@@ -211,15 +211,15 @@ def svg(drawn: Strip, words: str, rows: int) -> "Markup":
     from markupsafe import Markup, escape
 
     end, floor, week = WIDTH - RIGHT, drawn.floor, drawn.week
+    axis = ['<text class="unit" x="0" y="9">samples</text>']
     parts = [
         f'<rect class="week" x="{week}" y="{TOP}" width="{end - week:.1f}" height="{floor - TOP}"/>',
         f'<path class="floor" d="M{LEFT} {floor}H{end}"/>',
-        '<text class="unit" x="0" y="9">samples</text>',
         f'<text class="unit" x="{WIDTH}" y="9" text-anchor="end">{drawn.unit}</text>',
     ]
     for y, text in drawn.lags:
         parts.append(f'<path class="grid" d="M{LEFT} {y}H{end}"/>')
-        parts.append(f'<text x="{LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{text}</text>')
+        axis.append(f'<text x="{LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{text}</text>')
     for y, text in drawn.times:
         parts.append(f'<text class="unit" x="{end + 7}" y="{y + 4:.1f}">{text}</text>')
     for x, text in drawn.dates:
@@ -230,8 +230,11 @@ def svg(drawn: Strip, words: str, rows: int) -> "Markup":
         shape = f"<g><title>{escape(mark.words)}</title>{shown(mark.x, mark.y, mark.look)}</g>"
         leads = mark.row is not None and mark.row < rows
         parts.append(f'<a href="#look-{mark.row}">{shape}</a>' if leads else shape)
-    head = f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{escape(words)}">'
-    return Markup("\n".join([head, *parts, "</svg>"]))
+    head = f'<svg class="axis" viewBox="0 0 {LEFT:g} {HEIGHT:g}" aria-hidden="true">'
+    body = (
+        f'<svg viewBox="{LEFT:g} 0 {WIDTH - LEFT:g} {HEIGHT:g}" role="img" aria-label="{escape(words)}">'
+    )
+    return Markup("\n".join(["<div>", head, *axis, "</svg>", body, *parts, "</svg>", "</div>"]))
 
 
 def sign(look: str) -> "Markup":
