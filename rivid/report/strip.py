@@ -231,9 +231,7 @@ def svg(drawn: Strip, words: str, rows: int) -> "Markup":
         leads = mark.row is not None and mark.row < rows
         parts.append(f'<a href="#look-{mark.row}">{shape}</a>' if leads else shape)
     head = f'<svg class="axis" viewBox="0 0 {LEFT:g} {HEIGHT:g}" aria-hidden="true">'
-    body = (
-        f'<svg viewBox="{LEFT:g} 0 {WIDTH - LEFT:g} {HEIGHT:g}" role="img" aria-label="{escape(words)}">'
-    )
+    body = f'<svg viewBox="{LEFT:g} 0 {WIDTH - LEFT:g} {HEIGHT:g}" role="img" aria-label="{escape(words)}">'
     return Markup("\n".join(["<div>", head, *axis, "</svg>", body, *parts, "</svg>", "</div>"]))
 
 
