@@ -12,19 +12,16 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from rivid.core.posterior.settings import PosteriorSettings, RiverSettings
 from rivid.core.settings import (
-    CUSUMS,
-    POSTERIORS,
-    SEARCHES,
     CusumSettings,
-    EstimatorName,
     JmapSettings,
     Prior,
     SearchSettings,
 )
 from rivid.errors import ConfigError
 from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, PosteriorConfig, SearchConfig
+from rivid.estimators import ESTIMATORS
 from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
-from rivid.toml import load_toml, parse, read_toml
+from rivid.toml import load_toml, nearest, parse, read_toml
 
 __all__ = [
     "FLOWS",
@@ -39,6 +36,7 @@ __all__ = [
 ]
 
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
+_NAMES = ", ".join(f"`{name}`" for name in ESTIMATORS)
 Discharge = Annotated[float, Field(gt=0, le=1e7)]
 
 
@@ -91,9 +89,9 @@ class ReachConfig(Section):
 class RunConfig(Section):
     """`[run]`: which estimators, on data sets of how many days."""
 
-    estimators: Annotated[list[EstimatorName], Means("-", "who is asked; a day has a row for each")] = Field(
-        ["jmap"], min_length=1
-    )
+    estimators: Annotated[
+        list[str], Means("-", f"names of estimators; a day has a row for each: {_NAMES}")
+    ] = Field(["jmap"], min_length=1)
     window_days: Annotated[
         int, Field(ge=1, le=31), Means("days", "length of a data set; it is dated by its last day")
     ] = 1
@@ -110,7 +108,12 @@ class RunConfig(Section):
 
     @field_validator("estimators")
     @classmethod
-    def _no_repeats(cls, value: list[str]) -> list[str]:
+    def _known_estimators(cls, value: list[str]) -> list[str]:
+        for name in value:
+            if name not in ESTIMATORS:
+                raise ValueError(
+                    f"{name!r} is not an estimator; valid: {', '.join(ESTIMATORS)}{nearest(name, ESTIMATORS)}"
+                )
         return list(dict.fromkeys(value))
 
     @field_validator("out")
@@ -177,18 +180,18 @@ class Config(Section):
         return value
 
     @model_validator(mode="after")
-    def _what_searches_need(self) -> "Config":
-        asked = [name for name in self.run.estimators if name in SEARCHES]
-        if asked and self.reach.kind == "river":
-            raise ValueError(
-                f'[run] estimators has {asked[0]}, which explains a level; [reach] kind = "river" has none: '
-                "leave it out"
-            )
-        if "direct" in asked and not self.input.u_Qo:
-            raise ValueError(
-                '[run] estimators has direct, which needs the outflow; [input] u_Qo = "" says that it is not '
-                "logged: leave direct out, or name the column"
-            )
+    def _what_estimators_need(self) -> "Config":
+        for name in self.run.estimators:
+            if self.reach.kind not in ESTIMATORS[name].reaches:
+                raise ValueError(
+                    f"[run] estimators has {name}, which has no equations for [reach] "
+                    f'kind = "{self.reach.kind}": leave it out'
+                )
+            if ESTIMATORS[name].needs_outflow and not self.input.u_Qo:
+                raise ValueError(
+                    f'[run] estimators has {name}, which needs the outflow; [input] u_Qo = "" marks it '
+                    f"as not logged: leave {name} out, or name the column"
+                )
         return self
 
     def as_used(self) -> dict[str, Any]:
@@ -196,8 +199,8 @@ class Config(Section):
 
         So days that are done stay done where a table changes that nothing works with.
         """
-        tables = {"search": SEARCHES, "cusum": CUSUMS, "posterior": POSTERIORS}
-        unused = {table for table, names in tables.items() if not set(names) & set(self.run.estimators)}
+        used = {ESTIMATORS[name].table for name in self.run.estimators}
+        unused = {one.table for one in ESTIMATORS.values()} - used - {"jmap"}
         return self.model_dump(mode="json", exclude=unused)
 
     def search_settings(self) -> SearchSettings:

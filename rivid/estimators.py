@@ -1,23 +1,25 @@
-"""What an estimator is given and what it says: arrays of days in, arrays of days out."""
+"""The estimators: a record of each, and the function that prepares it for a configuration.
+
+The command line lists the estimators in its help, so nothing heavy is imported at the top of this module.
+A new estimator is one record, passed to :func:`register`.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
-
-from rivid.config import Config
-from rivid.core.cusum import CusumResult, cusum
-from rivid.core.fir import FirResult, map_fir, ml
-from rivid.core.jmap import jmap
-from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, SearchResult, direct, indirect
-from rivid.types import Floats
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rivid.config import Config
+    from rivid.core.fir import FirResult
     from rivid.core.posterior.daily import PosteriorResult
     from rivid.core.posterior.river import RiverPosterior
     from rivid.core.posterior.settings import PosteriorSettings, RiverSettings
+    from rivid.types import Bools, Floats, Strings
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Days:
     o : ndarray, shape (days, N), or None
         Outflow [m3/s]; None where it is not logged.
     base : ndarray, shape (days,), or None
-        Inflow at the first sample [m3/s]: high water is faster.
+        Inflow at the first sample [m3/s]. The celerity depends on the discharge itself.
     """
 
     u: Floats
@@ -42,12 +44,13 @@ class Days:
     base: Floats | None = None
 
     @classmethod
-    def of(cls, inflow: Floats, output: Floats, outflow: Floats | None, min_motion: float) -> "Days":
-        """Days as they were logged, each array of shape (days, N).
+    def of(cls, inflow: Floats, output: Floats, outflow: Floats | None, min_motion: float) -> Days:
+        """Deviations of logged series, each of shape (days, N).
 
-        An inflow that moves by less than `min_motion` of its largest value is taken for constant: rounding
-        noise is not motion.
+        An inflow with a range below `min_motion` of its largest value is rounding noise: u is set to 0.
         """
+        import numpy as np
+
         u = inflow - inflow[:, :1]
         u[np.ptp(u, axis=1) < min_motion * np.abs(inflow).max(axis=1)] = 0.0
         o = None if outflow is None else outflow - outflow[:, :1]
@@ -56,42 +59,41 @@ class Days:
 
 @dataclass(frozen=True)
 class Answer:
-    """What an estimator says of each day; None where it has no such thing.
+    """What an estimator returns for a batch of days; None where it does not estimate a quantity.
 
     Attributes
     ----------
     status : ndarray of str, shape (days,)
         "ok", "degenerate" or "unidentifiable".
-    delay : ndarray, shape (days,), or None
+    delay : ndarray, shape (days,)
         d [samples]; NaN on a day without one.
-    candidates : ndarray of int, shape (K,), or None
+    candidates : ndarray of int, shape (K,)
         The delays tried [samples].
-    criterion : ndarray, shape (days, K), or None
-        What the delay is the minimum of.
-    curve : ndarray, shape (days, K), or None
-        What is kept of every candidate, for whoever doubts: the criterion, CUSUM's g at lag d + 1, or the
-        probability.
-    fir, fir_sd : ndarray, shape (days, M), or None
+    criterion : ndarray, shape (days, K)
+        The function of the delay that the estimate minimises.
+    curve : ndarray, shape (days, K)
+        The values stored for every candidate: the criterion, CUSUM's g at lag d + 1, or the probability.
+    fir, fir_sd : ndarray, shape (days, M)
         h and its standard deviation [output unit per m3/s].
-    alpha, noise_variance, roughness_variance, condition : ndarray, shape (days,), or None
-        As of :class:`rivid.core.jmap.JmapResult`.
-    iterations : ndarray of int, shape (days,), or None
-        Rounds of Table VI.
-    prior_only : ndarray of bool, shape (days,), or None
-        The delay is the prior's, or chance; None where the estimator cannot tell.
-    reason : ndarray of str, shape (days,), or None
-        Why there is no answer; empty where that is to be seen from u and y.
-    travel : ndarray, shape (days,), or None
-        The travel time with its fraction [samples], about d to d + 1; NaN on a day without a delay.
-    probability : ndarray, shape (days,), or None
-        That the likeliest delay is right; NaN on a day that has no probabilities to tell.
-    delay_low, delay_high : ndarray, shape (days,), or None
-        Ends of the smallest set of delays that holds 90 % [samples].
-    outside : ndarray of bool, shape (days,), or None
+    alpha, noise_variance, roughness_variance, condition : ndarray, shape (days,)
+        As in :class:`rivid.core.jmap.JmapResult`.
+    iterations : ndarray of int, shape (days,)
+        Iterations of Table VI.
+    prior_only : ndarray of bool, shape (days,)
+        The delay follows from the prior or from chance, not from the data.
+    reason : ndarray of str, shape (days,)
+        Why a day has no estimate; empty where u and y show the reason (a constant series).
+    travel : ndarray, shape (days,)
+        Travel time with its fraction [samples], about d to d + 1; NaN on a day without a delay.
+    probability : ndarray, shape (days,)
+        Probability that the likeliest delay is right; NaN on a day without probabilities.
+    delay_low, delay_high : ndarray, shape (days,)
+        Ends of the smallest set of delays with a probability of 90 % [samples].
+    outside : ndarray of bool, shape (days,)
         The delay lies beyond the candidates.
     """
 
-    status: NDArray[np.str_]
+    status: Strings
     delay: Floats | None = None
     candidates: NDArray[np.intp] | None = None
     criterion: Floats | None = None
@@ -102,182 +104,277 @@ class Answer:
     roughness_variance: Floats | None = None
     condition: Floats | None = None
     iterations: NDArray[np.intp] | None = None
-    prior_only: NDArray[np.bool_] | None = None
-    reason: NDArray[np.str_] | None = None
+    prior_only: Bools | None = None
+    reason: Strings | None = None
     fir_sd: Floats | None = None
     travel: Floats | None = None
     probability: Floats | None = None
     delay_low: Floats | None = None
     delay_high: Floats | None = None
-    outside: NDArray[np.bool_] | None = None
+    outside: Bools | None = None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """An estimator with the settings of a configuration.
+
+    Attributes
+    ----------
+    estimate : callable
+        ``estimate(days)`` returns an :class:`Answer`.
+    min_samples : int
+        Shortest data set [samples].
+    needed_for, key : str
+        What needs that length, and the key of the configuration that reduces it.
+    max_iterations : int or None
+        Iterations after which the estimator stops.
+    """
+
+    estimate: Callable[[Days], Answer]
+    min_samples: int
+    needed_for: str
+    key: str
+    max_iterations: int | None = None
 
 
 @dataclass(frozen=True)
 class Estimator:
-    """One estimator, ready to be called.
+    """The properties of an estimator, independent of a configuration.
 
     Attributes
     ----------
     name : str
-        As in the configuration and in the tables.
-    estimate : callable
-        ``estimate(days)`` gives an :class:`Answer`.
-    n_more_than : int
-        A data set needs more samples than this.
-    because : str
-        What needs them, and the key that would need fewer.
-    says_at_bound : bool
-        A delay at the edge of what was tried is noted in the row's message. It is the usual case for some
-        estimators, a rare one for others, whose rows have `at_bound` alone.
-    max_iterations : int or None
-        Rounds after which it gives up.
+        As in the configuration and the tables.
+    words : str
+        What it is, for titles and the report.
+    prepare : callable
+        ``prepare(config)`` returns a :class:`Prepared`; raises ConfigError for settings that contradict
+        each other.
+    table : str
+        Table of the configuration with its settings; a change of an unused table leaves results valid.
+    reaches : tuple of str
+        Kinds of reach that it has equations for.
+    needs_outflow : bool
+        The outflow must be logged.
+    has_delay, has_fir, has_probability : bool
+        It estimates a delay, an impulse response, the probability of every delay.
+    checks_data : bool
+        It reports whether the data alone select the delay (`prior_only`).
+    rayleigh : bool
+        It weighs the delay with the Rayleigh prior (26).
+    degenerates : bool
+        Its estimate degenerates by construction (section V); such days need no warning.
+    notes_bound : bool
+        A delay at the first or last candidate is noted in the message of the row. For other estimators such
+        days are rare, and the column `at_bound` marks them.
+    method : str
+        Name of the method in captions that describe how it finds a jump of the response.
     """
 
     name: str
-    estimate: Callable[[Days], Answer]
-    n_more_than: int
-    because: tuple[str, str]
-    says_at_bound: bool = False
-    max_iterations: int | None = None
+    words: str
+    prepare: Callable[[Config], Prepared]
+    table: str = "jmap"
+    reaches: tuple[str, ...] = ("pool", "river")
+    needs_outflow: bool = False
+    has_delay: bool = True
+    has_fir: bool = True
+    has_probability: bool = False
+    checks_data: bool = False
+    rayleigh: bool = False
+    degenerates: bool = False
+    notes_bound: bool = False
+    method: str = "JMAP"
+
+    @property
+    def unchecked(self) -> bool:
+        """It has a delay and does not report whether the data select it."""
+        return self.has_delay and not self.checks_data
+
+    @property
+    def unjudged(self) -> bool:
+        """It has a delay without a measure of its reliability."""
+        return self.unchecked and not self.has_probability
 
 
-def build(config: Config) -> list[Estimator]:
-    """The estimators that the configuration asks for, in its order.
+class _Registry(dict[str, Estimator]):
+    """Estimators by name. A name from other software's results gets a record of its bare name."""
+
+    def __missing__(self, name: str) -> Estimator:
+        def prepare(config: Config) -> Prepared:
+            raise KeyError(name)
+
+        return Estimator(name, name, prepare, checks_data=True)
+
+
+def register(estimator: Estimator) -> None:
+    """Add an estimator.
+
+    Raises
+    ------
+    ValueError
+        For a name that is taken.
+    """
+    if estimator.name in ESTIMATORS:
+        raise ValueError(f"an estimator named {estimator.name!r} exists already: choose another name")
+    ESTIMATORS[estimator.name] = estimator
+
+
+def build(config: Config) -> dict[str, Prepared]:
+    """Prepare the estimators of a configuration, by name and in its order.
 
     Raises
     ------
     ConfigError
-        Where settings contradict each other, or an estimator has no equations for the reach.
+        Where settings contradict each other.
     """
-    return [_build(name, config) for name in config.run.estimators]
+    return {name: ESTIMATORS[name].prepare(config) for name in config.run.estimators}
 
 
-def _build(name: str, config: Config) -> Estimator:
-    match name:
-        case "ml" | "map":
-            return _fir(name, config)
-        case "cusum-ml" | "cusum-map":
-            return _cusum(name, config)
-        case "direct" | "indirect":
-            return _search(name, config)
-        case "posterior":
-            return _posterior(name, config)
-        case "jmap":
-            settings = config.jmap_settings()
-        case "jmap-uniform":
-            settings = config.jmap_settings("uniform", fixed_alpha=True)
-        case "jmap-uniform-estimated":
-            settings = config.jmap_settings("uniform")
-        case "jmap-degenerate":
-            settings = config.jmap_settings(inverse_gamma=False)
-        case _:
-            raise AssertionError(f"{name} passed the configuration but is not built here")
+def _fir_fit(name: str, config: Config) -> Callable[[Days], FirResult]:
+    """ML (17) or MAP (22), with the order and alpha of `[jmap]`."""
+    from rivid.core.fir import map_fir, ml
 
-    def estimate(days: Days) -> Answer:
-        found = jmap(days.u, days.y, settings)
-        return Answer(
-            status=found.status,
-            delay=found.delay,
-            candidates=found.candidates,
-            criterion=found.criterion,
-            curve=found.criterion,
-            fir=found.fir,
-            alpha=found.alpha,
-            noise_variance=found.noise_variance,
-            roughness_variance=found.roughness_variance,
-            condition=found.condition,
-            iterations=found.iterations,
-            prior_only=found.prior_only,
-        )
-
-    return Estimator(
-        name, estimate, settings.order, _long_fir(settings.order), max_iterations=settings.max_iterations
-    )
+    s, alpha = config.jmap_settings(), config.jmap.alpha
+    if name == "ml":
+        return lambda days: ml(days.u, days.y, s.order, free_start=s.free_start)
+    return lambda days: map_fir(days.u, days.y, s.order, alpha, free_start=s.free_start)
 
 
-def _long_fir(order: int) -> tuple[str, str]:
-    return f"an FIR of order {order}", "[jmap] order"
+def _with_fir(estimate: Callable[[Days], Answer], order: int, max_iterations: int | None = None) -> Prepared:
+    return Prepared(estimate, order + 1, f"an FIR of order {order}", "[jmap] order", max_iterations)
 
 
-def _fir(name: str, config: Config) -> Estimator:
-    """ML (17) or MAP (22), without a delay."""
-    settings = config.jmap_settings()
-    fit = _fit(name, settings.order, config.jmap.alpha, settings.free_start)
+def _fir(name: str) -> Callable[[Config], Prepared]:
+    """The impulse response without a delay."""
 
-    def estimate(days: Days) -> Answer:
-        return _of_fir(fit(days.u, days.y))
+    def prepare(config: Config) -> Prepared:
+        fit = _fir_fit(name, config)
 
-    return Estimator(name, estimate, settings.order, _long_fir(settings.order))
+        def estimate(days: Days) -> Answer:
+            found = fit(days)
+            return Answer(
+                found.status,
+                fir=found.fir,
+                noise_variance=found.noise_variance,
+                condition=found.condition,
+            )
 
+        return _with_fir(estimate, config.jmap_settings().order)
 
-def _fit(name: str, M: int, alpha: float, free: bool) -> Callable[[Floats, Floats], FirResult]:
-    if name.endswith("ml"):
-        return lambda u, y: ml(u, y, M, free_start=free)
-    return lambda u, y: map_fir(u, y, M, alpha, free_start=free)
-
-
-def _of_fir(fit: FirResult) -> Answer:
-    return Answer(fit.status, fir=fit.fir, noise_variance=fit.noise_variance, condition=fit.condition)
-
-
-def _cusum(name: str, config: Config) -> Estimator:
-    """A change in the mean of the ML or the MAP FIR."""
-    settings, of_fir = config.cusum_settings(), config.jmap_settings()
-    fit = _fit(name, of_fir.order, config.jmap.alpha, of_fir.free_start)
-    candidates = np.arange(settings.d_min, settings.d_max + 1)
-
-    def estimate(days: Days) -> Answer:
-        fir = fit(days.u, days.y)
-        found: CusumResult = cusum(fir.fir, settings)
-        no_fir = fir.status == "unidentifiable"
-        return Answer(
-            status=found.status,
-            delay=found.delay,
-            candidates=candidates,
-            curve=found.decision[:, candidates + 1],
-            fir=fir.fir,
-            noise_variance=fir.noise_variance,
-            condition=fir.condition,
-            reason=np.where(no_fir, "", found.reason),
-        )
-
-    return Estimator(name, estimate, of_fir.order, _long_fir(of_fir.order), says_at_bound=True)
+    return prepare
 
 
-def _search(name: str, config: Config) -> Estimator:
+def _cusum(name: str) -> Callable[[Config], Prepared]:
+    """A change in the mean of the ML or the MAP response."""
+
+    def prepare(config: Config) -> Prepared:
+        import numpy as np
+
+        from rivid.core.cusum import cusum
+
+        settings, fit = config.cusum_settings(), _fir_fit(name, config)
+        candidates = np.arange(settings.d_min, settings.d_max + 1)
+
+        def estimate(days: Days) -> Answer:
+            fir = fit(days)
+            found = cusum(fir.fir, settings)
+            return Answer(
+                status=found.status,
+                delay=found.delay,
+                candidates=candidates,
+                curve=found.decision[:, candidates + 1],
+                fir=fir.fir,
+                noise_variance=fir.noise_variance,
+                condition=fir.condition,
+                reason=np.where(fir.status == "unidentifiable", "", found.reason),
+            )
+
+        return _with_fir(estimate, config.jmap_settings().order)
+
+    return prepare
+
+
+def _jmap(**changes: Any) -> Callable[[Config], Prepared]:
+    """Delay and response together (Tables V and VI), with the changes to the settings of `[jmap]`."""
+
+    def prepare(config: Config) -> Prepared:
+        from rivid.core.jmap import jmap
+
+        settings = config.jmap_settings(**changes)
+
+        def estimate(days: Days) -> Answer:
+            found = jmap(days.u, days.y, settings)
+            return Answer(
+                status=found.status,
+                delay=found.delay,
+                candidates=found.candidates,
+                criterion=found.criterion,
+                curve=found.criterion,
+                fir=found.fir,
+                alpha=found.alpha,
+                noise_variance=found.noise_variance,
+                roughness_variance=found.roughness_variance,
+                condition=found.condition,
+                iterations=found.iterations,
+                prior_only=found.prior_only,
+            )
+
+        return _with_fir(estimate, settings.order, settings.max_iterations)
+
+    return prepare
+
+
+def _search(name: str) -> Callable[[Config], Prepared]:
     """Table IV: least squares in (8) or in (10) for every delay."""
-    settings = config.search_settings()
-    table = "jmap" if config.search.d_max is None else "search"
-    n_parameters = len(DIRECT_PARAMETERS if name == "direct" else INDIRECT_PARAMETERS)
 
-    def estimate(days: Days) -> Answer:
-        found: SearchResult
-        if name == "direct":
-            assert days.o is not None, "the configuration refuses direct where the outflow is not logged"
-            found = direct(days.u, days.o, days.y, settings)
-        else:
-            found = indirect(days.u, days.y, settings)
-        return Answer(
-            status=found.status,
-            delay=found.delay,
-            candidates=found.candidates,
-            criterion=found.criterion,
-            curve=found.criterion,
-            noise_variance=found.noise_variance,
-            reason=found.reason,
-        )
+    def prepare(config: Config) -> Prepared:
+        from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, direct, indirect
 
-    because = f"d_max = {settings.d_max}", f"[{table}] d_max"
-    return Estimator(name, estimate, settings.d_max + 1 + n_parameters, because, says_at_bound=True)
+        settings = config.search_settings()
+        n_parameters = len(DIRECT_PARAMETERS if name == "direct" else INDIRECT_PARAMETERS)
+
+        def estimate(days: Days) -> Answer:
+            if name == "direct":
+                assert days.o is not None, "the configuration refuses direct where the outflow is not logged"
+                found = direct(days.u, days.o, days.y, settings)
+            else:
+                found = indirect(days.u, days.y, settings)
+            return Answer(
+                status=found.status,
+                delay=found.delay,
+                candidates=found.candidates,
+                criterion=found.criterion,
+                curve=found.criterion,
+                noise_variance=found.noise_variance,
+                reason=found.reason,
+            )
+
+        min_samples = settings.d_max + 2 + n_parameters
+        return Prepared(estimate, min_samples, f"d_max = {settings.d_max}", _key(config, "search", "d_max"))
+
+    return prepare
 
 
-def _posterior(name: str, config: Config) -> Estimator:
-    """The probability of every delay, by the equations of this water."""
+def _posterior(config: Config) -> Prepared:
+    """The probability of every delay, with the equations of a pool or of a river."""
+    key = _key(config, "posterior", "d_max")
     if config.reach.kind == "river":
-        return _river_posterior(name, config)
-    settings = config.posterior_settings()
+        from rivid.core.posterior.river import LEAST_ROWS, posterior_river
+
+        river = config.river_settings()
+
+        def estimate_river(days: Days) -> Answer:
+            flow = days.u if days.base is None else days.u + days.base[:, None]
+            return _of_posterior(posterior_river(flow, days.y, river), river, config)
+
+        # the first samples of each window are the history of the others
+        return Prepared(estimate_river, river.warm + LEAST_ROWS, f"d_max = {river.d_max}", key)
+
     from rivid.core.posterior.blind import n_least, posterior_blind
-    from rivid.core.posterior.daily import GUARD, posterior  # scipy.special, only where it is asked for
+    from rivid.core.posterior.daily import GUARD, posterior
+
+    settings = config.posterior_settings()
 
     def estimate(days: Days) -> Answer:
         if days.o is None:
@@ -286,64 +383,125 @@ def _posterior(name: str, config: Config) -> Estimator:
             found = posterior(days.u, days.y, days.o, settings)
         return _of_posterior(found, settings, config)
 
-    needed = 3 * (settings.d_max + GUARD + 4)
+    min_samples = 3 * (settings.d_max + GUARD + 4)
     if not config.input.u_Qo:
-        needed = max(needed, n_least(settings))
-    return Estimator(name, estimate, needed - 1, (f"d_max = {settings.d_max}", _key(config, "d_max")))
-
-
-def _river_posterior(name: str, config: Config) -> Estimator:
-    """The probability of a river's t50; the first samples of each window are history."""
-    settings = config.river_settings()
-    from rivid.core.posterior.river import LEAST_ROWS, posterior_river
-
-    def estimate(days: Days) -> Answer:
-        flow = days.u if days.base is None else days.u + days.base[:, None]
-        return _of_posterior(posterior_river(flow, days.y, settings), settings, config)
-
-    needed = settings.warm + LEAST_ROWS
-    return Estimator(name, estimate, needed - 1, (f"d_max = {settings.d_max}", _key(config, "d_max")))
+        min_samples = max(min_samples, n_least(settings))
+    return Prepared(estimate, min_samples, f"d_max = {settings.d_max}", key)
 
 
 def _of_posterior(
-    found: "PosteriorResult | RiverPosterior", s: "PosteriorSettings | RiverSettings", config: Config
+    found: PosteriorResult | RiverPosterior, s: PosteriorSettings | RiverSettings, config: Config
 ) -> Answer:
-    """A day whose front is not seen, or lies outside, has no probabilities to tell."""
+    """A day without a front, or with a delay outside the candidates, has no probabilities."""
+    import numpy as np
+
     outside = found.status == "at_bound"
     below = found.beyond[:, 0] > found.beyond[:, 1]
-    told = np.isfinite(found.probability).all(axis=1) & (found.link >= 0.5) & ~outside
+    known = np.isfinite(found.probability).all(axis=1) & (found.link >= 0.5) & ~outside
+    ok = found.status == "ok"
     candidates = found.candidates
     too_short = (
-        f"the delay is shorter than d_min = {s.d_min}: lower {_key(config, 'd_min')}"
+        f"the delay is shorter than d_min = {s.d_min}: lower {_key(config, 'posterior', 'd_min')}"
         if s.d_min > 1
         else "the delay is shorter than one sample: a shorter [reach] sample_time would show it"
     )
-    too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'd_max')}"
-    least = getattr(s, "answer_above", None)  # a river's answer needs a band that is narrow enough instead
+    too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'posterior', 'd_max')}"
+    least = getattr(s, "answer_above", None)  # a river's t50 needs a narrow band instead
     unsure = found.message
     if least is not None:
-        said = f"no delay is right with a probability of {least:g} ([posterior] answer_above)"
-        unsure = np.full(len(outside), said)
+        reason = f"no delay is right with a probability of {least:g} ([posterior] answer_above)"
+        unsure = np.full(len(outside), reason)
     return Answer(
-        status=np.where(found.status == "ok", "ok", "unidentifiable"),
+        status=np.where(ok, "ok", "unidentifiable"),
         delay=found.delay,
         candidates=candidates,
-        curve=np.where(told[:, None], found.probability, np.nan),
+        curve=np.where(known[:, None], found.probability, np.nan),
         fir=found.fir,
         fir_sd=found.fir_sd,
         reason=np.select(
-            [outside & below, outside, told & (found.status != "ok")],
-            [too_short, too_long, unsure],
-            found.message,
+            [outside & below, outside, known & ~ok], [too_short, too_long, unsure], found.message
         ),
-        travel=np.where(found.status == "ok", found.place, np.nan),
-        probability=np.where(told, found.right, np.nan),
-        delay_low=np.where(told, candidates[np.argmax(found.in_set, axis=1)], np.nan),
-        delay_high=np.where(told, candidates[::-1][np.argmax(found.in_set[:, ::-1], axis=1)], np.nan),
+        travel=np.where(ok, found.place, np.nan),
+        probability=np.where(known, found.right, np.nan),
+        delay_low=np.where(known, candidates[np.argmax(found.in_set, axis=1)], np.nan),
+        delay_high=np.where(known, candidates[::-1][np.argmax(found.in_set[:, ::-1], axis=1)], np.nan),
         outside=outside,
     )
 
 
-def _key(config: Config, name: str) -> str:
-    """The key that `name` is taken from: the posterior's own, or that of `[jmap]`."""
-    return f"[{'jmap' if getattr(config.posterior, name) is None else 'posterior'}] {name}"
+def _key(config: Config, table: str, name: str) -> str:
+    """The key that `name` is taken from: the table's own, or that of `[jmap]`."""
+    return f"[{'jmap' if getattr(getattr(config, table), name) is None else table}] {name}"
+
+
+ESTIMATORS = _Registry(
+    (one.name, one)
+    for one in (
+        Estimator("ml", "maximum likelihood (17)", _fir("ml"), has_delay=False),
+        Estimator("map", "smooth MAP (22)", _fir("map"), has_delay=False),
+        Estimator("jmap", "JMAP, Rayleigh prior (Table VI)", _jmap(), checks_data=True, rayleigh=True),
+        Estimator(
+            "jmap-uniform",
+            "JMAP, uniform prior, fixed alpha (Table V)",
+            _jmap(prior="uniform", fixed_alpha=True),
+            checks_data=True,
+        ),
+        Estimator(
+            "jmap-uniform-estimated",
+            "JMAP, uniform prior, alpha estimated",
+            _jmap(prior="uniform"),
+            checks_data=True,
+        ),
+        Estimator(
+            "jmap-degenerate",
+            "JMAP without the inverse-gamma prior",
+            _jmap(inverse_gamma=False),
+            checks_data=True,
+            rayleigh=True,
+            degenerates=True,
+        ),
+        Estimator(
+            "direct",
+            "direct approach, least squares in (8) (Table IV)",
+            _search("direct"),
+            table="search",
+            reaches=("pool",),
+            needs_outflow=True,
+            has_fir=False,
+            notes_bound=True,
+        ),
+        Estimator(
+            "indirect",
+            "indirect approach, least squares in (10) (Table IV)",
+            _search("indirect"),
+            table="search",
+            reaches=("pool",),
+            has_fir=False,
+            notes_bound=True,
+        ),
+        Estimator(
+            "cusum-ml",
+            "CUSUM on the ML response",
+            _cusum("ml"),
+            table="cusum",
+            notes_bound=True,
+            method="CUSUM",
+        ),
+        Estimator(
+            "cusum-map",
+            "CUSUM on the MAP response",
+            _cusum("map"),
+            table="cusum",
+            notes_bound=True,
+            method="CUSUM",
+        ),
+        Estimator(
+            "posterior",
+            "probability of each delay, averaged over equations",
+            _posterior,
+            table="posterior",
+            has_probability=True,
+        ),
+    )
+)
+"""The estimators that `rivid run` offers, by name, in the order of its help."""

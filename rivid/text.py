@@ -7,32 +7,7 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 
-ESTIMATOR_WORDS = {
-    "ml": "maximum likelihood (17)",
-    "map": "smooth MAP (22)",
-    "jmap": "JMAP, Rayleigh prior (Table VI)",
-    "jmap-uniform": "JMAP, uniform prior, fixed alpha (Table V)",
-    "jmap-uniform-estimated": "JMAP, uniform prior, alpha estimated",
-    "jmap-degenerate": "JMAP without the inverse-gamma prior",
-    "direct": "direct approach, least squares in (8) (Table IV)",
-    "indirect": "indirect approach, least squares in (10) (Table IV)",
-    "cusum-ml": "CUSUM on the ML response",
-    "cusum-map": "CUSUM on the MAP response",
-    "posterior": "probability of each delay, averaged over equations",
-}
-"""What an estimator is, in a few words."""
-
-RAYLEIGH = frozenset({"jmap", "jmap-degenerate"})
-"""Estimators that weigh the delay with the Rayleigh prior (26)."""
-
-UNJUDGED = frozenset({"direct", "indirect", "cusum-ml", "cusum-map"})
-"""Estimators that do not tell whether the data single their delay out."""
-
-PROBABLE = frozenset({"posterior"})
-"""Estimators that give each delay a probability, and answer where it is high enough."""
-
-WITHOUT_FIR = frozenset({"direct", "indirect"})
-"""Estimators that have no impulse response."""
+from rivid.estimators import ESTIMATORS
 
 HOURS_FROM = 7200
 """Durations from here on [s] are told in hours."""
@@ -41,25 +16,10 @@ NO_ANSWER = ("failed", "unidentifiable", "pending")
 """Statuses of days without an answer, the gravest first."""
 
 
-def estimator_words(name: str) -> str:
-    """The estimator in words; its bare name where there are none."""
-    return ESTIMATOR_WORDS.get(name, name)
-
-
-def method(name: str) -> str:
-    """What looks for the jump.
-
-    Examples
-    --------
-    >>> method("cusum-ml"), method("jmap-uniform")
-    ('CUSUM', 'JMAP')
-    """
-    return "CUSUM" if name.startswith("cusum") else "JMAP"
-
-
 def no_jump(name: str) -> str:
     """What every figure of a river's jump delay says below it."""
-    return f"The {method(name)} looks for a jump; a dispersive river has none, so t50 says more than d."
+    method = ESTIMATORS[name].method
+    return f"The {method} looks for a jump; a dispersive river has none, so t50 says more than d."
 
 
 def trust(kind: str, name: str) -> str:
@@ -70,7 +30,7 @@ def trust(kind: str, name: str) -> str:
     >>> trust("data decide", "jmap"), trust("data decide", "direct"), trust("at a bound", "direct")
     ('data decide', 'delay', 'at a bound')
     """
-    return "delay" if kind == "data decide" and name in UNJUDGED | PROBABLE else kind
+    return "delay" if kind == "data decide" and ESTIMATORS[name].unchecked else kind
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:

@@ -1,6 +1,7 @@
 """TOML into a model: the first fault is one line: the file, the key, what came and what is valid."""
 
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -76,19 +77,18 @@ def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
     where = _short(".".join(_place(fault["loc"], raw)))
     if fault["type"] == "extra_forbidden":
         fields = _fields_at(model, fault["loc"][:-1])
-        return (
-            f"unknown key {where}; valid keys here: {', '.join(fields)}{_nearest(fault['loc'][-1], fields)}"
-        )
+        return f"unknown key {where}; valid keys here: {', '.join(fields)}{nearest(fault['loc'][-1], fields)}"
     message = str(fault["msg"]).removeprefix("Value error, ")
     if not where:  # a fault of the whole file
         return message
     return f"{where} = {_short(repr(fault.get('input')))}: {message[:1].lower()}{message[1:]}"
 
 
-def _nearest(came: Any, names: list[str]) -> str:
+def nearest(came: Any, names: Iterable[str]) -> str:
+    """A hint at the nearest of the names, as the end of a message; empty where none is near."""
     from difflib import get_close_matches
 
-    close = get_close_matches(str(came), names, 1)
+    close = get_close_matches(str(came), list(names), 1)
     return f"; did you mean {close[0]}?" if close else ""
 
 

@@ -37,7 +37,7 @@ def test_bounds_come_from_the_reach():
         ({"reach": {"length": float("nan")}}, ["reach.length = nan"]),
         ({"reach": {"name": "../x"}}, ["reach.name", "pattern"]),
         ({"reach": {"discharge_range": [800, 100]}}, ["expected lowest, highest"]),
-        ({"run": {"estimators": ["jmpa"]}}, ["'jmpa'", "'jmap'"]),
+        ({"run": {"estimators": ["jmpa"]}}, ["'jmpa'", "did you mean jmap?"]),
         ({"run": {"estimators": []}}, ["run.estimators"]),
         ({"run": {"window_days": 0}}, ["window_days = 0"]),
         ({"input": {"units": {"u_Qi": "gpm"}}}, ["gpm", "m3/s, cfs"]),

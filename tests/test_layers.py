@@ -10,10 +10,11 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 LAYERS = (
     ("types", "errors"),
-    ("core", "atomic", "input_config", "text", "toml"),
-    ("estimator_config", "reach"),
+    ("core", "atomic", "input_config", "toml"),
+    ("estimators",),
+    ("text", "estimator_config", "reach"),
     ("config", "effects", "logs"),
-    ("estimators", "simulation", "results"),
+    ("simulation", "results"),
     ("check", "diagnosis"),
     ("plots",),
     ("report",),

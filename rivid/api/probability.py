@@ -159,9 +159,9 @@ def posterior(
         days, single = _as_days(u, y, o)
         date = None
     said = _asked(base, days.o is not None, changes)
-    (estimator,) = build(said)
-    if days.u.shape[1] <= estimator.n_more_than:
-        raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.because[0]}")
+    (estimator,) = build(said).values()
+    if days.u.shape[1] < estimator.min_samples:
+        raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.needed_for}")
     answer = estimator.estimate(days)
     given = {name: _there(getattr(answer, key)) for name, key in _PARTS.items()}
     given["reason"] = np.where(answer.status == "ok", "", _reasons(answer, days))

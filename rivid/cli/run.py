@@ -10,7 +10,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
-from rivid.core.settings import ESTIMATORS
+from rivid.estimators import ESTIMATORS
 
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
 """Settings that are in samples."""

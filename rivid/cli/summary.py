@@ -9,8 +9,9 @@ import numpy as np
 
 from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
+from rivid.estimators import ESTIMATORS
 from rivid.run.run import Summary
-from rivid.text import RAYLEIGH, count, duration, number, probability, samples_first, share
+from rivid.text import count, duration, number, probability, samples_first, share
 
 NAME_WIDTH = 14
 """The column of names is no wider; a longer one moves its own line only."""
@@ -77,7 +78,7 @@ def _numbers(name: str, rows: Any, config: Config) -> list[str]:
         lines.append(f"delay {samples_first([float(v) for v in most], T_s)} on {often} of {len(d)} days")
         prior = sum(bool(p) for p in rows["prior_only"].to_pylist())
         if prior:
-            whose = "the prior's answer" if name in RAYLEIGH else "perhaps chance"
+            whose = "the prior's answer" if ESTIMATORS[name].rayleigh else "perhaps chance"
             lines.append(f"{whose}, not the data's, on {share(prior, len(d))}")
         sure = _finite(rows.filter(rows["delay_samples"].is_valid())["probability"])
         if len(sure):

@@ -11,30 +11,6 @@ from rivid.errors import ConfigError
 
 Prior = Literal["rayleigh", "uniform"]
 Moment = Literal["onset", "alarm"]
-EstimatorName = Literal[
-    "ml",
-    "map",
-    "jmap",
-    "jmap-uniform",
-    "jmap-uniform-estimated",
-    "jmap-degenerate",
-    "direct",
-    "indirect",
-    "cusum-ml",
-    "cusum-map",
-    "posterior",
-]
-ESTIMATORS: tuple[str, ...] = get_args(EstimatorName)
-"""Names of the estimators that `rivid run` knows."""
-
-SEARCHES = ("direct", "indirect")
-"""Those of Table IV: least squares for every delay, without an FIR."""
-
-CUSUMS = ("cusum-ml", "cusum-map")
-"""Those that look for a change in an FIR made without a delay."""
-
-POSTERIORS = ("posterior",)
-"""Those that give each delay a probability."""
 
 
 @dataclass(frozen=True)

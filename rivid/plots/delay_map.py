@@ -7,17 +7,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.dates import calendar
 from rivid.plots.style import FigureFile
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, day_numbers, found, kinds
 from rivid.text import (
-    PROBABLE,
-    UNJUDGED,
     count,
     day_range,
-    estimator_words,
     no_jump,
     output_words,
     trust,
@@ -68,7 +66,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     n = int(found(e).sum())
     page = style.sheet(
         f"Delay of each day: {e.estimator}",
-        f"{results.reach} · {estimator_words(e.estimator)} · {count(n, 'day')} of {len(dates):,}, "
+        f"{results.reach} · {ESTIMATORS[e.estimator].words} · {count(n, 'day')} of {len(dates):,}, "
         f"{day_range(dates[0], dates[-1])}",
     )
     axes = page.axes
@@ -147,9 +145,9 @@ def _caption(e: EstimatorResults, unit: str) -> str:
             "The blue line is the travel time of the wave at the day's discharge, as a delay: "
             f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1. "
         )
-    if name in UNJUDGED:
+    if ESTIMATORS[name].unjudged:
         text += "Triangles lie at d_min or d_max."
-    elif name in PROBABLE:
+    elif ESTIMATORS[name].has_probability:
         text += (
             "Grey cells are the probability of each delay, the darker the likelier; a day of grey cells "
             "without a mark has no delay that is probable enough. Triangles lie at d_min or d_max."

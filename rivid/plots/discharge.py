@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.delay_map import MARKS
 from rivid.plots.style import FigureFile
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, found, kinds
-from rivid.text import count, duration, estimator_words, no_jump, trust
+from rivid.text import count, duration, no_jump, trust
 from rivid.types import Floats
 
 GOLDEN = 0.6180339887498949
@@ -49,7 +50,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     n = int(shown.sum())
     page = style.sheet(
         f"Delay and discharge: {e.estimator}",
-        f"{results.reach} · {estimator_words(e.estimator)} · {count(n, 'day')}",
+        f"{results.reach} · {ESTIMATORS[e.estimator].words} · {count(n, 'day')}",
         height=4.1,
     )
     axes = page.axes

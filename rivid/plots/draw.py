@@ -60,9 +60,9 @@ def draw_all(results: "Results", out: Path, *, day: "dt.date | None" = None) -> 
 
 def jobs(results: "Results") -> list[Job]:
     """The figures of a run, in the order of the report."""
+    from rivid.estimators import ESTIMATORS
     from rivid.results.passage import leading_response
     from rivid.results.selection import estimates_delay
-    from rivid.text import WITHOUT_FIR
 
     speaks = leading_response(results)
     found: list[Job] = []
@@ -70,7 +70,7 @@ def jobs(results: "Results") -> list[Job]:
         if not e.dates:
             continue
         kinds = ["t50", "t50_discharge"] if e is speaks else []
-        kinds += ["tdr"] if e.estimator not in WITHOUT_FIR else []
+        kinds += ["tdr"] if ESTIMATORS[e.estimator].has_fir else []
         kinds += ["histogram", "delay_map", "delay_discharge"] if estimates_delay(e) else []
         found += [(kind, e.estimator) for kind in kinds]
     return [*found, ("fir_day", "")]

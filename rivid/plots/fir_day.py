@@ -9,11 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from rivid.errors import ConfigError
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.style import FigureFile
 from rivid.plots.tdr import grey_limits
 from rivid.results.read import EstimatorResults, Results
-from rivid.text import PROBABLE, delays, method, probability, response_unit, samples_first
+from rivid.text import delays, probability, response_unit, samples_first
 
 
 def typical_day(results: Results) -> dt.date | None:
@@ -154,12 +155,12 @@ def _panel(
 
 def _caption(results: Results, shown: list[tuple[EstimatorResults, int]]) -> str:
     text = _CAPTION
-    if any(e.estimator in PROBABLE for e, _ in shown):
+    if any(ESTIMATORS[e.estimator].has_probability for e, _ in shown):
         text += (
             " The posterior's response is the mean of its likeliest equations; where the outflow is logged, "
             "it is what the level does while the outflow is held, without the people's answer."
         )
-    if any(method(e.estimator) == "CUSUM" for e, _ in shown):
+    if any(ESTIMATORS[e.estimator].method == "CUSUM" for e, _ in shown):
         text += " CUSUM does not shape the response: there, the step is where its mean is found to change."
     if any(e.fir_sd is not None for e, _ in shown):
         text += " The grey band is two standard deviations to either side."

@@ -6,16 +6,13 @@ import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.style import FigureFile
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, found, rayleigh
 from rivid.text import (
-    PROBABLE,
-    RAYLEIGH,
-    UNJUDGED,
     count,
-    estimator_words,
     no_jump,
     number,
     statuses,
@@ -47,7 +44,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     without = statuses(e.status)
     page = style.sheet(
         f"How often each delay: {e.estimator}",
-        f"{results.reach} · {estimator_words(e.estimator)} · n = {count(n, 'day')}"
+        f"{results.reach} · {ESTIMATORS[e.estimator].words} · n = {count(n, 'day')}"
         + (f" ({without} left out)" if without else ""),
         height=4.1,
         right=0.25,
@@ -70,7 +67,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     else:
         style.say(axes, f"None of the {count(len(e.dates), 'day')} has a delay.")
         axes.set_ylim(0, 100)
-    if e.estimator in RAYLEIGH and places.size:
+    if ESTIMATORS[e.estimator].rayleigh and places.size:
         line = axes.plot(
             places, 100 * rayleigh(places, results.delay_scale), color=style.WATER, lw=1.2,
             marker="o", ms=2.5, label=f"Rayleigh prior alone (sigma_d = {number(results.delay_scale)})",
@@ -161,18 +158,18 @@ def _delay_axes(page: style.Sheet, d_min: float, d_max: float, sample_time: floa
 
 def _caption(name: str, unit: str) -> str:
     text = "Share of days at each delay d. "
-    if name in PROBABLE:
+    if ESTIMATORS[name].has_probability:
         text += (
             "The line is the mean probability of each delay, over the days with a delay and those where none "
             "is probable enough. "
         )
-    elif name not in UNJUDGED:
+    elif not ESTIMATORS[name].unjudged:
         text += (
             "Dark: the data alone say the same delay, to within a sample. Light: "
             "they favour another, or none, so the prior, or chance, decides. "
         )
     text += "Hatched bars lie at d_min or d_max"
-    text += "." if name in PROBABLE else ": the delay may be outside."
-    if name in RAYLEIGH:
+    text += "." if ESTIMATORS[name].has_probability else ": the delay may be outside."
+    if ESTIMATORS[name].rayleigh:
         text += " The line is the Rayleigh prior itself, before any data."
     return text if unit == "m" else f"{text} {no_jump(name)}"

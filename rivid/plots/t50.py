@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.dates import calendar
 from rivid.plots.delay_map import MARKS, bound_lines
@@ -14,7 +15,7 @@ from rivid.plots.style import FigureFile
 from rivid.results.passage import CLEAR, has_t50, thirds
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import day_numbers
-from rivid.text import count, day_range, duration, estimator_words
+from rivid.text import count, day_range, duration
 from rivid.types import Bools, Floats
 
 FAR = 6.0
@@ -77,7 +78,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     shown = has_t50(e)
     page = style.sheet(
         f"t50 of each day: {e.estimator}",
-        f"{results.reach} · half of a step has arrived · {estimator_words(e.estimator)} · "
+        f"{results.reach} · half of a step has arrived · {ESTIMATORS[e.estimator].words} · "
         f"{count(int(shown.sum()), 'day')} of {len(dates):,}, {day_range(dates[0], dates[-1])}",
     )
     calendar(page, dates, e.status)
@@ -98,7 +99,7 @@ def draw_discharge(results: Results, estimator: EstimatorResults, folder: Path) 
     shown = has_t50(e) & np.isfinite(e.mean_inflow)
     page = style.sheet(
         f"t50 and discharge: {e.estimator}",
-        f"{results.reach} · half of a step has arrived · {estimator_words(e.estimator)} · "
+        f"{results.reach} · half of a step has arrived · {ESTIMATORS[e.estimator].words} · "
         f"{count(int(shown.sum()), 'day')}",
         height=4.1,
     )

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots import style
 from rivid.plots.dates import calendar
 from rivid.plots.style import FigureFile
 from rivid.results.passage import has_t50
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import day_numbers, found
-from rivid.text import count, day_range, estimator_words, output_words, response_unit
+from rivid.text import count, day_range, output_words, response_unit
 from rivid.types import Bools, Floats
 
 ROBUST = (1.0, 99.0)
@@ -67,7 +68,7 @@ def draw(results: Results, estimator: EstimatorResults, folder: Path) -> FigureF
     answered = int(e.answered.sum())
     page = style.sheet(
         f"Impulse response of each day: {e.estimator}",
-        f"{results.reach} · {estimator_words(e.estimator)} · {count(answered, 'day')} of {len(dates):,}, "
+        f"{results.reach} · {ESTIMATORS[e.estimator].words} · {count(answered, 'day')} of {len(dates):,}, "
         f"{day_range(dates[0], dates[-1])}",
         height=4.3,
     )

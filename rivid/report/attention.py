@@ -4,6 +4,7 @@ import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rivid.estimators import ESTIMATORS
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, found
 from rivid.text import NO_ANSWER, day_range, number, samples_first, share
@@ -89,7 +90,7 @@ def _pile(e: EstimatorResults, edges: list[dt.date]) -> Attention:
 
 
 def _doubts(e: EstimatorResults, sample_time: float) -> list[tuple[dt.date, str, str]]:
-    by_making = e.estimator == "jmap-degenerate"
+    by_making = ESTIMATORS[e.estimator].degenerates
     with_delay = found(e)
     doubts = []
     for i, (date, status, message) in enumerate(zip(e.dates, e.status, e.messages, strict=True)):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.plots.style import FigureFile
 from rivid.report.attention import SHOWN, Attention, missing, spans
 from rivid.report.glance import glance
@@ -19,12 +20,9 @@ from rivid.results.passage import leading_response, passage
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import estimates_delay
 from rivid.text import (
-    PROBABLE,
-    UNJUDGED,
     count,
     day_range,
     delays,
-    estimator_words,
     number,
     output_words,
     probability,
@@ -105,8 +103,8 @@ def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[s
         "river": river is not None,
         "speaks": _speaks(lead, river),
         "names": [e.estimator for e in results.estimators],
-        "unjudged": any(e.estimator in UNJUDGED for e in results.estimators),
-        "probable": any(e.estimator in PROBABLE for e in results.estimators),
+        "unjudged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
+        "probable": any(ESTIMATORS[e.estimator].has_probability for e in results.estimators),
         "headline": UNITS.sub("\\1\u00a0\\2", first),
         "lines": top.lines if top else (),
         "sentences": [text for text in sentences if text != first],
@@ -140,7 +138,7 @@ def _strip(results: Results, recent: Lately, rows: Sequence[Attention]) -> dict[
     if drawn is None:
         return {"strip": None}
     named = LOOKS | {"sure": "t50"} if recent.passage else LOOKS
-    if name in UNJUDGED | PROBABLE and not recent.passage:
+    if ESTIMATORS[name].unchecked and not recent.passage:
         named = LOOKS | {"sure": "travel time" if recent.travel else "delay"}
     looks = [(sign(look), words) for look, words in named.items() if look in drawn.looks]
     what = "t50" if recent.passage else "Travel time" if recent.travel else "Delay"
@@ -177,7 +175,7 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
         modal = f"{' and '.join(number(d) for d in f.common)}: {days}"
     return {
         "name": e.estimator,
-        "words": estimator_words(e.estimator),
+        "words": ESTIMATORS[e.estimator].words,
         "answered": f"{f.answered:,} of {f.days:,}",
         "t50": delays([round(p.median, 1)], T_s) if p.with_t50 else "–",
         "median": samples_first([f.median], T_s) if with_delay else "–",
@@ -185,7 +183,7 @@ def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
         "at_bound": given(f"{f.at_bound:,}"),
         "probability": "–" if e.probability is None else given(probability(f.probability)),
         "prior_only": "–"
-        if e.estimator in UNJUDGED | PROBABLE
+        if ESTIMATORS[e.estimator].unchecked
         else given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
         "condition": power(f.condition),
         "noise": power(f.noise_sd),
@@ -222,7 +220,7 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "words": estimator_words(name) if name else "",
+            "words": ESTIMATORS[name].words if name else "",
             "figures": [(k, f, data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
         }
         for name in order

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rivid.estimators import ESTIMATORS
 from rivid.report.attention import Attention, missing, spans
 from rivid.report.headline import facts, leading
 from rivid.report.lately import WEEK, Lately
@@ -16,9 +17,6 @@ from rivid.report.waves import FASTER, gravity, not_compared, too_fast
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, estimates_delay
 from rivid.text import (
-    PROBABLE,
-    RAYLEIGH,
-    UNJUDGED,
     about,
     count,
     day_range,
@@ -128,7 +126,7 @@ def _answer(recent: Lately, sample_time: float) -> str:
 def _whose(results: Results, recent: Lately) -> str:
     """That the prior, or chance, decides a third of the days or more; of the week, or else of the record."""
     given, by_prior, e = int(recent.with_value.sum()), recent.by_prior, recent.estimator
-    word = "by the prior's word" if e.estimator in RAYLEIGH else "perhaps by chance"
+    word = "by the prior's word" if ESTIMATORS[e.estimator].rayleigh else "perhaps by chance"
     if by_prior and 3 * by_prior >= given:
         if given == 1:
             return f", {word}"
@@ -203,7 +201,7 @@ def _look(results: Results, recent: Lately, rows: Sequence[Attention]) -> Line:
             said.insert(
                 0,
                 "But see the prior's part."
-                if recent.estimator.estimator in RAYLEIGH
+                if ESTIMATORS[recent.estimator.estimator].rayleigh
                 else "But it may be chance: see below.",
             )
     late = any(day >= recent.first for day in gone)
@@ -245,7 +243,7 @@ def _word(results: Results, recent: Lately) -> list[Line]:
     f, n = facts(results, e), int(given.sum())
     if not f.with_delay:
         return []
-    if e.estimator in UNJUDGED:
+    if ESTIMATORS[e.estimator].unjudged:
         text = f"{e.estimator} does not tell on which days the data single the delay out; jmap does."
         return [Line("The prior's part", "Not told", text)]
     week = "these days" if recent.whole else f"the last {WEEK} days"
@@ -254,9 +252,9 @@ def _word(results: Results, recent: Lately) -> list[Line]:
         of = week if n else "the record"
         text = f"That the delay is right, on the median day of {of}; {probability(float(sure.min()))} on the "
         return [Line("Probability", probability(float(np.median(sure))), f"{text}least sure.")]
-    name = "The prior's part" if e.estimator in RAYLEIGH else "Perhaps chance"
+    name = "The prior's part" if ESTIMATORS[e.estimator].rayleigh else "Perhaps chance"
     what = "There the data alone favour another delay, or none."
-    if e.estimator in RAYLEIGH:
+    if ESTIMATORS[e.estimator].rayleigh:
         expected = f"sigma_d = {number(results.delay_scale)} samples"
         if not results.assumed:
             expected = f"the reach's hydraulics let expect before looking at the data, {expected}"
@@ -281,8 +279,8 @@ def _word_of_response(results: Results, e: EstimatorResults) -> Line:
         said += " at its delay"
     said += "."
     if lead is not None and estimates_delay(lead) and (f := facts(results, lead)).with_delay:
-        if lead.estimator not in UNJUDGED | PROBABLE:
+        if ESTIMATORS[lead.estimator].unchecked:
             days = f"{f.prior_only:,} of {count(f.with_delay, 'day')} ({share(f.prior_only, f.with_delay)})"
-            whose = "the prior's" if lead.estimator in RAYLEIGH else "chance"
+            whose = "the prior's" if ESTIMATORS[lead.estimator].rayleigh else "chance"
             said += f" The jump delay of {lead.estimator} is {whose} on {days}."
     return Line("The prior's part", strong, said)

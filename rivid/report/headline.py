@@ -5,18 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.report.waves import not_compared, too_fast, waves
 from rivid.results import passage
 from rivid.results.read import EstimatorResults, Results
 from rivid.results.selection import candidates, estimates_delay, found, rayleigh
 from rivid.text import (
-    PROBABLE,
-    RAYLEIGH,
-    UNJUDGED,
     about,
     count,
     listed,
-    method,
     number,
     output_words,
     probability,
@@ -119,9 +116,9 @@ def leading(results: Results) -> EstimatorResults | None:
     """
     having = [e for e in results.estimators if e.dates]
     with_delay = [e for e in having if estimates_delay(e)]
-    named = [e for e in with_delay if e.estimator in PROBABLE]
+    named = [e for e in with_delay if ESTIMATORS[e.estimator].has_probability]
     named += [e for e in with_delay if e.estimator == "jmap"]
-    judging = [e for e in with_delay if e.estimator not in UNJUDGED]
+    judging = [e for e in with_delay if not ESTIMATORS[e.estimator].unjudged]
     return next(iter(named + judging + with_delay + having), None)
 
 
@@ -158,7 +155,7 @@ def headline(results: Results) -> list[str]:
     if not f.with_delay:
         return [f"None of {count(f.days, 'day')} has a delay: {statuses(e.status)}.", *_reasons(e)]
     said = [_main(results, e, f)]
-    if e.estimator in PROBABLE:
+    if ESTIMATORS[e.estimator].has_probability:
         said += _sure(e, f) + _rest(e, f) + _reasons(e) + ([] if _piled(e, f) else waves(results, e))
     else:
         said += _rest(e, f) + ([] if _piled(e, f) else waves(results, e)) + _prior(results, e, f)
@@ -223,7 +220,7 @@ def _sure(e: EstimatorResults, f: Facts) -> list[str]:
 
 def _reasons(e: EstimatorResults) -> list[str]:
     """Why days are unidentifiable, for an estimator that has several reasons; the most frequent first."""
-    if e.estimator not in PROBABLE:
+    if not ESTIMATORS[e.estimator].has_probability:
         return []
     said = Counter(
         text.split("; ")[0]
@@ -239,10 +236,11 @@ def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -
     low, high = (float(q) for q in np.quantile(e.delay[found(e)], (0.1, 0.9), method="inverted_cdf"))
     little = f.prior_only >= LITTLE * f.with_delay or high - low > 2 * (p.high - p.low)
     worth = "is worth little here" if little else "says no more than t50 here"
-    whose = "the prior's" if e.estimator in RAYLEIGH else "chance"
+    whose = "the prior's" if ESTIMATORS[e.estimator].rayleigh else "chance"
+    method = ESTIMATORS[e.estimator].method
     text = (
-        f"The jump delay d of {e.estimator} {worth}: the {method(e.estimator)} looks for a jump, and a "
-        "dispersive river has none. "
+        f"The jump delay d of {e.estimator} {worth}: the {method} looks for a jump, and a dispersive river "
+        "has none. "
         f"{'It' if f.with_delay == 1 else 'Its median'} is {samples_first([f.median], T_s)}"
     )
     if f.with_delay > passage.FEW:
@@ -251,16 +249,16 @@ def _jump(results: Results, e: EstimatorResults, f: Facts, p: passage.Passage) -
         on = "here" if f.with_delay == 1 else f"on {passage.of_days(f.prior_only, f.with_delay)}"
         text += f"; {on} the data alone favour another delay, or none, and d is {whose} (prior_only)"
     said = [f"{text}."]
-    if e.estimator in RAYLEIGH:
+    if ESTIMATORS[e.estimator].rayleigh:
         said.append(f"The Rayleigh prior alone, without any data, answers {_of_prior(results, e)[1]}.")
     return said
 
 
 def _prior(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
     """How much of the answer the prior decides."""
-    if e.estimator in UNJUDGED:
+    if ESTIMATORS[e.estimator].unjudged:
         return [f"{e.estimator} does not tell on which days the data single the delay out; jmap does."]
-    rayleighs = e.estimator in RAYLEIGH
+    rayleighs = ESTIMATORS[e.estimator].rayleigh
     cause = "the answer is the prior's" if rayleighs else "the answer may be chance"
     alone = "the data alone favour another delay, or none"
     if f.prior_only == f.with_delay == 1:
@@ -307,13 +305,13 @@ def _doubts(results: Results, e: EstimatorResults, f: Facts) -> list[str]:
         verb = "is" if f.at_bound == 1 else "are"
         said.append(
             f"{count(f.at_bound, 'day')} {verb} at a bound, d = {low} or {high}"
-            + ("." if e.estimator in PROBABLE else ": the delay may lie outside.")
+            + ("." if ESTIMATORS[e.estimator].has_probability else ": the delay may lie outside.")
         )
     if f.too_fast:
         said.append(
             f"On {count(f.too_fast, 'day')} the {output_words(results.output_unit)} would move more than a "
             "sample before a gravity wave can arrive: doubt the answer, or the geometry in the configuration."
         )
-    if f.degenerate and e.estimator != "jmap-degenerate":
+    if f.degenerate and not ESTIMATORS[e.estimator].degenerates:
         said.append(f"On {count(f.degenerate, 'day')} the estimate is degenerate: alpha ran away.")
     return said

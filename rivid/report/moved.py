@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.report.lately import FEWEST_DAYS, FEWEST_WEEKS, WEEKS, Lately, Trend, weeks_ago
 from rivid.results.read import Results
-from rivid.text import PROBABLE, UNJUDGED, count, duration, travel_within
+from rivid.text import count, duration, travel_within
 
 
 def lasting(recent: Lately, values: Sequence[float], sample_time: float) -> str:
@@ -30,7 +31,7 @@ def moved(results: Results, recent: Lately) -> tuple[str, str, bool]:
         text += "each of these has that median."
     else:
         text += f"theirs lie from {lasting(recent, [t.low, t.high], T_s)}."
-    if e.estimator in UNJUDGED and not recent.passage:
+    if ESTIMATORS[e.estimator].unjudged and not recent.passage:
         text += f" {e.estimator} does not tell on which days the data decide."
     text += _flow(recent)
     if t.moved:
@@ -57,7 +58,7 @@ def _untold(recent: Lately) -> str:
     if recent.whole:
         return "There are no weeks before to compare with."
     of = "have a t50" if recent.passage else "have a delay that the data decide"
-    if recent.estimator.estimator in UNJUDGED | PROBABLE and not recent.passage:
+    if ESTIMATORS[recent.estimator.estimator].unchecked and not recent.passage:
         of = "have a delay"
     days = int((recent.week & recent.carried).sum())
     if days < FEWEST_DAYS:

@@ -5,16 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.results.read import EstimatorResults
 from rivid.types import Bools, Floats
-
-FIR_ONLY = frozenset({"ml", "map"})
-"""Estimators of an impulse response without a delay."""
 
 
 def estimates_delay(estimator: EstimatorResults) -> bool:
     """Whether an estimator answers with delays, even where no day has one."""
-    return estimator.candidates.size > 0 or estimator.estimator not in FIR_ONLY
+    return estimator.candidates.size > 0 or ESTIMATORS[estimator.estimator].has_delay
 
 
 def candidates(estimator: EstimatorResults) -> Floats:

@@ -20,7 +20,7 @@ from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import DataError, PendingError, printable
-from rivid.estimators import Answer, Days, Estimator
+from rivid.estimators import ESTIMATORS, Answer, Days, Prepared
 from rivid.logs.catalog import DaySource
 from rivid.logs.read import DataSet, read_window
 from rivid.results.tables import SEGMENT, to_table
@@ -133,19 +133,18 @@ def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple
     outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
     days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
     answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
-    for estimator in estimators.build(config):
-        if days.u.shape[1] <= estimator.n_more_than:
-            what, key = estimator.because
+    for name, estimator in estimators.build(config).items():
+        if days.u.shape[1] < estimator.min_samples:
             for (window, rows), (_, data) in zip(answers, group, strict=True):
                 reason = DataError(
-                    f"{len(data.inflow)} samples are too few for {what}: "
-                    f"lower {key}, or raise [run] window_days"
+                    f"{len(data.inflow)} samples are too few for {estimator.needed_for}: "
+                    f"lower {estimator.key}, or raise [run] window_days"
                 )
-                rows.append(_unread(window, config, estimator.name, "failed", reason))
+                rows.append(_unread(window, config, name, "failed", reason))
             continue
         answer = estimator.estimate(days)
         for i, (window, data) in enumerate(group):
-            answers[i][1].append(_row(window, data, config, estimator, answer, i, days))
+            answers[i][1].append(_row(window, data, config, name, estimator, answer, i, days))
     return answers
 
 
@@ -153,7 +152,8 @@ def _row(
     window: Window,
     data: DataSet,
     config: Config,
-    estimator: Estimator,
+    name: str,
+    estimator: Prepared,
     answer: Answer,
     i: int,
     days: Days,
@@ -169,7 +169,7 @@ def _row(
         notes.insert(0, f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
     if status == "unidentifiable":
         notes.insert(0, _why(answer, i, days, config))
-    elif estimator.says_at_bound and answer.candidates is not None:
+    elif ESTIMATORS[name].notes_bound and answer.candidates is not None:
         notes = [note for note in (_edge(delay, answer.candidates), *notes) if note]
     if depth <= 0:
         notes.append(f"mean level {level:.2f} m is not above [reach] bed_level: depth of [reach] taken")
@@ -179,7 +179,7 @@ def _row(
         "key": window.key,
         "date": window.date,
         "reach": reach.name,
-        "estimator": estimator.name,
+        "estimator": name,
         "status": status,
         "delay_samples": delay,
         "delay_s": (delay if answer.travel is None else _at(answer.travel, i)) * reach.sample_time,

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from rivid.cli import COMMANDS
-from rivid.core.settings import ESTIMATORS
 from rivid.effects import effect_classes
+from rivid.estimators import ESTIMATORS
 
 HEAVY = {"numpy", "pandas", "matplotlib", "scipy", "pyarrow", "pydantic", "rich"}
 

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from rivid.config import Config, parse
 from rivid.core.jmap import jmap
-from rivid.core.settings import ESTIMATORS, POSTERIORS
 from rivid.errors import RividError
-from rivid.estimators import Days, build
+from rivid.estimators import ESTIMATORS, Days, build
 from tests.core.test_jmap import season
 
 N = 200
@@ -60,9 +59,9 @@ def everything_is_said(answer, days):
 
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_any_finite_input_gives_a_result_or_a_reason(name):
-    (estimator,) = build(parse({"run": {"estimators": [name]}}, Config))
+    (estimator,) = build(parse({"run": {"estimators": [name]}}, Config)).values()
 
-    @settings(max_examples=25 if name in POSTERIORS else 60, deadline=None, derandomize=True)
+    @settings(max_examples=25 if ESTIMATORS[name].has_probability else 60, deadline=None, derandomize=True)
     @given(series(), series(), series())
     def holds(u, y, o):
         u, y, o = (deviations(x[None]) for x in (u, y, o))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rivid.core.settings import ESTIMATORS
 from rivid.errors import DataError
+from rivid.estimators import ESTIMATORS
 from rivid.results.read import load_results
 from tests.daily import a_day, text_of, write_days
 from tests.logs.helpers import DAY, config, put, read, rows

@@ -12,10 +12,9 @@ from rivid.config import Config, parse
 from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import jmap
-from rivid.core.settings import ESTIMATORS
-from rivid.estimators import Days, build
+from rivid.errors import ConfigError
+from rivid.estimators import ESTIMATORS, Answer, Days, Estimator, Prepared, build, register
 from rivid.results.read import load_results
-from rivid.text import ESTIMATOR_WORDS
 from tests.daily import FIRST, ZONE, a_day, write_days
 from tests.run.test_run import bytes_of, rivid
 
@@ -69,7 +68,7 @@ def deviations(columns):
 
 
 def estimator(name, **tables):
-    (made,) = build(parse({"run": {"estimators": [name]}, **tables}, Config))
+    (made,) = build(parse({"run": {"estimators": [name]}, **tables}, Config)).values()
     return made
 
 
@@ -181,10 +180,48 @@ def test_jmap_uniform_estimated_is_table_vi_without_the_terms_of_the_delay(all_o
     )
 
 
-def test_every_estimator_has_rows_and_words(all_of_them):
+def moves(config):
+    """The lag of the largest move of the level: a poor estimator, to test what a new one needs."""
+    candidates = np.arange(config.jmap.d_min, config.jmap.d_max + 1)
+
+    def estimate(days):
+        size = np.abs(np.diff(days.y, axis=1))[:, candidates]
+        ok = days.u.any(axis=1)
+        return Answer(
+            status=np.where(ok, "ok", "unidentifiable"),
+            delay=np.where(ok, candidates[np.argmax(size, axis=1)], np.nan),
+            candidates=candidates,
+            curve=-size,
+        )
+
+    return Prepared(estimate, candidates[-1] + 2, "the last candidate", "[jmap] d_max")
+
+
+def test_a_registered_estimator_runs_from_logs_to_report(logs, tmp_path):
+    config, out = tmp_path / "c.toml", tmp_path / "out"
+    config.write_text("[run]\nestimators = ['moves', 'jmap']\n")
+    register(Estimator("moves", "largest move of the level", moves, has_fir=False, notes_bound=True))
+    try:
+        with pytest.raises(ValueError, match="exists already"):
+            register(ESTIMATORS["moves"])
+        assert rivid("run", logs, "--out", out, "--config", config, "--workers", 1)[0] == 0
+        found = load_results(out).estimators[0]
+        assert found.estimator == "moves" and found.status == ["ok"] * 6
+        assert found.delay.tolist() == found.candidates[np.argmin(found.criterion, axis=1)].tolist()
+        names = {p.stem for p in (out / "figures").iterdir()}
+        assert {"histogram_moves", "delay_map_moves", "delay_discharge_moves"} <= names
+        assert "tdr_moves" not in names, "it has no impulse response"
+        assert "largest move of the level" in (out / "report.html").read_text(encoding="utf-8")
+    finally:
+        del ESTIMATORS["moves"]
+    assert ESTIMATORS["moves"].words == "moves", "results outlive the estimator that made them"
+    with pytest.raises(ConfigError, match="'moves' is not an estimator; valid: ml, map"):
+        parse({"run": {"estimators": ["moves"]}}, Config)
+
+
+def test_every_estimator_has_rows(all_of_them):
     out, said = all_of_them
     assert [r["estimator"] for r in rows_of(out)] == list(ESTIMATORS) * 6
-    assert set(ESTIMATOR_WORDS) == set(ESTIMATORS)
     assert all(f"  {name} " in said for name in ESTIMATORS)
     assert [line for line in said.splitlines() if len(line) > 80 and not line.startswith("delays: ")] == []
 

@@ -187,13 +187,16 @@ def test_it_works_without_the_outflow(tmp_path):
 @pytest.mark.parametrize("d_max", [5, 15, 27])
 def test_a_day_is_long_enough_exactly_where_the_core_takes_it(d_max):
     made = estimator("posterior", posterior={"d_max": d_max})
-    shortest = made.n_more_than + 1
+    shortest = made.min_samples
     settings = PosteriorSettings(d_max=d_max)
     u, o, h = (values[None, :shortest] for values in noisy(open_loop(4, 2), 2))
     assert posterior(u, h, o, settings).status.shape == (1,)
     with pytest.raises(RividError, match=f"needs {shortest}"):
         posterior(u[:, 1:], h[:, 1:], o[:, 1:], settings)
-    assert made.because == (f"d_max = {d_max}", "[posterior] d_max") and shortest > d_max + GUARD
+    assert (made.needed_for, made.key) == (
+        f"d_max = {d_max}",
+        "[posterior] d_max",
+    ) and shortest > d_max + GUARD
 
 
 def test_a_river_has_the_probability_of_its_t50(tmp_path):
