@@ -59,7 +59,7 @@ def core(season: Season) -> str:
     return text + f"\nThe same delay on {same} of {len(u)} days.\n"
 
 
-STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.lean, rivid.run.plan, rivid.run.run; rivid.run.lean.spare_pandas()"
+STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.plan, rivid.run.run, rivid.run.workers; rivid.run.workers.without_pandas()"
 """What `rivid run` imports before it looks at its first file."""
 
 

@@ -166,12 +166,12 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     """
     from rivid.logs.catalog import find_days
     from rivid.logs.read import read_window
-    from rivid.run.lean import spare_pandas
+    from rivid.run.workers import without_pandas
 
     said, wanted, root = as_config(config), as_date(date), Path(path)
     if not root.exists():
         raise NoDataError(f"{root} does not exist: expected a log, or a directory of logs")
-    spare_pandas()
+    without_pandas()
     catalog = find_days(root, said)
     sources = {source.date: source for source in catalog.days}
     if not sources:

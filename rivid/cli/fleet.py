@@ -30,10 +30,10 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     from rivid.fleet.outcome import worst
     from rivid.fleet.run import fleet_of
     from rivid.results.store import Store
-    from rivid.run.lean import spare_pandas
+    from rivid.run.workers import without_pandas
 
     console = Console(quiet, verbose)
-    spare_pandas()
+    without_pandas()
     console.begin(("results", out))
     console.phase("starting")
     outcomes = fleet_of(out)

@@ -1,7 +1,6 @@
 """``rivid run``."""
 
 import datetime as dt
-import gc
 import math
 from pathlib import Path
 from typing import Any
@@ -96,7 +95,7 @@ def command(
     from rivid.cli.locate import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.run.plan import Shard
-    from rivid.run.preload import DRAWING, cores, warm
+    from rivid.run.workers import DRAWING, cores, warm
 
     on_dask = _on_dask(engine, scheduler, workers)
     console = Console(quiet, verbose)
@@ -110,17 +109,14 @@ def command(
         if holds_logs(data_dir):
             warm(DRAWING)  # while this process imports, reads and estimates
 
-    gc.disable()  # what is imported stays: looking through it for rubbish is a tenth of the start
     from rivid.cli.fleet_run import run_all, say_plan
     from rivid.config import ReachConfig, load_config, parse
     from rivid.results.record import assumed
-    from rivid.run.lean import spare_pandas
     from rivid.run.plan import Options, make_plan
     from rivid.run.run import run
+    from rivid.run.workers import without_pandas
 
-    spare_pandas()
-    gc.freeze()
-    gc.enable()
+    without_pandas()
     console.begin(("logs", data_dir), ("settings", config or "Table I"), ("results", place))
     console.phase("starting")
     if dry_run and as_json:
@@ -214,7 +210,7 @@ def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
     if not on_dask:
         return nullcontext()
     from rivid.run.dask import Dask
-    from rivid.run.preload import cores
+    from rivid.run.workers import cores
 
     return Dask(scheduler, workers or cores())
 

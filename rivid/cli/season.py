@@ -47,10 +47,10 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
     from rivid.results import record
     from rivid.results.season import join, law_of, read_days, write_season
     from rivid.results.store import Store
-    from rivid.run.lean import spare_pandas
+    from rivid.run.workers import without_pandas
 
     console = Console(quiet, verbose)
-    spare_pandas()
+    without_pandas()
     out = _of_reach(out, reach)
     if not record.last(out):  # before the lock, which would make the directory
         raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")

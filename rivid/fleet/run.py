@@ -18,9 +18,8 @@ from rivid.results import record
 from rivid.results.store import Store
 from rivid.run.drawing import forget_results
 from rivid.run.plan import Options
-from rivid.run.preload import DRAWING, ESTIMATING, cores
 from rivid.run.run import ONE_PROCESS_BELOW, TooManyError, run
-from rivid.run.workers import Engine, Here, each, processes
+from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, cores, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
 """A reach with more new days than this is shared out, where workers would otherwise wait for it."""

@@ -6,8 +6,10 @@ rows, and a day the same row in any batch.
 
 import datetime as dt
 from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from platform import node
 from typing import Any
 
 import numpy as np
@@ -19,14 +21,17 @@ from rivid import estimators
 from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
-from rivid.errors import DataError, PendingError, printable
+from rivid.errors import DataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared
 from rivid.logs.catalog import DaySource
 from rivid.logs.read import DataSet, read_window
+from rivid.results.rows import write_segment
 from rivid.results.tables import SEGMENT, to_table
+from rivid.run.workers import Engine, each
 from rivid.types import Floats
 
 Row = dict[str, Any]
+Done = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -250,3 +255,61 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
     if answer.reason is not None and answer.reason[i]:
         return str(answer.reason[i])
     return f"the inflow moves too little: condition number of U'U is {_at(answer.condition, i):.1e}"
+
+
+def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
+    """Estimate batches and write their segments.
+
+    Parameters
+    ----------
+    batches : iterable of Batch
+        Taken as workers have room for them.
+    segments : Path
+        Directory of the segments; every worker of the engine must see it.
+    engine : Engine
+    done : callable
+        Called with the number of windows of each batch that is finished.
+
+    Raises
+    ------
+    RividError
+        Where a worker does not see DATA_DIR or OUT.
+    """
+    for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
+        if lost:
+            _alone(batch, segments, engine, done)
+        else:
+            done(len(batch.windows))
+
+
+def work(batch: Batch, segments: Path) -> None:
+    """What a worker does with a batch.
+
+    Raises
+    ------
+    RividError
+        Where it does not see the logs' directory or that of the segments: a lost disk is no failed day.
+    """
+    for place in (batch.root, segments):
+        if not place.exists():
+            raise RividError(
+                f"a worker on {node()} does not see {place}: DATA_DIR and OUT must be there, under these "
+                "paths, on every machine that works; what is done is kept"
+            )
+    write_segment(segments, estimate_batch(batch))
+
+
+def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
+    """A batch during which a worker died, by itself; halved for as long as it kills its worker."""
+    try:
+        with engine.one() as single:
+            single.submit(work, batch, segments).result()
+        done(len(batch.windows))
+    except engine.died:
+        if len(batch.windows) == 1:
+            reason = "the worker process died on this day (out of memory?)"
+            write_segment(segments, failed_batch(batch, reason))
+            done(1)
+            return
+        for half in batch.halves():
+            _alone(half, segments, engine, done)

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -19,7 +18,7 @@ from typing import Any
 from rivid import __version__
 from rivid.errors import ConfigError, RividError
 from rivid.results.store import METHOD_VERSION
-from rivid.run.workers import Engine
+from rivid.run.workers import Engine, without_pandas
 
 PATIENCE = 10
 """How long a scheduler may take to answer [s]."""
@@ -181,17 +180,6 @@ def _everywhere(value: Any) -> Any:
     return value.absolute() if isinstance(value, Path) else value
 
 
-@cache
-def _settle() -> None:
-    """Make a worker of ours ready, once: what it has imported stays, nothing looks through it for rubbish."""
-    import gc
-
-    from rivid.run.lean import spare_pandas
-
-    spare_pandas()
-    gc.freeze()
-
-
 def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any) -> Any:
     """What a Dask worker does: one task at a time, for drawing is not made for threads.
 
@@ -203,6 +191,6 @@ def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any)
             "install the same on both, and start the workers again"
         )
     if own:
-        _settle()
+        without_pandas()
     with _one_at_a_time:
         return task(*arguments)

@@ -18,11 +18,10 @@ from rivid.results.merge import write_merged
 from rivid.results.rows import Rows, hash_of
 from rivid.results.store import Store, digest
 from rivid.results.tables import SCHEMA_VERSION, TABLES
-from rivid.run.batch import Batch, Window
+from rivid.run.batch import Batch, Window, run_batches
 from rivid.run.drawing import draw_here, draw_with
 from rivid.run.plan import Options, Plan, make_plan
-from rivid.run.preload import DRAWING, cores, warm
-from rivid.run.workers import Engine, Here, Processes, processes, run_batches
+from rivid.run.workers import DRAWING, Engine, Here, Processes, cores, processes, warm
 
 BATCH_DAYS = 128
 """Days of a batch at most: small enough to share out, large enough to be worth a file."""

@@ -1,35 +1,49 @@
-"""Batches mapped over an engine: over worker processes, or over none; one path, the same rows.
+"""Engines that execute tasks: worker processes of this machine, or this process; one path, the same rows.
 
-An :class:`Engine` is all that is asked of what executes: so many tasks at a time, each a function and its
-arguments, and a word when a worker died. A worker writes its own segment, so rows never travel between
-processes, and what was done stays done. A killed worker costs only its batch: the batch is halved until the
-day that kills is alone and failed.
+An :class:`Engine` executes so many tasks at a time and reports a worker that died. Nothing heavy is imported
+here: worker processes can be started before this process imports what it needs itself.
+
+What is special about the worker processes, with what it saves (medians of `rivid run` in turn, two cores):
+
+- They are forks of one process, which imports what workers need while this process imports and estimates
+  (:func:`warm`): WARM_MEASURED.
+- A worker ends with the command, also where the command is killed (:func:`_end_with_parent`). Without, all
+  workers of a killed command still ran after 20 s.
+- pyarrow does not import pandas (:func:`without_pandas`): PANDAS_MEASURED.
 """
 
 import os
+import signal
+import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from multiprocessing import get_context
-from pathlib import Path
-from platform import node
+from multiprocessing import get_context, parent_process
 from typing import Any, Protocol
 
-from rivid.errors import RividError
-from rivid.results.rows import write_segment
-from rivid.run.batch import Batch, estimate_batch, failed_batch
-from rivid.run.preload import ESTIMATING, begin, warm
+ESTIMATING = ("rivid.run.batch",)
+"""Modules of a worker that estimates batches."""
 
-Done = Callable[[int], None]
+DRAWING = (
+    "rivid.run.drawing",
+    "rivid.results.read",
+    "rivid.report.build",
+    "jinja2",
+    *(f"rivid.plots.{name}" for name in ("tdr", "histogram", "delay_map", "discharge", "fir_day", "t50")),
+    "pyarrow.parquet",
+)
+"""Modules of a worker that draws figures."""
+
 IN_FLIGHT = 2
-"""Tasks handed out per worker ahead of their turn."""
+"""Tasks submitted per worker: while one runs, the next is at hand."""
 
 
 class Engine(Protocol):
-    """What executes tasks.
+    """Executes tasks.
 
-    A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then gives
-    workers again. Any other exception is the task's own.
+    A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then starts new
+    workers. Any other exception is raised by the task itself.
     """
 
     @property
@@ -38,14 +52,14 @@ class Engine(Protocol):
         ...
 
     died: tuple[type[BaseException], ...]
-    """What says that a worker died."""
+    """Exceptions that report the death of a worker."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Have a task executed; task, arguments and answer must travel between processes."""
+        """Execute a task; task, arguments and result are pickled."""
         ...
 
     def renew(self) -> None:
-        """Have workers again after one died."""
+        """Replace the workers after one died."""
         ...
 
     def one(self) -> AbstractContextManager["Engine"]:
@@ -60,28 +74,28 @@ class Here:
     died: tuple[type[BaseException], ...] = ()
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute the task, and come back when it is done."""
+        """Execute the task at once."""
         future: Future[Any] = Future()
         future.set_result(task(*arguments))
         return future
 
     def renew(self) -> None:
-        """Nothing to renew: whoever kills this process ends the run."""
+        """Do nothing: without this process there is no run."""
 
     @contextmanager
     def one(self) -> Iterator["Engine"]:
-        """This one."""
+        """This engine."""
         yield self
 
 
 class Processes:
-    """Worker processes of this machine: ``with Processes(4) as engine``; they are gone when the block ends.
+    """Worker processes of this machine: ``with Processes(4) as engine``; they end with the block.
 
     Parameters
     ----------
     workers : int
     modules : sequence of str
-        What workers need, imported once for all of them.
+        Modules that are imported once for all workers.
     """
 
     died: tuple[type[BaseException], ...] = (BrokenExecutor,)
@@ -98,18 +112,20 @@ class Processes:
         self._close(at_once=kind is not None)
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Have a worker execute the task."""
+        """Execute the task in a worker."""
         if self._pool is None:
-            self._pool = self._open()
+            warm(self.modules)
+            context = get_context("forkserver" if os.name == "posix" else "spawn")
+            self._pool = ProcessPoolExecutor(self.slots, mp_context=context, initializer=_begin)
         try:
             return self._pool.submit(task, *arguments)
-        except BrokenExecutor as error:  # a worker died since: the caller learns it as of any task
+        except BrokenExecutor as error:  # a worker died in between: reported like that of any task
             future: Future[Any] = Future()
             future.set_exception(error)
             return future
 
     def renew(self) -> None:
-        """Drop what is left of the workers; the next task has new ones."""
+        """Terminate the remaining workers; the next task starts new ones."""
         self._close(at_once=True)
 
     @contextmanager
@@ -117,11 +133,6 @@ class Processes:
         """A worker apart from the others."""
         with Processes(1, self.modules) as engine:
             yield engine
-
-    def _open(self) -> ProcessPoolExecutor:
-        warm(self.modules)
-        context = get_context("forkserver" if os.name == "posix" else "spawn")
-        return ProcessPoolExecutor(self.slots, mp_context=context, initializer=begin, initargs=(os.getpid(),))
 
     def _close(self, at_once: bool) -> None:
         pool, self._pool = self._pool, None
@@ -134,26 +145,26 @@ class Processes:
 
 
 def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractContextManager[Engine]:
-    """An engine of so many worker processes; of one: this process."""
+    """An engine of so many worker processes; for one, this process."""
     return Processes(workers, modules) if workers > 1 else nullcontext(Here())
 
 
 def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:
-    """Have tasks executed, a few ahead of their turn; give them as they come back.
+    """Execute tasks, :data:`IN_FLIGHT` per worker at a time, and yield them as they finish.
 
     Parameters
     ----------
     tasks : iterable of (function, argument, ...)
-        Taken as workers have room for them.
+        Consumed as workers become free.
     engine : Engine
 
     Yields
     ------
     task : tuple
-    answer
+    result
         None where it was lost.
     lost : bool
-        A worker died during the task, perhaps of it.
+        A worker died during the task, perhaps because of it.
     """
     coming, under_way = iter(tasks), dict[Future[Any], tuple[Any, ...]]()
     while True:
@@ -167,72 +178,91 @@ def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tup
             for future in finished:
                 task = under_way.pop(future)
                 try:
-                    answer = future.result()
+                    result = future.result()
                 except engine.died:
                     lost.append(task)
                 else:
-                    yield task, answer, False
+                    yield task, result, False
             finished = set()
-            if lost:  # with a pool all that was under way is lost too: known before the next is handed out
+            if lost:  # a broken pool loses all its tasks: collect them before new ones are submitted
                 engine.renew()
                 finished = {future for future in under_way if future.done()}
         for task in lost:
             yield task, None, True
 
 
-def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate batches and write their segments.
-
-    Parameters
-    ----------
-    batches : iterable of Batch
-        Taken as workers have room for them.
-    segments : Path
-        Directory of the segments; every worker of the engine must see it.
-    engine : Engine
-    done : callable
-        Called with the number of windows of each batch that is finished.
-
-    Raises
-    ------
-    RividError
-        Where a worker does not see DATA_DIR or OUT.
-    """
-    for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
-        if lost:
-            _alone(batch, segments, engine, done)
-        else:
-            done(len(batch.windows))
-
-
-def work(batch: Batch, segments: Path) -> None:
-    """What a worker does with a batch.
-
-    Raises
-    ------
-    RividError
-        Where it does not see the logs' directory or that of the segments: a lost disk is no failed day.
-    """
-    for place in (batch.root, segments):
-        if not place.exists():
-            raise RividError(
-                f"a worker on {node()} does not see {place}: DATA_DIR and OUT must be there, under these "
-                "paths, on every machine that works; what is done is kept"
-            )
-    write_segment(segments, estimate_batch(batch))
-
-
-def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
-    """A batch during which a worker died, by itself; halved for as long as it kills its worker."""
+def cores() -> int:
+    """Processor cores that this process may use."""
     try:
-        with engine.one() as single:
-            single.submit(work, batch, segments).result()
-        done(len(batch.windows))
-    except engine.died:
-        if len(batch.windows) == 1:
-            reason = "the worker process died on this day (out of memory?)"
-            write_segment(segments, failed_batch(batch, reason))
-            done(1)
-            return
-        for half in batch.halves():
-            _alone(half, segments, engine, done)
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def warm(modules: Sequence[str]) -> None:
+    """Start the process that workers are forked from, have it import `modules`, and return at once.
+
+    Where it runs already it stays as it is: a worker then imports what is missing itself.
+    """
+    if os.name != "posix":
+        return  # workers are spawned one by one there
+    from multiprocessing import forkserver
+
+    forkserver.set_forkserver_preload(list(modules))
+    with _same_path():
+        forkserver.ensure_running()
+
+
+@contextmanager
+def _same_path() -> Iterator[None]:
+    """Let a process started now import from the same places as this one, and not from the current directory.
+
+    Otherwise a folder `rivid` or a module of another name in the current directory would be imported.
+    """
+    path = os.pathsep.join(os.path.abspath(place) for place in sys.path)
+    given = {"PYTHONPATH": path, "PYTHONSAFEPATH": "1"}
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _begin() -> None:
+    """Initialise a worker: the parent handles signals, and the worker ends with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    without_pandas()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when the command that started it ends: its end of their pipe closes then."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def without_pandas() -> None:
+    """Keep pyarrow from importing pandas when it makes its first array.
+
+    It does so to recognise a Series; a run has none. ``import pandas`` still works afterwards, only pyarrow
+    treats it as absent. Does nothing where pandas is loaded already.
+    """
+    if "pandas" in sys.modules:
+        return
+    import pyarrow as pa
+
+    sys.modules["pandas"] = None  # type: ignore[assignment]  # `import pandas` fails
+    try:
+        pa.array([])
+    finally:
+        del sys.modules["pandas"]

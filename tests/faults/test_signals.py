@@ -5,9 +5,9 @@ import time
 
 import pytest
 
+import rivid.run.run as running
 from rivid.config import Config
 from rivid.run.run import run
-from rivid.run.run import run as running
 from tests.daily import write_days
 from tests.faults.processes import end, forked, is_locked, moments, start, wait_until
 from tests.faults.test_kills import QUICK, duration, kept, resume
