@@ -216,7 +216,7 @@ def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
 
 
 def _dry_run(planned: Any, out: Path, settings: Any) -> int:
-    from rivid.results.rows import read_rows
+    from rivid.results.store import read_rows
 
     rows, _ = read_rows(out / ".rivid" / "segments")
     done = set(rows.table["key"].to_pylist())

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.csv
 
-from rivid.atomic import replacing, write_text
+from rivid.atomic import write_text
 from rivid.fleet.outcome import Outcome, worst
 from rivid.report.page import write_page
-from rivid.results.merge import safe_for_spreadsheets
-from rivid.results.tables import write_parquet
+from rivid.results.tables import safe_for_spreadsheets, write_csv, write_parquet
 from rivid.text import count, duration, number
 
 SCHEMA_VERSION = 1
@@ -102,8 +100,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     write_parquet(table, out / "fleet.parquet")
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
     safe = safe_for_spreadsheets(table, texts)
-    with replacing(out / "fleet.csv") as scratch:
-        pyarrow.csv.write_csv(safe, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
+    write_csv(safe, out / "fleet.csv")
     told = summary(outcomes, before)
     write_page(out / "fleet.html", "fleet", _context(outcomes, told, before, name))
     write_text(out / "fleet.json", json.dumps(told, indent=1, sort_keys=True) + "\n")

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from rivid.atomic import replacing, write_text
+from rivid.atomic import write_text
 from rivid.core.law import DelayLaw, delay_law
 from rivid.core.posterior.settings import RiverSettings
 from rivid.core.season import season
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.results.tables import to_table, write_parquet
+from rivid.results.tables import to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000
@@ -322,12 +321,12 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
     }  # fmt: skip
     table = to_table(columns, SCHEMA)
     write_parquet(table, out / "season.parquet")
-    _write_csv(table, out / "season.csv")
+    write_csv(table, out / "season.csv")
     t = law.table
     values = (t.discharge_low, t.discharge_high, t.discharge, t.delay, t.low, t.high, t.day_low, t.day_high,
               t.observed, t.n)  # fmt: skip
     classes = {name: v.tolist() for name, v in zip(LAW_SCHEMA.names, values, strict=True)}
-    _write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
+    write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
     write_text(out / "delay_law.json", json.dumps(law_json(days, law), indent=2, sort_keys=True) + "\n")
 
 
@@ -342,8 +341,3 @@ def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
         "first": str(days.dates[0]), "last": str(days.dates[-1]),
     }  # fmt: skip
-
-
-def _write_csv(table: pa.Table, path: Path) -> None:
-    with replacing(path) as scratch:
-        pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))

@@ -1,9 +1,11 @@
 """The results contract: schemas of the tables, and writing them.
 
-A row of a *segment* holds one day and estimator with its FIR and criterion as lists; the tables that
-people read (delays, fir, criterion, posterior) are cut from segments.
+A row of a *segment* holds one day and estimator with its FIR and criterion as lists; the tables of OUT
+(delays, fir, criterion, posterior) are made from segments, a chunk of rows at a time.
 """
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 
@@ -53,13 +56,13 @@ DELAYS = pa.schema(
 
 MEANINGS: dict[str, tuple[str, str]] = {
     "date": ("", "the day; of a data set of several days, the last"),
-    "reach": ("", "its name"),
-    "estimator": ("", "who answers"),
+    "reach": ("", "name of the reach"),
+    "estimator": ("", "its name"),
     "status": ("", "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`"),
     "delay_samples": ("samples", "the delay d; the level first moves at sample d + 1"),
     "delay_s": ("s", "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s"),
     "at_bound": ("", "the delay is the shortest or longest tried, or lies outside"),
-    "prior_only": ("", "the data do not single this delay out; empty where the estimator cannot tell"),
+    "prior_only": ("", "the data do not single this delay out; empty where the estimator cannot decide that"),
     "probability": ("", "`posterior`: that the likeliest delay is right"),
     "delay_low": ("samples", "`posterior`: shortest of the fewest delays that together hold 90 %"),
     "delay_high": ("samples", "`posterior`: longest of them"),
@@ -78,7 +81,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "froude": ("", "Froude number (6) at the mean inflow"),
     "bound_gravity_s": ("s", "travel time of a gravity wave (5): the fastest"),
     "bound_kinematic_s": ("s", "travel time of a kinematic wave (5): the slowest"),
-    "message": ("", "why there is no answer, and what the reader should know"),
+    "message": ("", "why there is no answer, and remarks on the day"),
     "lag": ("samples", "fir.parquet: from 0"),
     "value": ("output unit per m3/s", "fir.parquet: the impulse response at this lag"),
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
@@ -95,13 +98,14 @@ SEGMENT = pa.schema(
         ("curve", pa.list_(pa.float64())),
     ]
 )
-"""What workers write: the row, the content key of its day, its FIR, and its whole curve: the criterion of
-every candidate delay, CUSUM's g, or the probability."""
+"""Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
+candidate delay (of CUSUM its g, of posteriors the probability)."""
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
-"""What :func:`write_tables` writes."""
+"""Files of :func:`write_tables`."""
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""First characters of a cell that a spreadsheet evaluates as a formula."""
 
 
 def to_table(columns: dict[str, list[Any]], schema: pa.Schema) -> pa.Table:
@@ -123,64 +127,99 @@ def write_parquet(table: pa.Table, path: Path) -> None:
         pq.write_table(table, scratch, compression="zstd", write_page_checksum=True)
 
 
-def write_tables(rows: pa.Table, out: Path) -> None:
-    """Write the :data:`TABLES`.
+def write_csv(table: pa.Table, path: Path) -> None:
+    """Write CSV atomically."""
+    with replacing(path) as scratch:
+        pyarrow.csv.write_csv(table, scratch, pyarrow.csv.WriteOptions(quoting_style="needed"))
 
-    fir.parquet has a column `sd` where an estimator of the run gives the spread of its response;
-    posterior.parquet has no row where none gives probabilities.
+
+def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)) -> pa.Table:
+    """Prefix text that a spreadsheet would evaluate as a formula with an apostrophe."""
+    for name in columns:
+        index = table.column_names.index(name)
+        cells = table.column(index).to_pylist()
+        safe = ["'" + text if text and text.startswith(FORMULA) else text for text in cells]
+        table = table.set_column(index, name, pa.array(safe, pa.string()))
+    return table
+
+
+def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool) -> None:
+    """Write the :data:`TABLES`, each atomically; posterior.parquet has the rows with probabilities.
 
     Parameters
     ----------
-    rows : pyarrow.Table
-        Of schema :data:`SEGMENT`, in the order of the tables.
+    chunks : iterable of pyarrow.Table
+        Rows of schema :data:`SEGMENT` in the order of the tables; each chunk becomes a row group of
+        delays.parquet.
     out : Path
         OUT.
+    spread : bool
+        fir.parquet has a column `sd`, the standard deviation of the response.
     """
-    delays = rows.select(DELAYS.names)
-    write_parquet(delays, out / "delays.parquet")
-    options = pyarrow.csv.WriteOptions(quoting_style="needed")
-    with replacing(out / "delays.csv") as scratch:
-        pyarrow.csv.write_csv(_safe_for_spreadsheets(delays), scratch, options)
-    lag0 = pa.scalar(0, pa.int64())
-    write_parquet(_with_spread(_long(rows, "fir", lag0, "lag", "value"), rows), out / "fir.parquet")
-    first = rows["first_candidate"]
-    write_parquet(_long(rows, "curve", first, "delay_samples", "criterion"), out / "criterion.parquet")
-    sure = rows.filter(rows["probability"].is_valid())
-    first = sure["first_candidate"]
-    write_parquet(_long(sure, "curve", first, "delay_samples", "probability"), out / "posterior.parquet")
-
-
-def _with_spread(fir: pa.Table, rows: pa.Table) -> pa.Table:
-    """The long table of responses, with their standard deviations where a row has them."""
-    given = rows["fir_sd"].is_valid().to_numpy(zero_copy_only=False)
-    if not given.any():
-        return fir
-    lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
-    has = np.repeat(given, lengths)
-    sd = np.zeros(len(has))
-    sd[has] = pc.list_flatten(rows["fir_sd"]).to_numpy()
-    return fir.append_column("sd", pa.array(sd, pa.float64(), mask=~has))
-
-
-def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
-    """Text that a spreadsheet would run as a formula gets an apostrophe in front."""
-    column = table["message"].to_pylist()
-    safe = ["'" + text if text and text.startswith(_FORMULA) else text for text in column]
-    return table.set_column(table.column_names.index("message"), "message", pa.array(safe, pa.string()))
-
-
-def _long(rows: pa.Table, column: str, first: Any, axis: str, value: str) -> pa.Table:
-    """One row per element of a list column: date, reach, estimator, axis, value."""
-    lists = rows[column].combine_chunks()
-    if isinstance(lists, pa.ChunkedArray):
-        lists = (
-            pa.concat_arrays(lists.chunks) if lists.num_chunks else pa.array([], SEGMENT.field(column).type)
+    with ExitStack() as files:
+        delays, fir, criterion, posterior = (
+            files.enter_context(_growing(out / f"{name}.parquet"))
+            for name in ("delays", "fir", "criterion", "posterior")
         )
-    lengths = np.diff(lists.offsets.to_numpy()) * ~np.asarray(lists.is_null())
+        scratch = files.enter_context(replacing(out / "delays.csv"))
+        options = pyarrow.csv.WriteOptions(quoting_style="needed")
+        text = files.enter_context(pyarrow.csv.CSVWriter(scratch, DELAYS, write_options=options))
+        for chunk in chunks:
+            short = chunk.select(DELAYS.names)
+            delays(short)
+            text.write_table(safe_for_spreadsheets(short))
+            responses = _long(chunk, "fir", None, "lag", "value")
+            fir(_with_sd(responses, chunk) if spread else responses)
+            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion"))
+            sure = chunk.filter(chunk["probability"].is_valid())
+            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability"))
+
+
+@contextmanager
+def _growing(path: Path) -> Iterator[Callable[[pa.Table], None]]:
+    """A Parquet file that grows by tables; it replaces the old one when all are written."""
+    with replacing(path) as scratch, ExitStack() as stack:
+        writers: list[pq.ParquetWriter] = []
+        empty: list[pa.Table] = []
+
+        def write(table: pa.Table) -> None:
+            if not writers:
+                writer = pq.ParquetWriter(scratch, table.schema, compression="zstd", write_page_checksum=True)
+                writers.append(stack.enter_context(writer))
+                empty.append(table.slice(0, 0))
+            if len(table):
+                writers[0].write_table(table)
+                empty.clear()
+
+        yield write
+        for table in empty:  # a file without rows has one row group all the same
+            writers[0].write_table(table)
+        stack.close()
+
+
+def _long(rows: pa.Table, column: str, first: str | None, axis: str, value: str) -> pa.Table:
+    """A row per element of a list column: date, reach, estimator, axis, value; the axis begins at `first`."""
+    lists = rows[column].combine_chunks()
+    lengths = pc.fill_null(pc.list_value_length(lists), 0).to_numpy(zero_copy_only=False)
     of_row = np.repeat(np.arange(len(rows)), lengths)
-    start = first.as_py() if isinstance(first, pa.Scalar) else first.fill_null(0).to_numpy()
-    ends = np.cumsum(lengths)
-    position = np.arange(len(of_row)) - np.repeat(ends - lengths, lengths)
-    labels = position + (start if np.isscalar(start) else np.asarray(start)[of_row])
-    keys = rows.select(["date", "reach", "estimator"]).take(pa.array(of_row))
-    return keys.append_column(axis, pa.array(labels, pa.int64())).append_column(value, lists.flatten())
+    labels = np.arange(len(of_row)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    if first is not None:
+        labels += pc.fill_null(rows[first], 0).to_numpy()[of_row]
+    keys = rows.select(["date", "reach", "estimator"]).take(whole_numbers(of_row))
+    return keys.append_column(axis, whole_numbers(labels)).append_column(value, pc.list_flatten(lists))
+
+
+def _with_sd(responses: pa.Table, rows: pa.Table) -> pa.Table:
+    """The long table of responses, with their standard deviations; empty where a row has none."""
+    lengths = pc.fill_null(pc.list_value_length(rows["fir"]), 0).to_numpy()
+    has = np.repeat(rows["fir_sd"].is_valid().to_numpy(), lengths)
+    place = whole_numbers(np.where(has, np.cumsum(has) - 1, -1))
+    given = pc.list_flatten(rows["fir_sd"]).combine_chunks()
+    where = pc.if_else(pc.less(place, 0), pa.scalar(None, pa.int64()), place)
+    return responses.append_column("sd", given.take(where))
+
+
+def whole_numbers(values: NDArray[np.int64]) -> pa.Array:
+    """An Arrow array of integers; ``pa.array`` of a numpy array would import numpy.ma to check for a mask."""
+    values = np.ascontiguousarray(values, np.int64)
+    return pa.Array.from_buffers(pa.int64(), len(values), [None, pa.py_buffer(values)])

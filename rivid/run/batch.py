@@ -25,7 +25,7 @@ from rivid.errors import DataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared
 from rivid.logs.catalog import DaySource
 from rivid.logs.read import DataSet, read_window
-from rivid.results.rows import write_segment
+from rivid.results.store import write_segment
 from rivid.results.tables import SEGMENT, to_table
 from rivid.run.workers import Engine, each
 from rivid.types import Floats

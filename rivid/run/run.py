@@ -14,10 +14,8 @@ from rivid.config import Config
 from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.estimators import build
 from rivid.results import record
-from rivid.results.merge import write_merged
-from rivid.results.rows import Rows, hash_of
-from rivid.results.store import Store, digest
-from rivid.results.tables import SCHEMA_VERSION, TABLES
+from rivid.results.store import Rows, Store, digest, hash_of
+from rivid.results.tables import SCHEMA_VERSION, TABLES, write_tables
 from rivid.run.batch import Batch, Window, run_batches
 from rivid.run.drawing import draw_here, draw_with
 from rivid.run.plan import Options, Plan, make_plan
@@ -46,7 +44,7 @@ class Summary:
     ----------
     out : Path
     rows : pyarrow.Table
-        All rows of OUT in their order, or those of the shard: columns :data:`rivid.results.rows.SHORT`, and
+        All rows of OUT in their order, or those of the shard: columns :data:`rivid.results.store.SHORT`, and
         `message` where a day failed.
     windows : int
         Data sets of DATA_DIR.
@@ -161,7 +159,7 @@ def run(
         current = before.get("content") == content and record.is_whole(out, before, options.figures)
         if options.force or not current:
             record.unfinished(out, before)
-            write_merged(rows, out)
+            write_tables(rows.chunks(), out, rows.spread)
             now = record.describe(config, data_dir, started) | {
                 "data_sets": summary.windows,
                 "computed": summary.computed,

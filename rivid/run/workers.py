@@ -251,6 +251,15 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+class _NoPandas:
+    """A finder of modules to which pandas does not exist."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        """Refuse pandas; leave any other module to the next finder."""
+        if name == "pandas":
+            raise ModuleNotFoundError(name)
+
+
 def without_pandas() -> None:
     """Keep pyarrow from importing pandas when it makes its first array.
 
@@ -261,8 +270,9 @@ def without_pandas() -> None:
         return
     import pyarrow as pa
 
-    sys.modules["pandas"] = None  # type: ignore[assignment]  # `import pandas` fails
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
     try:
         pa.array([])
     finally:
-        del sys.modules["pandas"]
+        sys.meta_path.remove(finder)

@@ -8,7 +8,7 @@ import pytest
 
 import rivid.run.run as running
 from rivid.config import Config
-from rivid.results.rows import read_rows
+from rivid.results.store import read_rows
 from rivid.run.plan import Options
 from rivid.run.run import run
 from tests.daily import write_days

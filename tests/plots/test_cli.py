@@ -49,7 +49,7 @@ def store_run(run, out):
     table = to_table({k: [None if v is np.nan else v for v in c] for k, c in columns.items()}, SEGMENT)
     assert isinstance(table, pa.Table)
     out.mkdir()
-    write_tables(table, out)
+    write_tables([table], out, spread=False)
     record = {
         "schema_version": SCHEMA_VERSION,
         "reach": run.reach,

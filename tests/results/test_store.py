@@ -1,5 +1,6 @@
-"""Rows that are not held: the same tables whatever the size of a chunk and the order of the segments."""
+"""Rows read from disk in chunks: the same tables for any size of chunk and order of segments."""
 
+import datetime as dt
 import shutil
 
 import numpy as np
@@ -7,10 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from rivid.results import merge, rows, tables
-from rivid.results.rows import Rows, hash_of, read_rows, write_rows, write_segment
-from rivid.results.store import Store
-from rivid.results.tables import SEGMENT, to_table
+from rivid.results import store
+from rivid.results.store import Rows, Store, hash_of, read_rows, write_rows, write_segment
+from rivid.results.tables import SEGMENT, to_table, write_tables
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, rivid
 
@@ -26,7 +26,7 @@ def segment(keys, seed=0):
             sure = name == "posterior" and key % 3
             row = {
                 "key": f"{key:04d}",
-                "date": __import__("datetime").date(2000, 1, 1) + __import__("datetime").timedelta(days=key),
+                "date": dt.date(2000, 1, 1) + dt.timedelta(days=key),
                 "reach": "r",
                 "estimator": name,
                 "status": "failed" if key % 5 == 0 else "ok",
@@ -45,7 +45,7 @@ def segment(keys, seed=0):
 
 @pytest.fixture
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(rows, "CHUNK", 16)
+    monkeypatch.setattr(store, "CHUNK", 16)
 
 
 def scattered(folder, seed=0, days=60):
@@ -59,12 +59,12 @@ def scattered(folder, seed=0, days=60):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_read_in_chunks_is_what_is_held(tmp_path, monkeypatch, seed):
+def test_rows_read_in_chunks_equal_rows_kept_whole(tmp_path, monkeypatch, seed):
     keys = scattered(tmp_path / "segments", seed)
     held, _ = read_rows(tmp_path / "segments")
     assert held.kept is not None
     held = held.arranged(keys, NAMES)
-    monkeypatch.setattr(rows, "CHUNK", 16)
+    monkeypatch.setattr(store, "CHUNK", 16)
     spread, damaged = read_rows(tmp_path / "segments")
     assert spread.kept is None and not damaged
     spread = spread.arranged(keys, NAMES)
@@ -74,18 +74,18 @@ def test_what_is_read_in_chunks_is_what_is_held(tmp_path, monkeypatch, seed):
     assert [len(chunk) for chunk in spread.chunks()] == [16] * 7 + [8]
 
 
-def test_of_messages_only_those_of_failed_days_are_held(tmp_path):
+def test_only_messages_of_failed_days_are_kept(tmp_path):
     scattered(tmp_path / "segments")
     found, _ = read_rows(tmp_path / "segments")
     for status, message in zip(*(found.table[c].to_pylist() for c in ("status", "message")), strict=True):
         assert (message is not None) == (status == "failed")
 
 
-def test_tables_cut_in_chunks_hold_what_tables_in_one_piece_hold(tmp_path, small_chunks):
+def test_tables_written_in_chunks_equal_tables_written_at_once(tmp_path, small_chunks):
     keys = scattered(tmp_path / "segments")
     found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
-    merge.write_merged(found, tmp_path / "chunks")
-    tables.write_tables(pa.concat_tables(found.chunks()).combine_chunks(), tmp_path / "whole")
+    write_tables(found.chunks(), tmp_path / "chunks", found.spread)
+    write_tables([pa.concat_tables(found.chunks()).combine_chunks()], tmp_path / "whole", found.spread)
     for name in TABLES:
         one, other = tmp_path / "chunks" / name, tmp_path / "whole" / name
         if name.endswith(".csv"):
@@ -95,18 +95,18 @@ def test_tables_cut_in_chunks_hold_what_tables_in_one_piece_hold(tmp_path, small
     assert pq.ParquetFile(tmp_path / "chunks" / "delays.parquet").num_row_groups == 8
 
 
-def test_no_responses_with_spread_in_one_chunk_and_some_in_another(tmp_path, small_chunks):
+def test_standard_deviations_may_be_missing_in_a_chunk(tmp_path, small_chunks):
     folder = tmp_path / "segments"
     folder.mkdir()
     write_segment(folder, segment(range(0, 60, 3)))  # no day of these has one
     write_segment(folder, segment([61]))
     found = read_rows(folder)[0].arranged([f"{key:04d}" for key in [*range(0, 60, 3), 61]], NAMES)
-    merge.write_merged(found, tmp_path / "out")
+    write_tables(found.chunks(), tmp_path / "out", found.spread)
     sd = pq.read_table(tmp_path / "out" / "fir.parquet")["sd"]
     assert sd.null_count == len(sd) - 4
 
 
-def test_many_rows_are_one_segment_of_many_row_groups(tmp_path, small_chunks):
+def test_many_rows_become_one_segment_of_many_row_groups(tmp_path, small_chunks):
     keys = scattered(tmp_path / "segments")
     found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
     (tmp_path / "one").mkdir()
@@ -116,27 +116,27 @@ def test_many_rows_are_one_segment_of_many_row_groups(tmp_path, small_chunks):
     assert pa.concat_tables(again.chunks()).equals(pa.concat_tables(found.chunks()))
 
 
-def test_keys_that_are_forgotten_are_gone_and_the_others_are_not(tmp_path, small_chunks):
-    with Store(tmp_path / "out") as store:
-        store.segments.rmdir()
-        keys = scattered(store.segments)
-        store.forget([*keys[::2], "unknown"])
-        left = store.read().arranged(keys, NAMES)
+def test_forget_removes_the_given_keys_only(tmp_path, small_chunks):
+    with Store(tmp_path / "out") as held:
+        held.segments.rmdir()
+        keys = scattered(held.segments)
+        held.forget([*keys[::2], "unknown"])
+        left = held.read().arranged(keys, NAMES)
     assert left.table["key"].to_pylist() == [key for key in keys[1::2] for _ in NAMES]
 
 
-def test_rows_of_nothing(tmp_path):
+def test_no_segments_give_no_rows(tmp_path):
     found, damaged = read_rows(tmp_path)
     assert len(found) == 0 and not damaged
     nothing = found.arranged(["a"], ["ml"])
     assert isinstance(nothing, Rows) and [len(chunk) for chunk in nothing.chunks()] == [0]
 
 
-def test_runs_in_small_chunks_give_the_same_answers(tmp_path, monkeypatch):
+def test_runs_give_the_same_tables_for_any_size_of_chunk(tmp_path, monkeypatch):
     write_days(tmp_path / "data", 9)
     words = ("run", tmp_path / "data", "--no-figures", "--estimator", "jmap", "--estimator", "ml", "--out")
     assert rivid(*words, tmp_path / "plain")[0] == 0
-    monkeypatch.setattr(rows, "CHUNK", 4)
+    monkeypatch.setattr(store, "CHUNK", 4)
     assert rivid(*words, tmp_path / "small", "--to", "2008-03-13")[0] == 0
     (tmp_path / "data" / "2008-03-10.csv").unlink()
     shutil.copytree(tmp_path / "small", tmp_path / "direct")
