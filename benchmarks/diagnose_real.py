@@ -22,7 +22,7 @@ from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.result import closed_share
 from rivid.diagnosis.study import Study
 from rivid.diagnosis.workflow import TRIM, look
-from rivid.report.diagnosis_files import write_diagnosis
+from rivid.report.diagnosis import write_diagnosis
 
 ROOT = Path(__file__).parent.parent
 LOGS = ROOT / "sample_data" / "glen_canyon"

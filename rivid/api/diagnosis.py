@@ -51,7 +51,7 @@ class DiagnosisResult:
         return f"DiagnosisResult({self.config.reach.name}: {self.verdict}{named})"
 
     def __str__(self) -> str:
-        from rivid.report.diagnosis_text import summary
+        from rivid.report.diagnosis import summary
 
         return summary(self.answer)
 
@@ -107,7 +107,7 @@ class DiagnosisResult:
         """
         from rivid.diagnosis.choice import library_of
         from rivid.diagnosis.model.augmented import write_model
-        from rivid.report.diagnosis_files import write_diagnosis
+        from rivid.report.diagnosis import write_diagnosis
 
         page = write_diagnosis(
             Path(out), self.answer, self.evidence, draw=pictures, reach=self.config.reach.name,
@@ -121,7 +121,7 @@ class DiagnosisResult:
         """The unexplained inflow of each day, and the error on the days kept apart, before and after."""
         from rivid.api.picture import date_axes, picture
         from rivid.plots import style
-        from rivid.report.diagnosis_text import headline
+        from rivid.report.diagnosis import headline
 
         with style.styled():
             figure, (course, errors) = picture(

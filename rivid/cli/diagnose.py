@@ -74,7 +74,7 @@ def command(
     if as_json:
         click.echo(found.answer.to_json(), nl=False)
     elif not quiet:
-        from rivid.report.diagnosis_text import summary
+        from rivid.report.diagnosis import summary
 
         click.echo(summary(found.answer, page))
     return 3 if found.verdict == "insufficient_data" else 0

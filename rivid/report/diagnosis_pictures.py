@@ -8,7 +8,9 @@ from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import ClosedLoop, Diagnosis, Gap, LoopDay
 from rivid.plots.diagnosis import KINDS
 from rivid.plots.style import FigureFile
-from rivid.report.diagnosis_text import loop_words, name_words, scale_of
+from rivid.report.diagnosis import loop_words
+from rivid.report.quantities import name as name_words
+from rivid.report.quantities import scale as scale_of
 from rivid.text import count
 
 

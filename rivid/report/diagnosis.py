@@ -1,0 +1,305 @@
+"""The files of a diagnosis: page, figures, JSON and unexplained inflow; and its summary for a terminal.
+
+This module computes and formats numbers; the sentences are in the templates ``diagnosis*.j2``.
+"""
+
+import datetime as dt
+import html
+import textwrap
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomli_w
+
+from rivid.atomic import write_text
+from rivid.diagnosis.answer import Evidence
+from rivid.diagnosis.result import VERDICTS, ClosedLoop, Diagnosis, Gap, NamedEffect
+from rivid.effects import Effect, effect_classes
+from rivid.plots.style import FigureFile
+from rivid.report import quantities
+from rivid.report.page import data_uri, environment, write_page
+from rivid.text import count, day_range, listed, number
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+BAND = 1.959964
+"""Standard deviations to either side of a 95 % band."""
+FLOWS = ("w_m3s", "low", "high", "w_before_m3s", "low_before", "high_before")
+"""Columns of unexplained_inflow.parquet after `time`."""
+MEANINGS: dict[str, tuple[str, str]] = {
+    "time": ("", "local time without zone, as in the logs"),
+    "w_m3s": ("m3/s", "inflow that no log explains, with the named effects in the model"),
+    "low": ("m3/s", "lower end of its 95 % band"),
+    "high": ("m3/s", "upper end of its 95 % band"),
+    "w_before_m3s": ("m3/s", "the same without the named effects"),
+    "low_before": ("m3/s", "lower end of its 95 % band"),
+    "high_before": ("m3/s", "upper end of its 95 % band"),
+}
+"""Unit and meaning of each column of unexplained_inflow.parquet."""
+MOST_PARAMETERS = 12
+"""Parameters on the card of an effect; diagnosis.json holds all."""
+WIDTH, INDENT = 80, 11
+"""Columns of the terminal summary, and of its keys."""
+NOISE = {
+    "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
+    "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
+    "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
+    "surface_area": ("water surface", "m²"),
+}  # fmt: skip
+"""Name and unit of each parameter of the noise model."""
+
+
+def write_diagnosis(
+    out: Path,
+    diagnosis: Diagnosis,
+    evidence: Evidence | None,
+    *,
+    draw: bool = True,
+    reach: str = "",
+    classes: Mapping[str, type[Effect]] | None = None,
+) -> Path:
+    """Write diagnosis.json, unexplained_inflow.parquet, figures/diagnosis_*.png and diagnosis.html.
+
+    Parameters
+    ----------
+    out : Path
+        OUT; it is created if missing. Other files in it remain.
+    diagnosis : Diagnosis
+    evidence : Evidence or None
+        None if there were too few data.
+    draw : bool
+        Draw figures; if False, figures of an earlier diagnosis are removed.
+    reach : str
+        Name of the reach, for the page.
+    classes : mapping of str to type of Effect, optional
+        Descriptions of the effects by name; default: :func:`rivid.effects.effect_classes`.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    RividError
+        If a file cannot be written.
+
+    Notes
+    -----
+    Each file is written atomically, diagnosis.json last. Equal results give equal bytes.
+    """
+    from rivid.report.diagnosis_pictures import draw_pictures, drop_pictures
+
+    write_inflow(out / "unexplained_inflow.parquet", evidence)
+    files = draw_pictures(out, diagnosis, evidence) if draw else []
+    drop_pictures(out, files)
+    known = effect_classes() if classes is None else classes
+    page = write_diagnosis_page(out, diagnosis, evidence, files, reach=reach, classes=known)
+    write_text(out / "diagnosis.json", diagnosis.to_json())
+    return page
+
+
+def write_inflow(path: Path, evidence: Evidence | None) -> None:
+    """Write the unexplained inflow with its 95 % band, a row per used sample; see :data:`MEANINGS`."""
+    import pyarrow as pa
+
+    from rivid.results.tables import to_table, write_parquet
+
+    schema = pa.schema([("time", pa.timestamp("ms")), *((name, pa.float64()) for name in FLOWS)])
+    columns: dict[str, Any] = {name: [] for name in schema.names}
+    if evidence is not None:
+        record, kept = evidence.record, evidence.record.used
+        midnight = np.datetime64(dt.datetime.combine(record.dates[0], dt.time()), "ms")
+        time = midnight + np.round(1000.0 * record.time[kept]).astype("timedelta64[ms]")
+        series = (
+            (evidence.inflow_after, evidence.inflow_after_sd),
+            (evidence.inflow_before, evidence.inflow_before_sd),
+        )
+        bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
+        columns = {"time": pa.array(time), **dict(zip(FLOWS, bands, strict=True))}
+    write_parquet(to_table(columns, schema), path)
+
+
+def write_diagnosis_page(
+    out: Path,
+    diagnosis: Diagnosis,
+    evidence: Evidence | None,
+    figures: Sequence[FigureFile],
+    *,
+    reach: str = "",
+    classes: Mapping[str, type[Effect]],
+) -> Path:
+    """Write OUT/diagnosis.html, which embeds `figures` in their order, and return its path."""
+    record = evidence.record if evidence is not None else None
+    gap = diagnosis.gap
+    river = record is not None and record.kind == "river"
+    factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
+    rows = [] if gap is None else quantities.gap_rows(gap)
+    context = {
+        "d": diagnosis,
+        "VERDICTS": VERDICTS,
+        "reach": reach or ("River reach" if river else "Reach"),
+        "period": f"{count(len(record.dates), 'day')}, {day_range(record.dates[0], record.dates[-1])}"
+        if record
+        else "",
+        "sample_time": number(record.sample_time) if record is not None else "",
+        "output": "discharge" if river else "level",
+        "factor": factor,
+        "unit": unit,
+        "rows": rows,
+        "horizon": 0 if gap is None else _horizon(gap),
+        "grown": [] if gap is None else _grown(gap),
+        "cards": [_card(e, classes, record.dates[0] if record else None) for e in diagnosis.effects],
+        "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
+        "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
+        "figures": [(f, data_uri(f.path, "run the diagnosis again")) for f in figures],
+        "known": count(len(classes), "effect"),
+    }
+    _environment()
+    return write_page(out / "diagnosis.html", "diagnosis", context)
+
+
+def _horizon(gap: Gap) -> int:
+    """Index of the horizon that a sentence states: 4 h, else the middle one."""
+    return gap.horizon_h.index(4.0) if 4.0 in gap.horizon_h else len(gap.horizon_h) // 2
+
+
+def _grown(gap: Gap) -> list[tuple[str, float]]:
+    """Steps whose error is more than 1 % above that of the step before: name, horizon [h]."""
+    before, found = gap.rmse_baseline, []
+    for step in gap.steps:
+        found += [
+            (step.added, h) for h, a, b in zip(gap.horizon_h, before, step.rmse, strict=True) if b > 1.01 * a
+        ]
+        before = step.rmse
+    return found
+
+
+def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None) -> dict[str, Any]:
+    """The catalogue's description of an effect, and its parameters as (name, values, meaning)."""
+    one = classes.get(effect.name)
+    meanings = {} if one is None else {key: q.meaning for key, q in one.parameters().items()}
+    rows = []
+    for base, group in groupby(effect.parameters[:MOST_PARAMETERS], key=lambda p: p.name.split("[")[0]):
+        of = list(group)
+        second = quantities.converted(of[0], first) if len(of) == 1 else "in the order of time"
+        meaning = "; ".join(part for part in (second, meanings.get(base, "")) if part)
+        rows.append((base.replace("_", " "), "; ".join(map(quantities.estimate, of)), meaning))
+    return {
+        "e": effect,
+        "sentence": "" if one is None else one.sentence,
+        "looks": "" if one is None else one.looks,
+        "parameters": rows,
+        "more": max(len(effect.parameters) - MOST_PARAMETERS, 0),
+    }
+
+
+def _noise(noise: Mapping[str, float | None], output: str) -> list[tuple[str, str]]:
+    """Rows of the noise model: name, value with unit."""
+    rows = []
+    for key, value in noise.items():
+        if value is None:
+            continue
+        name, unit = NOISE.get(key, (quantities.name(key), ""))
+        text = f"{value:,.0f}" if abs(value) >= 1e3 else f"{value:.3g}"
+        unit = output if unit == "output" else unit
+        rows.append((name, quantities.period(value) if unit == "s" else f"{text} {unit}".strip()))
+    return rows
+
+
+def _toml(table: Mapping[str, Any]) -> str:
+    """An effect as a table of a scenario, numbers to six digits."""
+
+    def rounded(value: Any) -> Any:
+        if isinstance(value, float):
+            return float(f"{value:.6g}")
+        return [rounded(v) for v in value] if isinstance(value, list | tuple) else value
+
+    lines = tomli_w.dumps({key: rounded(value) for key, value in table.items()})
+    return f"[[effects]]\n{lines}".rstrip()
+
+
+def _environment() -> "Environment":
+    """The environment of all templates, with the formats of :mod:`rivid.report.quantities` as filters."""
+    made = environment()
+    names = ("name", "size", "estimate", "when", "p_value", "error", "period", "closed", "printable", "tight")
+    made.filters |= {name: getattr(quantities, name) for name in names}
+    made.filters |= {
+        "count": count,
+        "listed": lambda parts, last="and": listed(list(parts), last),
+        "oneline": quantities.printable,
+        "initial": lambda text: text[:1].upper() + text[1:],
+    }
+    return made
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the result in a sentence: what is missing, its size and its time."""
+    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
+    return html.unescape(quantities.printable(words.headline(diagnosis)))
+
+
+def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
+    """Return the result for a terminal, in lines of at most 80 columns.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    page : Path, optional
+        Path of diagnosis.html, the last line; it alone may exceed 80 columns.
+
+    Returns
+    -------
+    str
+        Lines without a newline at the end.
+    """
+    template = _environment().get_template("diagnosis.txt.j2")
+    lines = []
+    for line in html.unescape(template.render(d=diagnosis, VERDICTS=VERDICTS)).splitlines():
+        key, _, text = line.partition("\t")
+        if key == "Gap":
+            lines += _gap_lines(diagnosis.gap) if diagnosis.gap is not None else []
+        else:
+            lines += _entry(key, text)
+    if page is not None:
+        lines.append("Page".ljust(INDENT) + quantities.printable(str(page)))
+    return "\n".join(lines).replace("m³", "m3").replace("m²", "m2").replace("–", "-")
+
+
+def _entry(key: str, text: str) -> list[str]:
+    """A key and its text, wrapped; the headline has no key."""
+    if not key:
+        return textwrap.wrap(text, WIDTH)
+    words = textwrap.wrap(text, WIDTH - INDENT) or [""]
+    return [(key if i == 0 else "").ljust(INDENT) + line for i, line in enumerate(words)]
+
+
+def _gap_lines(gap: Gap) -> list[str]:
+    """The table of the gap: a row per simulation, a column per horizon."""
+    factor, unit = quantities.scale(gap)
+    table = [(f"error [{unit}]", [f"{h:g} h" for h in gap.horizon_h])]
+    for kind, name, values in quantities.gap_rows(gap):
+        indent = "  " if kind == "described" else ""
+        table.append((indent + name, [quantities.error(v, factor) for v in values]))
+    longest = WIDTH - INDENT - 8 * len(gap.horizon_h)
+    width = min(max(len(name) for name, _ in table[1:]), longest)
+    lines = []
+    for i, (name, cells) in enumerate(table):
+        short = name if len(name) <= width else f"{name[: width - 3]}..."
+        start = ("Gap" if i == 0 else "").ljust(INDENT) + short.ljust(width)
+        lines.append(start + "".join(f"{cell:>8}" for cell in cells))
+    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
+    share = html.unescape(quantities.printable(words.closed(gap)))
+    return lines + (_entry(" ", share) if share else [])
+
+
+def loop_words(loop: ClosedLoop, named: bool) -> str:
+    """Return the errors of the closed loop in a line; empty if there is none."""
+    if loop.baseline is None or loop.augmented is None:
+        return ""
+    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
+    return html.unescape(quantities.printable(words.loop(loop, named)))

@@ -1,0 +1,225 @@
+"""Numbers, names, dates and hours of a diagnosis as text, for its page, figures and terminal summary."""
+
+import datetime as dt
+import math
+import re
+from dataclasses import replace
+
+from rivid.diagnosis.result import Estimate, Gap, NamedEffect, Where
+from rivid.text import day_range
+
+NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
+"""Parameters that give a time or a place; the headline states the first of the others."""
+
+
+def printable(text: str) -> str:
+    """Return the text on one line, without control characters."""
+    return " ".join("".join(c if c.isprintable() else " " for c in str(text)).split())
+
+
+def name(code: str) -> str:
+    """Return the name of an effect in words.
+
+    Examples
+    --------
+    >>> name("diurnal_inflow")
+    'diurnal inflow'
+    """
+    return printable(code.replace("_", " ")).strip() or "an effect without a name"
+
+
+def tight(text: str) -> str:
+    """Return the text with no-break spaces between numbers and units."""
+    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text)
+
+
+def _decimals(spread: float, value: float) -> int:
+    """Decimals that resolve a third of the spread; without a spread, three significant digits."""
+    if math.isfinite(spread) and spread > 0:
+        return max(0, -math.floor(math.log10(spread / 3.0)))
+    return max(0, 2 - math.floor(math.log10(abs(value)))) if value else 1
+
+
+def _fixed(value: float, decimals: int) -> str:
+    if value != 0 and not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.2e}"
+    text = f"{value:,.{min(decimals, 8)}f}"
+    return text.removeprefix("-") if float(text.replace(",", "")) == 0 else text
+
+
+def estimate(e: Estimate) -> str:
+    """Return a value with its unit and 95 % interval, to the digits that the interval supports.
+
+    Examples
+    --------
+    >>> estimate(Estimate("amplitude", 6.0412, "m3/s", 5.83, 6.25))
+    '6.04 m³/s (5.83 to 6.25)'
+    >>> estimate(Estimate("place", 0.5, "-", math.nan, math.nan))
+    '0.500 (no interval)'
+    """
+    if not math.isfinite(e.value):
+        return "no value"
+    known = math.isfinite(e.low) and math.isfinite(e.high)
+    decimals = _decimals((e.high - e.low) / 2 if known else math.nan, e.value)
+    interval = f"{_fixed(e.low, decimals)} to {_fixed(e.high, decimals)}" if known else "no interval"
+    if known and e.low == e.high:
+        interval = "held fixed"
+    unit = "" if e.unit == "-" else f" {e.unit.replace('m3', 'm³').replace('m2', 'm²')}"
+    return f"{_fixed(e.value, decimals)}{unit} ({interval})"
+
+
+def size(effect: NamedEffect, brief: bool = False) -> str:
+    """Return the main parameter of an effect, or the range of one that varies; empty without parameters.
+
+    Examples
+    --------
+    >>> e = Estimate("amplitude", 6.04, "m3/s", 5.83, 6.25)
+    >>> effect = NamedEffect("diurnal_inflow", "flow", 0.0, (), None, None, (e,), Where(), None, {})
+    >>> size(effect), size(effect, brief=True)
+    ('amplitude 6.04 m³/s (5.83 to 6.25)', '6.04 m³/s')
+    """
+    sizes = [p for p in effect.parameters if p.name.split("[")[0] not in NOT_A_SIZE] or effect.parameters
+    if not sizes:
+        return ""
+    base = sizes[0].name.split("[")[0]
+    values = [p.value for p in effect.parameters if p.name.startswith(f"{base}[")]
+    if len(values) < 2:
+        text = estimate(sizes[0])
+        return text.partition(" (")[0] if brief else f"{base.replace('_', ' ')} {text}"
+    low, high = (estimate(replace(sizes[0], value=v, low=v, high=v)) for v in (min(values), max(values)))
+    text = f"{low.partition(' ')[0]} to {high.partition(' (')[0]}"
+    return text if brief else f"{base.replace('_', ' ')} from {text}"
+
+
+def converted(e: Estimate, first_day: dt.date | None = None) -> str:
+    """Return a value in a second form: per cent, minutes, a time of day or a date; empty where none applies.
+
+    Examples
+    --------
+    >>> converted(Estimate("error", -0.1, "-", -0.11, -0.09))
+    '-10.0 %'
+    >>> converted(Estimate("offset", 532.0, "s", 520, 544))
+    '8.9 min'
+    >>> converted(Estimate("start", 30.5, "h", 30, 31), dt.date(2024, 5, 1))
+    '2024-05-02 06:30'
+    """
+    base = e.name.split("[")[0]
+    if not math.isfinite(e.value):
+        return ""
+    if e.unit == "-" and base == "error":
+        return f"{100 * e.value:+.1f} %"
+    if e.unit == "s" and abs(e.value) >= 120:
+        return f"{e.value / 60:.1f} min"
+    if e.unit == "h" and base == "hour":
+        return clock(e.value % 24.0)
+    if e.unit == "h" and base in ("start", "starts") and first_day is not None:
+        days, hour = divmod(e.value, 24.0)
+        return f"{first_day + dt.timedelta(days=int(days))} {clock(hour)}"
+    return ""
+
+
+def clock(hour: float) -> str:
+    """Return an hour of the day as HH:MM.
+
+    Examples
+    --------
+    >>> clock(6.5), clock(24.0)
+    ('06:30', '24:00')
+    """
+    minutes = round(hour * 60)
+    return f"{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def when(where: Where) -> str:
+    """Return dates, hours and regime of an effect.
+
+    Examples
+    --------
+    >>> when(Where()), when(Where(hours=(22, 6), regime="at low flow"))
+    ('on all days, at all hours', 'from 22:00 to 06:00, at low flow')
+    """
+    parts = []
+    if where.dates is not None:
+        first, last = where.dates
+        parts.append(f"on {first}" if first == last else f"from {day_range(first, last)}")
+    if where.hours is not None:
+        parts.append(f"from {clock(where.hours[0])} to {clock(where.hours[1])}")
+    if where.regime:
+        parts.append(printable(where.regime))
+    return ", ".join(parts) or "on all days, at all hours"
+
+
+def p_value(p: float) -> str:
+    """Return a p-value, never as zero.
+
+    Examples
+    --------
+    >>> p_value(0.0002), p_value(0.0), p_value(0.0123)
+    ('p = 0.0002', 'p < 0.0001', 'p = 0.012')
+    """
+    if not math.isfinite(p):
+        return "p unknown"
+    return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"
+
+
+def error(value: float | None, factor: float = 1.0) -> str:
+    """Return an error to three digits or fewer; a dash where there is none.
+
+    Examples
+    --------
+    >>> error(0.1234, 1000), error(0.0043, 1000), error(math.nan)
+    ('123', '4.3', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    scaled = value * factor
+    return f"{scaled:,.0f}" if scaled >= 19.95 else f"{scaled:.1f}" if scaled >= 0.95 else f"{scaled:.2g}"
+
+
+def period(seconds: float) -> str:
+    """Return a duration in minutes, hours or days, to three digits.
+
+    Examples
+    --------
+    >>> period(2700), period(43200), period(604800)
+    ('45 min', '12 h', '7 days')
+    """
+    for limit, unit, length in ((7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
+        if seconds < limit:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds / 86_400.0:.3g} days"
+
+
+def closed(share: float) -> str:
+    """Return the share of the gap that is closed.
+
+    Examples
+    --------
+    >>> closed(0.974), closed(-0.2), closed(0.999)
+    ('97 % of the gap is closed', 'the gap is not smaller', '99.9 % of the gap is closed')
+    """
+    if share <= 0.005:
+        return "the gap is not smaller"
+    if 0.995 <= share < 1.0:
+        return f"{min(100 * share, 99.9):.1f} % of the gap is closed"
+    return f"{100 * min(share, 1.0):.0f} % of the gap is closed"
+
+
+def scale(gap: Gap) -> tuple[float, str]:
+    """Return factor and unit of the errors of a gap: mm for a level, m³/s for a discharge."""
+    return (1000.0, "mm") if gap.unit == "m" else (1.0, "m³/s")
+
+
+def gap_rows(gap: Gap) -> list[tuple[str, str, tuple[float, ...]]]:
+    """Return the simulations of a gap in their order: kind, name, and RMSE at each horizon.
+
+    The kind is "baseline", "step", "described" (events timed on the day itself) or "floor".
+    """
+    rows = [("baseline", "without any effect", gap.rmse_baseline)]
+    for step in gap.steps:
+        rows.append(("step", f"+ {name(step.added)}", step.rmse))
+        if step.rmse_described is not None:
+            rows.append(("described", "events timed on the day", step.rmse_described))
+    if gap.rmse_floor is not None:
+        rows.append(("floor", "weather and gauge alone", gap.rmse_floor))
+    return rows
