@@ -10,7 +10,7 @@ from rivid.diagnosis.result import VERDICTS
 from rivid.effects import CATALOGUE, FAMILIES, Effect
 from rivid.errors import EXIT_CODES
 from rivid.fleet import report as fleet
-from rivid.report import diagnosis_files as diagnosis
+from rivid.report import diagnosis
 from rivid.results import season, tables
 
 TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": "true or false",

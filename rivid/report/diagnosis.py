@@ -9,22 +9,19 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomli_w
 
 from rivid.atomic import write_text
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.result import VERDICTS, ClosedLoop, Diagnosis, Gap, NamedEffect
+from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect
 from rivid.effects import Effect, effect_classes
 from rivid.plots.style import FigureFile
 from rivid.report import quantities
-from rivid.report.page import data_uri, environment, write_page
-from rivid.text import count, day_range, listed, number
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from rivid.report.page import data_uri, write_page
+from rivid.text import count, day_range, number
 
 BAND = 1.959964
 """Standard deviations to either side of a 95 % band."""
@@ -134,6 +131,7 @@ def write_diagnosis_page(
     classes: Mapping[str, type[Effect]],
 ) -> Path:
     """Write OUT/diagnosis.html, which embeds `figures` in their order, and return its path."""
+    quantities.environment()
     record = evidence.record if evidence is not None else None
     gap = diagnosis.gap
     river = record is not None and record.kind == "river"
@@ -141,7 +139,6 @@ def write_diagnosis_page(
     rows = [] if gap is None else quantities.gap_rows(gap)
     context = {
         "d": diagnosis,
-        "VERDICTS": VERDICTS,
         "reach": reach or ("River reach" if river else "Reach"),
         "period": f"{count(len(record.dates), 'day')}, {day_range(record.dates[0], record.dates[-1])}"
         if record
@@ -159,7 +156,6 @@ def write_diagnosis_page(
         "figures": [(f, data_uri(f.path, "run the diagnosis again")) for f in figures],
         "known": count(len(classes), "effect"),
     }
-    _environment()
     return write_page(out / "diagnosis.html", "diagnosis", context)
 
 
@@ -223,24 +219,9 @@ def _toml(table: Mapping[str, Any]) -> str:
     return f"[[effects]]\n{lines}".rstrip()
 
 
-def _environment() -> "Environment":
-    """The environment of all templates, with the formats of :mod:`rivid.report.quantities` as filters."""
-    made = environment()
-    names = ("name", "size", "estimate", "when", "p_value", "error", "period", "closed", "printable", "tight")
-    made.filters |= {name: getattr(quantities, name) for name in names}
-    made.filters |= {
-        "count": count,
-        "listed": lambda parts, last="and": listed(list(parts), last),
-        "oneline": quantities.printable,
-        "initial": lambda text: text[:1].upper() + text[1:],
-    }
-    return made
-
-
 def headline(diagnosis: Diagnosis) -> str:
     """Return the result in a sentence: what is missing, its size and its time."""
-    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
-    return html.unescape(quantities.printable(words.headline(diagnosis)))
+    return quantities.sentence("headline", diagnosis)
 
 
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
@@ -257,9 +238,9 @@ def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     str
         Lines without a newline at the end.
     """
-    template = _environment().get_template("diagnosis.txt.j2")
+    template = quantities.environment().get_template("diagnosis.txt.j2")
     lines = []
-    for line in html.unescape(template.render(d=diagnosis, VERDICTS=VERDICTS)).splitlines():
+    for line in html.unescape(template.render(d=diagnosis)).splitlines():
         key, _, text = line.partition("\t")
         if key == "Gap":
             lines += _gap_lines(diagnosis.gap) if diagnosis.gap is not None else []
@@ -292,14 +273,5 @@ def _gap_lines(gap: Gap) -> list[str]:
         short = name if len(name) <= width else f"{name[: width - 3]}..."
         start = ("Gap" if i == 0 else "").ljust(INDENT) + short.ljust(width)
         lines.append(start + "".join(f"{cell:>8}" for cell in cells))
-    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
-    share = html.unescape(quantities.printable(words.closed(gap)))
+    share = quantities.sentence("closed", gap)
     return lines + (_entry(" ", share) if share else [])
-
-
-def loop_words(loop: ClosedLoop, named: bool) -> str:
-    """Return the errors of the closed loop in a line; empty if there is none."""
-    if loop.baseline is None or loop.augmented is None:
-        return ""
-    words: Any = _environment().get_template("diagnosis_words.j2").make_module({"VERDICTS": VERDICTS})
-    return html.unescape(quantities.printable(words.loop(loop, named)))

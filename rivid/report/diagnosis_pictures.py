@@ -8,9 +8,9 @@ from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import ClosedLoop, Diagnosis, Gap, LoopDay
 from rivid.plots.diagnosis import KINDS
 from rivid.plots.style import FigureFile
-from rivid.report.diagnosis import loop_words
 from rivid.report.quantities import name as name_words
 from rivid.report.quantities import scale as scale_of
+from rivid.report.quantities import sentence
 from rivid.text import count
 
 
@@ -107,5 +107,5 @@ def _loop(folder: Path, loop: ClosedLoop, day: LoopDay, named: bool) -> FigureFi
     return draw(
         folder, date=day.date, hour=np.array(day.hour), inflow=np.array(day.inflow),
         level=[np.array(v) for v in day.level[:curves]], outflow=[np.array(v) for v in day.outflow[:curves]],
-        words=loop_words(loop, named),
+        words=sentence("loop", loop, named),
     )  # fmt: skip

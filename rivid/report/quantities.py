@@ -1,12 +1,18 @@
 """Numbers, names, dates and hours of a diagnosis as text, for its page, figures and terminal summary."""
 
 import datetime as dt
+import html
 import math
 import re
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-from rivid.diagnosis.result import Estimate, Gap, NamedEffect, Where
-from rivid.text import day_range
+from rivid.diagnosis.result import VERDICTS, Estimate, Gap, NamedEffect, Where
+from rivid.report import page
+from rivid.text import count, day_range, listed
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
 """Parameters that give a time or a place; the headline states the first of the others."""
@@ -223,3 +229,24 @@ def gap_rows(gap: Gap) -> list[tuple[str, str, tuple[float, ...]]]:
     if gap.rmse_floor is not None:
         rows.append(("floor", "weather and gauge alone", gap.rmse_floor))
     return rows
+
+
+def environment() -> "Environment":
+    """Return the environment of all templates, with the formats of this module as filters."""
+    made = page.environment()
+    formats = (name, size, estimate, when, p_value, error, period, closed, printable, tight)
+    made.filters |= {function.__name__: function for function in formats}
+    made.filters |= {
+        "count": count,
+        "listed": lambda parts, last="and": listed(list(parts), last),
+        "oneline": printable,
+        "initial": lambda text: text[:1].upper() + text[1:],
+    }
+    made.globals["VERDICTS"] = VERDICTS
+    return made
+
+
+def sentence(macro: str, *values: Any) -> str:
+    """Return the text of a macro of ``diagnosis_words.j2``, on one line and without HTML escapes."""
+    words = environment().get_template("diagnosis_words.j2").module
+    return html.unescape(printable(getattr(words, macro)(*values)))
