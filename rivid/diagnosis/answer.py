@@ -119,7 +119,7 @@ def tell(
     gap = replace(_gap(study, named, floor), by_regime=regimes(study))
     evidence = _evidence(study)
     unknown = _unknown(study, evidence)
-    effects = _named(study, named)
+    effects = _named(study, named, classes)
     verdict, reason = verdict_of(study, gap, unknown)
     noise = study.last_evaluation.noise
     return (
@@ -133,15 +133,17 @@ def tell(
     )  # fmt: skip
 
 
-def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...]:
+def _named(
+    study: "Study", named: tuple["Round", ...], classes: dict[str, type[Effect]]
+) -> tuple[NamedEffect, ...]:
     found = []
     errors = dict(zip(_slots(study.last), _tail(study), strict=True))
     quantile = _quantile(study)
     place = 0
     for r in named:
-        assert r.choice is not None and r.choice.proposal.effect is not None
+        assert r.choice is not None
         choice, proposal = r.choice, r.choice.proposal
-        effect: Effect = proposal.effect  # type: ignore[assignment]
+        effect = proposal.effect
         index = None
         if not proposal.level_noise:
             index = len(study.last.effects) - sum(
@@ -157,7 +159,7 @@ def _named(study: "Study", named: tuple["Round", ...]) -> tuple[NamedEffect, ...
                 runner_up=runner.name if runner else None, margin=choice.margin,
                 parameters=_parameters(effect, index, errors, proposal.spreads, quantile),
                 where=_where(effect, study.record),
-                breaker=breaker(effect.name, effect.family, choice.tied), table=effect.to_table(),
+                breaker=breaker(effect, (classes[name] for name in choice.tied)), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
             )
         )  # fmt: skip

@@ -705,29 +705,27 @@ def happenings(
         Whether pulses at the lower dam are among them.
     """
     record = model.record
-    kinds = []
-    if "rain_inflow" in classes and "rain_inflow" not in names:
-        kinds.append(rain(kernels))
-    if "unlogged_downstream_release" in classes and record.kind == "pool" and not coded:
-        kinds.append(lock(kernels))
-    found = [_of_events(model, before, kind, classes[kind.name]) for kind in kinds]
-    if "sensor_step" in classes and record.kind == "pool" and "sensor_step" not in names:
-        found.append(_of_steps(model, before, classes["sensor_step"]))
-    if "seiche" in classes and record.kind == "pool" and "seiche" not in names:
-        found.append(seiche(model, before, classes["seiche"]))
-    if "wind_setup" in classes and record.kind == "pool" and not model.level_noise:
-        found.append(_of_wind(model, before, classes["wind_setup"]))
+    found = []
+    for name, effect in classes.items():
+        if record.kind == "river" and not effect.acts_on_river:
+            continue
+        taken = coded if effect.repeatable else name in names
+        if effect.found_as in ("recession", "pulse") and not taken:
+            found.append(_of_events(model, before, kind_of(effect, kernels), effect))
+        elif effect.found_as == "jump" and not taken:
+            found.append(_of_steps(model, before, effect))
+        elif effect.found_as == "swing" and not taken:
+            found.append(seiche(model, before, effect))
+        elif effect.found_as == "level noise" and not model.level_noise:
+            found.append(_of_wind(model, before, effect))
     return sorted((f for f in found if f is not None), key=lambda f: -f.gain_select)
 
 
-def rain(kernels: dict[str, Floats]) -> Kind:
-    """Rain: a steep rise and a recession."""
-    return Kind("rain_inflow", "recession", 1, kernels["middle"], RECESSIONS)
-
-
-def lock(kernels: dict[str, Floats]) -> Kind:
-    """Pulses at the lower dam."""
-    return Kind("unlogged_downstream_release", "pulse", -1, -kernels["down"], PULSES)
+def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
+    """Events of an effect: a steep rise and a recession along the reach, or pulses at the lower dam."""
+    if effect.found_as == "recession":
+        return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
+    return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
 
 
 def search(model: Linear, before: Evaluation, kind: Kind, price: float = PRICE) -> Events:
@@ -784,13 +782,9 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     number = record.day_number
     starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
     sizes_ = np.array([abs(float(e.size)) for e in events.events])
-    most = (MOST_RAIN if effect.name == "rain_inflow" else MOST_PULSE) * float(np.median(sizes_))
-    size = tuple(np.minimum(sizes_, most).tolist())
-    if effect.name == "rain_inflow":
-        table = {"starts": starts, "peak": size, "rise": 0.1, "recession": events.events[0].duration_s / HOUR}
-    else:
-        table = {"starts": starts, "size": size, "duration": events.events[0].duration_s / HOUR}
-    return effect.from_table({key: list(v) if isinstance(v, tuple) else v for key, v in table.items()})
+    most = (MOST_RAIN if effect.found_as == "recession" else MOST_PULSE) * float(np.median(sizes_))
+    size = np.minimum(sizes_, most).tolist()
+    return effect.from_events(starts, size, events.events[0].duration_s / HOUR)
 
 
 def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
@@ -798,7 +792,7 @@ def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Propos
     record = model.record
     ramp = np.arange(record.time.shape[1], dtype=float)
     found = [
-        search(model, before, Kind("sensor_step", "pulse", sign, ramp, (record.sample_time,)), STEP_PRICE)
+        search(model, before, Kind(effect.name, "pulse", sign, ramp, (record.sample_time,)), STEP_PRICE)
         for sign in (1, -1)
     ]
     best = max(found, key=lambda f: f.gain)
@@ -819,7 +813,7 @@ def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Propos
         {"step": float(top.size), "start": float((day * DAY + top.start_s) / HOUR)}
     )  # fmt: skip
     return Proposal(
-        "sensor_step", "jump", made, (), (None, None), _chance(total), after, column[None], total, total,
+        effect.name, "jump", made, (), (None, None), _chance(total), after, column[None], total, total,
         float(np.sqrt(max(total, 0.0))),
         1.0 - after.errors.rmse([top.day]) / before.errors.rmse([top.day]), 1,
     )  # fmt: skip
@@ -841,7 +835,7 @@ def _of_wind(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposa
     fit, select, t, better, blocks = compared(model, before, after, quiet, quiet + 1.0)
     made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})
     return Proposal(
-        "wind_setup", "level noise", made, (), (None, None), _chance(fit), after,
+        effect.name, "level noise", made, (), (None, None), _chance(fit), after,
         np.empty((0, *model.record.time.shape)), fit, select, t, better, blocks, level_noise=True,
         gains=after.likelihood - before.likelihood,
     )  # fmt: skip

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.effects import Dates
 from rivid.errors import RividError
 from rivid.types import Floats, Ints
-
-Dates = Literal["all", "from", "until", "between"]
 
 
 @dataclass(frozen=True)

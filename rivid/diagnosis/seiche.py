@@ -224,7 +224,7 @@ def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal 
     )  # fmt: skip
     chance = min(swing.tried * float(np.exp(-max(fit, 0.0))), 1.0)
     return Proposal(
-        "seiche", "swing", made, (), (None, None), chance, after, np.empty((0, *record.time.shape)), fit,
+        effect.name, "swing", made, (), (None, None), chance, after, np.empty((0, *record.time.shape)), fit,
         select, t, np.zeros(len(before.errors.squares)), blocks, level_noise=True, gains=gains,
         spreads={
             name: float(getattr(swing, name) * spread)

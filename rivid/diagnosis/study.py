@@ -74,5 +74,5 @@ class Study:
     def swings(self) -> tuple[float, ...]:
         """Periods of the seiches that are known or named [s]."""
         named = (r.choice.proposal.effect for r in self.named if r.choice is not None)
-        periods = (getattr(e, "period", None) for e in (*self.noises, *named) if e is not None)
-        return tuple(float(p) for p in periods if p is not None)
+        swings = (e for e in (*self.noises, *named) if e.found_as == "swing")
+        return tuple(float(getattr(e, "period")) for e in swings)  # noqa: B009 - every seiche has a period

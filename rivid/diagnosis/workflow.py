@@ -32,14 +32,12 @@ from rivid.diagnosis.response.base import Response, kernels_of
 from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search.proposal import Proposal
 from rivid.diagnosis.search.propose import proposals
-from rivid.diagnosis.search.trials import Trial, trials_of
+from rivid.diagnosis.search.trials import trials_of
 from rivid.diagnosis.study import Round, Study
-from rivid.effects import Effect
+from rivid.effects import LEVEL_NOISES, Effect, Trial
 from rivid.types import Floats
 
 MOST_EFFECTS = 4
-NOISES = ("wind_setup", "seiche")
-"""Effects without a course of their own that a model could hold."""
 TRIM = {"pool": 0.0, "river": 0.4}
 """Share of days left out of the first calibration: nothing else holds a river's gain near one while a
 release is missing; the equations of a pool cannot bend as far."""
@@ -108,16 +106,16 @@ def look(
 ) -> Study:
     """All steps but the telling; see :func:`diagnose`."""
     dealt = split(record.dates)
-    noises = tuple(e for e in start if e.name in NOISES)
-    start = tuple(e for e in start if e.name not in NOISES)
-    windy = any(e.name == "wind_setup" for e in noises)
+    noises = tuple(e for e in start if e.found_as in LEVEL_NOISES)
+    start = tuple(e for e in start if e.found_as not in LEVEL_NOISES)
+    windy = any(e.found_as == "level noise" for e in noises)
     nominal = [
         Model(
             one, None, record.usual_output, record.usual_flow, gauge_floor, start, ((),) * len(start), windy
         )
         for one in as_candidates(response)
     ]
-    search, notes = _begun(record, dealt, classes, nominal, tuple(e.name for e in noises), report)
+    search, notes = _begun(record, dealt, classes, nominal, noises, report)
     chosen = search.start
     while search.turn(most):
         pass
@@ -137,7 +135,7 @@ def _begun(
     dealt: Split,
     classes: dict[str, type[Effect]],
     nominal: Sequence[Model],
-    noises: tuple[str, ...],
+    noises: tuple[Effect, ...],
     report: Report,
 ) -> tuple["_Search", list[str]]:
     """The search about the first response that is as good as any, once the best effect is in it.
@@ -168,7 +166,7 @@ class _Search:
         dealt: Split,
         classes: dict[str, type[Effect]],
         start: Calibrated,
-        noises: tuple[str, ...],
+        noises: tuple[Effect, ...],
         report: Report,
     ) -> None:
         self.record, self.dealt, self.classes, self.report = record, dealt, classes, report
@@ -193,7 +191,7 @@ class _Search:
         found = self._found() if self.ahead is None else self.ahead
         self.ahead = None
         chosen = self._chosen(found) if self.count < most else None
-        if chosen is None or chosen[0].proposal.effect is None:
+        if chosen is None:
             self.rounds.append(Round(self.evaluation, tuple(found), None, None))
             return False
         self._add(found, *chosen)
@@ -216,15 +214,20 @@ class _Search:
             self.linear, self.evaluation, self.trials, baseline, self.kernels, seed=len(self.rounds)
         )
         pulses = any(
-            r.choice and r.choice.proposal.events and "down" in r.choice.proposal.name for r in self.rounds
+            r.choice and r.choice.proposal.events and r.choice.proposal.effect.repeatable for r in self.rounds
         )
-        found += happenings(self.linear, self.evaluation, self.classes, self.kernels, self._taken(), pulses)
+        names = self._names()
+        found += happenings(self.linear, self.evaluation, self.classes, self.kernels, names, pulses)
         found = [p for p in found if not echoes(p, model.effects, self.record)]
         return sorted(found, key=lambda p: -p.gain_select)
 
-    def _taken(self) -> tuple[str, ...]:
-        named = (r.choice.proposal.name for r in self.rounds if r.choice is not None)
-        return (*self.noises, *(effect.name for effect in self.model.effects), *named)
+    def _taken(self) -> tuple[Effect, ...]:
+        """Effects that are in the model or were named."""
+        named = (r.choice.proposal.effect for r in self.rounds if r.choice is not None)
+        return (*self.noises, *self.model.effects, *named)
+
+    def _names(self) -> tuple[str, ...]:
+        return tuple(effect.name for effect in self._taken())
 
     def _chosen(self, found: list[Proposal]) -> tuple[Choice, Tried | None] | None:
         """What to name: the best once it and its rivals were in the simulator, and the guard agrees."""
@@ -232,7 +235,7 @@ class _Search:
         while True:
             choice = choose(pool, self.linear, self.evaluation, self.count, self._taken())
             if choice is None:
-                trials = worth_trying(pool, self._taken(), self.count)
+                trials = worth_trying(pool, self._names(), self.count)
             elif can_be_tried(choice.proposal):
                 trials = [choice.proposal, *rivals(choice.proposal, pool)]
             else:

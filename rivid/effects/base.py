@@ -1,8 +1,8 @@
-"""What an effect is: a name, parameters with limits, and what it changes in a reach."""
+"""Base class of effects: parameters with limits, changes to a reach, and properties for the diagnosis."""
 
 import datetime as dt
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
@@ -14,6 +14,11 @@ from rivid.types import DAY, Floats
 
 Family = Literal["flow", "timing", "level"]
 FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
+Dates = Literal["all", "from", "until", "between"]
+"""Windows of dates that are scanned: the whole season, from or until a date, between two dates."""
+FoundAs = Literal["", "recession", "pulse", "jump", "level noise", "swing"]
+LEVEL_NOISES: tuple[FoundAs, ...] = ("level noise", "swing")
+"""Searches that return a noise of the level, which the noise model represents, not the simulation."""
 
 
 @dataclass(frozen=True)
@@ -80,13 +85,54 @@ class World:
         return (date - self.first_day).days * DAY
 
 
+@dataclass(frozen=True)
+class Trial:
+    """Columns by which the diagnosis tests an effect.
+
+    A column is the change of the simulated output for a small or usual size of the effect, per unit of the
+    coefficient that is estimated. Effects that are not proportional to their size (lags, clocks, basins)
+    have a trial for each of several sizes.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name of the effect.
+    label : str
+        Which of its trials.
+    effects : tuple of Effect
+        An instance for each column; empty where the columns are computed from the step response.
+    sizes : tuple of float
+        Size of each instance, in units of its coefficient.
+    make : callable
+        Returns the effect for coefficients of shape (k,).
+    free : tuple of str
+        Parameters that are fitted once the effect is in the model.
+    dates : {"all", "from", "until", "between"}
+        Windows to scan.
+    sign : {-1, 0, 1}
+        Sign that a single coefficient must have; 0 is either.
+    hourly : {"", "up", "down"}
+        A column for each hour of the day, from the step response to a flow at the upstream or the downstream
+        dam.
+    """
+
+    name: str
+    label: str
+    effects: tuple["Effect", ...]
+    sizes: tuple[float, ...]
+    make: Callable[[Floats], "Effect"]
+    free: tuple[str, ...]
+    dates: Dates = "all"
+    sign: int = 0
+    hourly: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
     """Something that a simulation of the reach lacks.
 
-    A subclass is a frozen dataclass whose fields, made by :func:`quantity`, are its parameters. It says
-    once how it enters the reach, and serves both sides: `rivid simulate` applies it, `rivid diagnose`
-    differentiates it.
+    A subclass is a frozen dataclass whose fields, made by :func:`quantity`, are its parameters. `rivid
+    simulate` applies it and `rivid diagnose` searches for it; all that either needs stands on the class.
 
     Attributes
     ----------
@@ -99,6 +145,33 @@ class Effect(ABC):
         What it looks like in the logs.
     windowed : bool
         Whether it may be limited to dates and hours.
+    acts_on_river : bool
+        Whether it is possible in a reach of `kind = "river"`, which has neither an outflow nor a level.
+    absorbed_by_response : bool
+        Whether the parameters of the reach response can reproduce part of it. Such an effect is judged by
+        likelihood, and its fit starts at the nominal reach.
+    depends_on_level : bool
+        Whether it depends on the level, which the operators control. Such an effect must also appear in the
+        part of the level that the inflow alone drives.
+    delays_wave : bool
+        Whether it changes when a wave arrives; a second effect of this kind needs dates of its own.
+    time_shift : str
+        Parameter that is a constant time shift [s], if any: without dates it acts as a travel time.
+    repeatable : bool
+        Whether a diagnosis may name it more than once.
+    varies_with_date : str
+        Parameter that may hold several values spread over the dates, if any.
+    stepwise : tuple of str
+        Parameters in which the output changes in steps; they are found by trying values.
+    found_as : {"", "recession", "pulse", "jump", "level noise", "swing"}
+        Search of the diagnosis that finds it, in addition to its trials. Recessions and pulses are events
+        and need :meth:`from_events`; the other searches set the parameters of `sensor_step`, `wind_setup`
+        and `seiche`.
+    twins : tuple of str
+        Effects with nearly the same column: when one is in the model, its remainder is not named another.
+    confounded_with : dict of str to str
+        Effects that data of normal operation may not separate from this one, each with the measurement or
+        gate operation that does. One of the two classes suffices.
 
     Parameters
     ----------
@@ -113,6 +186,17 @@ class Effect(ABC):
     sentence: ClassVar[str]
     looks: ClassVar[str]
     windowed: ClassVar[bool] = True
+    acts_on_river: ClassVar[bool] = True
+    absorbed_by_response: ClassVar[bool] = False
+    depends_on_level: ClassVar[bool] = True
+    delays_wave: ClassVar[bool] = False
+    time_shift: ClassVar[str] = ""
+    repeatable: ClassVar[bool] = False
+    varies_with_date: ClassVar[str] = ""
+    stepwise: ClassVar[tuple[str, ...]] = ()
+    found_as: ClassVar[FoundAs] = ""
+    twins: ClassVar[tuple[str, ...]] = ()
+    confounded_with: ClassVar[dict[str, str]] = {}
 
     dates: tuple[dt.date, dt.date] | None = None
     hours: tuple[float, float] | None = None
@@ -211,9 +295,88 @@ class Effect(ABC):
             on &= (hour >= start) & (hour < end) if start <= end else (hour >= start) | (hour < end)
         return on.astype(float)
 
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        """Trials of the diagnosis; unless a class defines its own, the effect at its usual size.
+
+        Parameters
+        ----------
+        sample_time : float
+            T_s [s]; clocks are tried at its multiples.
+        """
+        usual = cls.defaults()
+        free = tuple(key for key, value in usual.items() if isinstance(value, float | int) and value != 0)
+        if set(cls.parameters()) - set(usual) or not free:
+            return []
+        key, size = free[0], float(usual[free[0]])
+
+        def make(c: Floats) -> Effect:
+            values: dict[str, Any] = {key: cls.clipped(key, float(c[0]) * size)}
+            return cls(**values)
+
+        return [Trial(cls.name, "usual size", (cls(),), (1.0,), make, free)]
+
+    @classmethod
+    def linear_trial(
+        cls, key: str, unit: float, *, dates: Dates = "all", sign: int = 0, **fixed: Any
+    ) -> Trial:
+        """A trial whose coefficient is the parameter `key`; its column is computed at the value `unit`."""
+
+        def make(c: Floats) -> Effect:
+            return cls(**{**fixed, key: cls.clipped(key, float(c[0]))})
+
+        small = cls(**{**fixed, key: unit})
+        return Trial(cls.name, _label(fixed) or key, (small,), (unit,), make, (key,), dates, sign)
+
+    @classmethod
+    def trial_at(
+        cls, key: str, size: float, *, dates: Dates = "all", also: tuple[str, ...] = (), **fixed: Any
+    ) -> Trial:
+        """A trial at one size of the parameter `key`; its coefficient is the share of that size."""
+
+        def make(c: Floats) -> Effect:
+            share = float(np.clip(c[0], 0.3, 2.5))  # the column holds near the size that it was computed at
+            return cls(**{**fixed, key: cls.clipped(key, share * size)})
+
+        at = cls(**{**fixed, key: size})
+        return Trial(cls.name, _label({**fixed, key: size}), (at,), (1.0,), make, (key, *also), dates, 1)
+
+    @classmethod
+    def hourly_trial(cls, dam: Literal["up", "down"], **fixed: Any) -> Trial:
+        """A trial of a release of one `size` at a dam in a run of hours of the day."""
+
+        def make(c: Floats) -> Effect:
+            return cls(**{**fixed, "size": cls.clipped("size", float(c[0]))})
+
+        return Trial(cls.name, "hours", (), (), make, ("size",), "between", 1, dam)
+
+    @classmethod
+    def clipped(cls, key: str, value: float) -> float:
+        """A value within the limits of a parameter."""
+        limits = cls.parameters()[key]
+        return float(min(max(value, limits.low), limits.high))
+
+    @classmethod
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "Effect":
+        """The effect with given events: starts and duration [h], sizes [m3/s].
+
+        Raises
+        ------
+        ConfigError
+            Where the effect is not made of events.
+        """
+        raise ConfigError(f"{cls.name}: expected a method from_events, as found_as = {cls.found_as!r} needs")
+
     @abstractmethod
     def changes(self, world: World) -> Changes:
         """What the effect changes. With `world.outflow` None it may not depend on the outflow."""
+
+
+def _label(values: dict[str, Any]) -> str:
+    def text(value: Any) -> str:
+        return " to ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
+
+    return ", ".join(f"{name} {text(value)}" for name, value in values.items())
 
 
 def _two_dates(name: str, value: Sequence[Any]) -> tuple[dt.date, dt.date]:

@@ -4,13 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.held import mean_of
 from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak
 from rivid.types import DAY, Floats
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
+SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
+"""Hours of the operators' shifts [h]: a gain error may belong to one of them."""
+
+
+def _gain_trials(effect: type[Effect]) -> list[Trial]:
+    return [
+        effect.linear_trial("error", 0.02, dates="between"),
+        *(effect.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS),
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +36,23 @@ class LateralInflow(Effect):
 
     name = "lateral_inflow"
     family = "flow"
+    depends_on_level = False
+    varies_with_date = "inflow"
+    twins = ("sensor_drift",)
+    confounded_with = {
+        "sensor_drift": (
+            "Read the gauge against a staff or a second sensor a few days apart: a drift shows, an "
+            "inflow does not."
+        ),
+        "inflow_gain_error": (
+            "Compare days of low and of high discharge held steady: a gain error grows with the flow, "
+            "an inflow does not; or gauge the upstream dam once."
+        ),
+        "outflow_gain_error": (
+            "Compare days of low and of high discharge held steady: a gain error grows with the flow, "
+            "an inflow does not; or gauge the downstream dam once."
+        ),
+    }
     sentence = "Water that enters along the reach and is in no log: a tributary, a spring, seepage."
     looks = (
         "The level rises more than the logs explain, day and night alike; the operators send more down "
@@ -41,6 +67,10 @@ class LateralInflow(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         spread_over_dates(self, "inflow")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("inflow", 1.0, dates="between")]
 
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
@@ -62,6 +92,7 @@ class DiurnalInflow(Effect):
 
     name = "diurnal_inflow"
     family = "flow"
+    depends_on_level = False
     sentence = "Water that comes and goes with the hour: snow melt, evaporation, pumping by day."
     looks = (
         "A wave of 24 h in what the logs do not explain, at the same hours on working days and Sundays; "
@@ -71,6 +102,15 @@ class DiurnalInflow(Effect):
     amplitude: float = quantity(3.0, "m3/s", 0.0, 1e4, "half the swing over the day; the mean is zero")
     hour: float = quantity(4.0, "h", 0.0, 24.0, "hour of the day of the maximum")
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        def make(c: Floats) -> Effect:
+            hour = float(np.mod(np.arctan2(c[1], c[0]) * 24.0 / (2.0 * np.pi), 24.0))
+            return cls(amplitude=cls.clipped("amplitude", float(np.hypot(*c))), hour=hour)
+
+        parts = tuple(cls(amplitude=1.0, hour=hour) for hour in (0.0, 6.0))
+        return [Trial(cls.name, "24 h", parts, (1.0, 1.0), make, ("amplitude", "hour"), dates="between")]
 
     def changes(self, world: World) -> Changes:
         turn = 2.0 * np.pi / DAY
@@ -95,6 +135,13 @@ class Leakage(Effect):
 
     name = "leakage"
     family = "flow"
+    acts_on_river = False
+    confounded_with = {
+        "gate_head_effect": (
+            "Hold the level a few decimetres high and low for some hours each, once at low and once at "
+            "high outflow: a leak takes the same both times, the gates more where more goes through."
+        ),
+    }
     sentence = "Water that is lost the faster the higher the level stands: seepage, a leaking gate."
     looks = (
         "The level falls back to its usual height faster than the logs explain, from above as from below; "
@@ -103,6 +150,10 @@ class Leakage(Effect):
 
     loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the usual level")
     place: float = quantity(1.0, "-", 0.0, 1.0, PLACE)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("loss", 10.0, sign=1)]
 
     def changes(self, world: World) -> Changes:
         return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))
@@ -120,6 +171,13 @@ class InflowGainError(Effect):
 
     name = "inflow_gain_error"
     family = "flow"
+    depends_on_level = False
+    confounded_with = {
+        "outflow_gain_error": (
+            "Gauge one of the two dams once (a current meter or ADCP at a steady flow): the operators "
+            "pass on what comes in, so the logs alone cannot say which dam's figure is off."
+        ),
+    }
     sentence = "The upstream dam lets through more, or less, than its log says, in proportion."
     looks = (
         "What the logs do not explain follows the inflow with the travel time; only its beginning or end "
@@ -127,6 +185,10 @@ class InflowGainError(Effect):
     )
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real inflow over logged inflow, less 1")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return _gain_trials(cls)
 
     def changes(self, world: World) -> Changes:
         return Changes(inflow=world.inflow * (1.0 + self.error * self.active(world)))
@@ -144,6 +206,8 @@ class OutflowGainError(Effect):
 
     name = "outflow_gain_error"
     family = "flow"
+    acts_on_river = False
+    depends_on_level = False
     sentence = "The downstream dam lets through more, or less, than its log says, in proportion."
     looks = (
         "What the logs do not explain follows the outflow at once; only its beginning or end tells it from "
@@ -151,6 +215,10 @@ class OutflowGainError(Effect):
     )
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real outflow over logged outflow, less 1")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return _gain_trials(cls)
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(factor=1.0 + self.error * self.active(world)))

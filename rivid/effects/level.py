@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.series import Autoregression, draw
 from rivid.reach.changes import Changes
 from rivid.types import DAY
@@ -23,6 +23,9 @@ class SensorDrift(Effect):
 
     name = "sensor_drift"
     family = "level"
+    acts_on_river = False
+    depends_on_level = False
+    twins = ("lateral_inflow",)
     sentence = "The gauge drifts away from the water, until somebody sets it right."
     looks = (
         "The level creeps the same way every day whatever flows, and the operators follow it. Within a few "
@@ -30,6 +33,10 @@ class SensorDrift(Effect):
     )
 
     drift: float = quantity(0.005, "m/day", -1.0, 1.0, "growth of the reading beside the level")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("drift", 0.005, dates="between")]
 
     def changes(self, world: World) -> Changes:
         start = 0.0 if self.dates is None else world.day_of(self.dates[0])
@@ -51,6 +58,9 @@ class SensorStep(Effect):
 
     name = "sensor_step"
     family = "level"
+    acts_on_river = False
+    depends_on_level = False
+    found_as = "jump"
     sentence = "The gauge reads too high or too low from a moment on: it was moved, knocked or set anew."
     looks = (
         "The reading jumps between two samples, which no flow can do, and stays off; the water itself "
@@ -61,6 +71,10 @@ class SensorStep(Effect):
     start: float = quantity(
         0.0, "h", -87_600.0, 876_000.0, "when it happens, hours since the first day's midnight"
     )
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return []
 
     def changes(self, world: World) -> Changes:
         there = self.active(world) * (world.time >= 3600.0 * self.start)
@@ -81,6 +95,9 @@ class WindSetup(Effect):
 
     name = "wind_setup"
     family = "level"
+    acts_on_river = False
+    depends_on_level = False
+    found_as = "level noise"
     sentence = "Wind pushes the water towards the gauge or away from it."
     looks = (
         "The level wanders by some centimetres over hours and comes back, whatever flows; the volume of the "
@@ -94,6 +111,10 @@ class WindSetup(Effect):
         """The set-up at times `sample_time` [s] apart."""
         rho = math.exp(-sample_time / (3600.0 * self.correlation_time))
         return Autoregression((rho,), self.deviation * math.sqrt(1.0 - rho * rho))
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return []
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))
@@ -115,6 +136,9 @@ class Seiche(Effect):
 
     name = "seiche"
     family = "level"
+    acts_on_river = False
+    depends_on_level = False
+    found_as = "swing"
     sentence = "The reach swings to and fro in its own period, set going by gates, wind and ships."
     looks = (
         "The level swings with one period, a peak in the spectrum: the narrower, the smaller the damping. "
@@ -134,6 +158,10 @@ class Seiche(Effect):
         a1, a2 = 2.0 * r * math.cos(2.0 * math.pi * sample_time / self.period), -r * r
         share = (1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1) / (1.0 - a2)
         return Autoregression((a1, a2), self.amplitude * math.sqrt(0.5 * share))
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return []
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))

@@ -1,11 +1,12 @@
 """Water in events: rain, and what a dam lets through without writing it down."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.events import allowed, check_given, drawn_days, drawn_starts, each
 from rivid.effects.flow import PLACE
 from rivid.effects.held import mean_of
@@ -47,6 +48,13 @@ class RainInflow(Effect):
 
     name = "rain_inflow"
     family = "flow"
+    depends_on_level = False
+    found_as = "recession"
+    confounded_with = {
+        "unlogged_upstream_release": (
+            "Lay the rain gauge of the catchment and the upstream dam's spill book beside the dates found."
+        ),
+    }
     sentence = "Rain runs into the reach: a steep rise, then a recession over hours."
     looks = (
         "Now and then the level rises over an hour or two without a cause in the logs, and the surplus "
@@ -65,6 +73,14 @@ class RainInflow(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_given(self, "peak", "rise", "recession")
+
+    @classmethod
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "RainInflow":
+        return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return []
 
     def events(self, world: World) -> list[dict[str, float]]:
         """What happens, in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
@@ -121,6 +137,14 @@ class UnloggedUpstreamRelease(Effect):
 
     name = "unlogged_upstream_release"
     family = "flow"
+    depends_on_level = False
+    repeatable = True
+    varies_with_date = "size"
+    confounded_with = {
+        "lateral_inflow": (
+            "Look up the gate and spill book of the upstream dam for these hours, or gauge below it once."
+        ),
+    }
     sentence = "The upstream dam lets water through beside what is logged: a bypass, a spill, a test."
     looks = (
         "On certain dates, often at certain hours, the level shows an inflow that came with the travel time "
@@ -134,6 +158,10 @@ class UnloggedUpstreamRelease(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         spread_over_dates(self, "size")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.hourly_trial("up")]
 
     def changes(self, world: World) -> Changes:
         return Changes(added=(AddedFlow(0.0, over_dates(self, self.size, world) * self.active(world)),))
@@ -159,6 +187,10 @@ class UnloggedDownstreamRelease(Effect):
 
     name = "unlogged_downstream_release"
     family = "flow"
+    acts_on_river = False
+    depends_on_level = False
+    repeatable = True
+    found_as = "pulse"
     sentence = "The downstream dam lets water through beside what is logged: a lock, a spill, a pump."
     looks = (
         "The level falls at once and for a short time, again and again by the same volume (a lock), or at "
@@ -175,6 +207,16 @@ class UnloggedDownstreamRelease(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_given(self, "size", "duration")
+
+    @classmethod
+    def from_events(
+        cls, starts: Sequence[float], sizes: Sequence[float], duration: float
+    ) -> "UnloggedDownstreamRelease":
+        return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.hourly_trial("down", per_day=0.0)]
 
     def events(self, world: World) -> list[dict[str, float]]:
         """The pulses in order: beginning [h since the first day's midnight], size [m3/s], length [h]."""

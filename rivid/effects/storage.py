@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.flow import PLACE
 from rivid.reach.changes import Changes, Gate, Pond
 
@@ -19,6 +19,8 @@ class GateHeadEffect(Effect):
 
     name = "gate_head_effect"
     family = "flow"
+    acts_on_river = False
+    absorbed_by_response = True
     sentence = "The downstream gates let through more the higher the level stands; the log says otherwise."
     looks = (
         "What the logs do not explain grows with level times outflow: as leakage, but less at night when "
@@ -26,6 +28,10 @@ class GateHeadEffect(Effect):
     )
 
     gain: float = quantity(0.1, "1/m", -0.5, 2.0, "relative gain of the outflow for each metre of level")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("gain", 0.05, sign=1)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(head=self.gain * self.active(world), reference=world.level))
@@ -44,6 +50,8 @@ class StorageAreaSlope(Effect):
     name = "storage_area_slope"
     family = "flow"
     windowed = False
+    acts_on_river = False
+    absorbed_by_response = True
     sentence = "The water surface grows with the level: banks that slope, flats that flood."
     looks = (
         "The same surplus of inflow lifts a high level less than a low one. Sloping banks of the channel "
@@ -51,6 +59,10 @@ class StorageAreaSlope(Effect):
     )
 
     slope: float = quantity(0.25, "1/m", -0.5, 2.0, "relative growth of the surface for each metre of level")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("slope", 0.1)]
 
     def changes(self, world: World) -> Changes:
         return Changes(area_slope=self.slope, area_reference=world.level)
@@ -71,6 +83,15 @@ class SideStorage(Effect):
 
     name = "side_storage"
     family = "flow"
+    acts_on_river = False
+    absorbed_by_response = True
+    depends_on_level = False
+    confounded_with = {
+        "storage_area_slope": (
+            "Step the level and hold it for a day: side storage drains back for hours, a larger surface "
+            "does not."
+        ),
+    }
     sentence = "Water beside the reach that fills and empties through a narrow passage: an old arm, gravel."
     looks = (
         "After a quick rise the level sinks back while in- and outflow balance, after a fall it recovers, "
@@ -80,6 +101,14 @@ class SideStorage(Effect):
     area: float = quantity(2e5, "m2", 1.0, 1e8, "water surface beside the reach")
     exchange: float = quantity(30.0, "m3/s per m", 0.0, 1e5, "flow for each metre of difference of level")
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [
+            cls.trial_at("area", area, also=("exchange",), exchange=exchange)
+            for area in (1e5, 3e5)
+            for exchange in (20.0, 100.0)
+        ]
 
     def changes(self, world: World) -> Changes:
         return Changes(ponds=(Pond(self.place, self.area, self.exchange * self.active(world)),))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.held import moved, spread
 from rivid.reach.changes import Changes, Gate
 
@@ -28,6 +28,9 @@ class FlowDependentDelay(Effect):
     name = "flow_dependent_delay"
     family = "timing"
     windowed = False
+    absorbed_by_response = True
+    depends_on_level = False
+    delays_wave = True
     sentence = "High water travels faster, or slower, than low water; the fitted delay is the usual flow's."
     looks = (
         "At high flow the level moves before its time, at low flow after it (delay below zero; above zero "
@@ -41,6 +44,10 @@ class FlowDependentDelay(Effect):
         100.0,
         "change of the travel time with the flow; below 0: faster at high flow",
     )
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("delay", sign * 0.5, sign=sign) for sign in (-1, 1)]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
@@ -65,6 +72,9 @@ class WaveAttenuation(Effect):
     name = "wave_attenuation"
     family = "timing"
     windowed = False
+    absorbed_by_response = True
+    depends_on_level = False
+    delays_wave = True
     sentence = "Waves flatten on their way: a step of the inflow arrives spread out, its middle on time."
     looks = (
         "Around each arrival the level moves a little before its time and is a little late after it; the "
@@ -72,6 +82,10 @@ class WaveAttenuation(Effect):
     )
 
     spread: float = quantity(600.0, "s", 0.0, 21_600.0, "standard deviation of the times of arrival")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.trial_at("spread", s) for s in (300.0, 900.0)]
 
     def changes(self, world: World) -> Changes:
         return Changes(inflow=spread(world.inflow, world, self.spread))
@@ -89,6 +103,18 @@ class OutflowLag(Effect):
 
     name = "outflow_lag"
     family = "timing"
+    acts_on_river = False
+    absorbed_by_response = True
+    depends_on_level = False
+    confounded_with = {
+        "clock_offset": (
+            "Compare the clocks of both logs, or log one outflow step at the gate itself with seconds."
+        ),
+        "gate_rate_limit": (
+            "Make one small and one large step of the outflow: a lag takes the same time for both, a "
+            "slow gate longer for the large one."
+        ),
+    }
     sentence = "The real outflow follows its command with a lag: slow gates, turbines that run up."
     looks = (
         "After each change of the outflow the level moves late, by the lag times the change of volume; a "
@@ -96,6 +122,10 @@ class OutflowLag(Effect):
     )
 
     lag: float = quantity(300.0, "s", 0.0, 21_600.0, "time constant of the outflow")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.trial_at("lag", s) for s in (200.0, 600.0, 1500.0)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(lag=self.lag * self.active(world)))
@@ -113,6 +143,10 @@ class ClockOffset(Effect):
 
     name = "clock_offset"
     family = "timing"
+    absorbed_by_response = True
+    depends_on_level = False
+    delays_wave = True
+    time_shift = "offset"
     sentence = "The clock of the upstream log is wrong, often from a date on: daylight saving, a restart."
     looks = (
         "From one day to the next every inflow arrives earlier (offset above zero: that clock is fast) or "
@@ -120,6 +154,10 @@ class ClockOffset(Effect):
     )
 
     offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.trial_at("offset", k * sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)]
 
     def changes(self, world: World) -> Changes:
         late = moved(world.inflow, world, -self.offset)
@@ -138,6 +176,10 @@ class GateDeadband(Effect):
 
     name = "gate_deadband"
     family = "timing"
+    acts_on_river = False
+    absorbed_by_response = True
+    depends_on_level = False
+    stepwise = ("band",)
     sentence = "Small changes of the outflow are logged, but the gate does not move for them."
     looks = (
         "After small changes of the outflow, and only after these, the level drifts as if nothing had been "
@@ -145,6 +187,10 @@ class GateDeadband(Effect):
     )
 
     band: float = quantity(4.0, "m3/s", 0.0, 1e4, "changes smaller than this are not carried out")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.trial_at("band", s) for s in (3.0, 8.0)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(dead_band=self.band * self.active(world)))
@@ -162,6 +208,9 @@ class GateRateLimit(Effect):
 
     name = "gate_rate_limit"
     family = "timing"
+    acts_on_river = False
+    absorbed_by_response = True
+    depends_on_level = False
     sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
     looks = (
         "After large changes of the outflow the level moves late, the later the larger the change; small "
@@ -169,6 +218,10 @@ class GateRateLimit(Effect):
     )
 
     rate: float = quantity(0.05, "m3/s per s", 1e-5, 1e4, "fastest change of the outflow")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.trial_at("rate", s) for s in (0.02, 0.08)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(rate=np.where(self.active(world) > 0, self.rate, np.inf)))

@@ -8,10 +8,10 @@ from dataclasses import fields
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from zlib import crc32
 
-from rivid.effects.base import FAMILIES, Effect
+from rivid.effects.base import FAMILIES, Effect, FoundAs
 from rivid.errors import ConfigError
 
 GROUP = "rivid.effects"
@@ -106,6 +106,10 @@ def check_class(where: str, one: type[Effect]) -> None:
         said: Any = getattr(one, key, None)
         if not isinstance(said, str) or not said.strip():
             raise ConfigError(f"{here}.{key} is {said!r}: expected a sentence for people")
+    if one.found_as not in get_args(FoundAs):
+        raise ConfigError(f"{here}.found_as is {one.found_as!r}: expected one of {get_args(FoundAs)}")
+    if one.found_as in ("recession", "pulse") and "from_events" not in vars(one):
+        raise ConfigError(f"{here} is found as events: expected a class method from_events")
     if "__dataclass_fields__" not in vars(one):
         raise ConfigError(f"{here} is no dataclass: put @dataclass(frozen=True, kw_only=True) before it")
     for part in fields(one):

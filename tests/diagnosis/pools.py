@@ -11,6 +11,7 @@ from rivid.diagnosis.data import as_record
 from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.search.proposal import Proposal
+from rivid.effects import CATALOGUE
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
@@ -58,5 +59,5 @@ def made(name, fit, select, p=1e-6, t=3.0, improvement=0.2, **others):
     column = np.ones((1, *record.time.shape))
     better = np.full(3, improvement)
     return Proposal(
-        name, name, None, (), window, p, evaluation, column, fit, select, t, better, 4, **others
+        name, name, CATALOGUE[name](), (), window, p, evaluation, column, fit, select, t, better, 4, **others
     )  # fmt: skip

@@ -8,7 +8,6 @@ import pytest
 from rivid.diagnosis.deciding.guard import LEAST, MEMORIES, driven_level, guard, guarded
 from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search.propose import proposals
-from rivid.diagnosis.search.trials import pool_trials
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, season
 
@@ -18,7 +17,7 @@ LEAK = CATALOGUE["leakage"](loss=150.0)
 def proposal(record):
     """Leakage as a proposal, whatever its chance."""
     model, linear, evaluation = fitted(record)
-    (trial,) = pool_trials({"leakage": CATALOGUE["leakage"]}, record.sample_time)
+    (trial,) = CATALOGUE["leakage"].trials(record.sample_time)
     free = replace(trial, sign=0)  # its sign is not asked: people may give it either
 
     def baseline(more):

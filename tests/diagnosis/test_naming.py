@@ -7,6 +7,7 @@ import pytest
 
 from rivid.diagnosis.deciding.naming import choose, is_material, stands, tied_with
 from rivid.diagnosis.events import Event, _storms
+from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, made, season
 
 RECORD = season(1, days=20)
@@ -20,7 +21,7 @@ def model():
 
 
 def named(pool, model, taken=()):
-    choice = choose(pool, *model, 0, taken)
+    choice = choose(pool, *model, 0, [CATALOGUE[name]() for name in taken])
     return None if choice is None else choice.proposal
 
 
@@ -46,7 +47,8 @@ def test_a_weak_flow_is_named_where_it_is_no_chance_and_every_error_falls(model)
     weak = made("leakage", 18, 4, p=2e-4, t=2.0, improvement=0.04)
     assert stands(weak, model[0], 0) and not is_material(weak)
     for less in (
-        {"p_value": 0.003}, {"gain_fit": 9.0}, {"gain_select": 2.0}, {"t": 1.2}, {"name": "outflow_lag"},
+        {"p_value": 0.003}, {"gain_fit": 9.0}, {"gain_select": 2.0}, {"t": 1.2},
+        {"effect": CATALOGUE["outflow_lag"]()},
         {"improvement": weak.improvement * [1.0, 3.0, -0.1]}, {"improvement": 0.5 * weak.improvement},
     ):  # fmt: skip
         assert not stands(replace(weak, **less), model[0], 0), less
@@ -70,29 +72,19 @@ def test_a_lag_needs_likelihood_on_every_day_for_a_response_takes_it_upon_itself
 
 
 def test_a_clock_that_was_always_off_is_a_longer_way_unless_it_is_far_off(model):
-    class Clock:
-        offset = 133.0
-
     clock = made("clock_offset", 400, 100)
-    near = replace(clock, effect=Clock())
+    near, far = (replace(clock, effect=CATALOGUE["clock_offset"](offset=s)) for s in (133.0, -400.0))
     assert not stands(near, model[0], 0) and stands(replace(near, window=WINDOW), model[0], 0)
-    Clock.offset = -400.0
-    assert stands(replace(clock, effect=Clock()), model[0], 0)
+    assert stands(far, model[0], 0)
 
 
 def test_a_second_lateness_of_the_wave_has_dates_of_its_own_and_is_no_remnant_of_the_first(model):
-    class Clock:
-        offset = 40.0
-
     taken = ("flow_dependent_delay",)
-    remnant = replace(made("clock_offset", 400, 100), effect=Clock(), window=WINDOW)
+    dated = made("clock_offset", 400, 100, window=WINDOW)
+    remnant, far = (replace(dated, effect=CATALOGUE["clock_offset"](offset=s)) for s in (40.0, 300.0))
     assert named([remnant], model) is remnant and named([remnant], model, taken) is None
-
-    class Far:
-        offset = 300.0
-
-    assert named([replace(remnant, effect=Far())], model, taken) is not None
-    assert named([replace(remnant, effect=Far(), window=(None, None))], model, taken) is None
+    assert named([far], model, taken) is far
+    assert named([replace(far, window=(None, None))], model, taken) is None
 
 
 def test_of_two_windows_the_one_that_takes_more_from_the_error_is_named(model):

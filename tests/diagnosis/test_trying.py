@@ -17,7 +17,6 @@ from rivid.diagnosis.fit import calibrate, evaluate
 from rivid.diagnosis.model.adding import added, stepped
 from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search.propose import proposals
-from rivid.diagnosis.search.trials import pool_trials
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, made, season
 
@@ -25,7 +24,7 @@ from tests.diagnosis.pools import fitted, made, season
 def found(record, *names):
     """Proposals of some effects about the calibrated model."""
     model, linear, evaluation = fitted(record)
-    trials = pool_trials({n: CATALOGUE[n] for n in names}, record.sample_time)
+    trials = [t for n in names for t in CATALOGUE[n].trials(record.sample_time)]
 
     def baseline(more):
         return model.baseline(record, tuple(more))

@@ -12,10 +12,9 @@ from click.testing import CliRunner
 from rivid.cli.diagnose import command
 from rivid.config import Config, load_config
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.deciding.breakers import PAIRS, USUAL, breaker
+from rivid.diagnosis.deciding.breakers import USUAL, breaker
 from rivid.diagnosis.model.augmented import read_effects
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
-from rivid.diagnosis.search.trials import pool_trials
 from rivid.diagnosis.workflow import diagnose
 from rivid.effects import CATALOGUE, effect_classes
 from rivid.errors import ConfigError, NoDataError
@@ -142,12 +141,12 @@ def test_an_unknown_name_to_exclude_is_refused(melting, tmp_path):
 
 
 def test_every_effect_of_the_catalogue_is_tried_or_found_otherwise():
-    tried = {t.name for t in pool_trials(effect_classes(), 133.0)}
+    tried = {name for name, effect in CATALOGUE.items() if effect.trials(133.0)}
     assert set(CATALOGUE) - tried == {"rain_inflow", "sensor_step", "wind_setup", "seiche"}
 
 
 def test_every_trial_makes_an_effect_of_its_name_again():
-    for trial in pool_trials(effect_classes(), 133.0):
+    for trial in (t for effect in CATALOGUE.values() for t in effect.trials(133.0)):
         k = max(len(trial.effects), 1)
         made = trial.make(np.full(k, 0.8 * (trial.sign or 1)))
         assert made.name == trial.name
@@ -155,10 +154,12 @@ def test_every_trial_makes_an_effect_of_its_name_again():
 
 
 def test_what_is_tied_gets_a_way_to_tell():
-    assert breaker("leakage", "flow", ()) is None
-    assert "Hold the level" in breaker("leakage", "flow", ("gate_head_effect",))
-    assert breaker("diurnal_inflow", "flow", ("rain_inflow",)) == USUAL["flow"]
-    assert all(name in CATALOGUE for pair in PAIRS for name in pair)
+    leak, head, wave = (CATALOGUE[name] for name in ("leakage", "gate_head_effect", "diurnal_inflow"))
+    assert breaker(leak, ()) is None
+    assert "Hold the level" in breaker(leak, (head,)) and breaker(head, (wave, leak)) == breaker(
+        leak, (head,)
+    )
+    assert breaker(wave, (CATALOGUE["rain_inflow"],)) == USUAL["flow"]
 
 
 def test_settings_of_a_diagnosis_have_defaults():

@@ -1,10 +1,17 @@
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import rivid
+from rivid.cli import cli
+from rivid.config import load_config
+from rivid.diagnosis.deciding.breakers import breaker
+from rivid.diagnosis.search.trials import columns_of, trials_of
 from rivid.effects import CATALOGUE, build, effect_classes
 from rivid.errors import ConfigError
+from tests.diagnosis import pools
 from tests.effects.worlds import world
 
 LADDER = """
@@ -19,6 +26,8 @@ class FishLadder(Effect):
     family = "flow"
     sentence = "A ladder for fish takes water past the dam."
     looks = "A constant loss."
+    acts_on_river = False
+    confounded_with = {"leakage": "Close the ladder for a day."}
 
     flow: float = quantity(0.8, "m3/s", 0.0, 10.0, "what the ladder takes")
 
@@ -45,6 +54,29 @@ def test_an_effect_of_a_file_stands_behind_the_catalogue_and_works(write):
     assert one.changes(here).added[0].flow.tolist() == np.where(here.hour < 12, -2.0, 0.0).tolist()
     with pytest.raises(ConfigError, match=r"fish_ladder: flow = 11: expected a number from 0 to 10 \[m3/s\]"):
         build({"name": "fish_ladder", "flow": 11}, classes)
+
+
+def test_one_class_in_one_file_is_listed_simulated_and_a_candidate_of_the_diagnosis(write, tmp_path, capsys):
+    path = write(LADDER)
+    assert cli.main(["effects", "--effects-file", str(path)], standalone_mode=False) == 0
+    assert "fish_ladder" in capsys.readouterr().out
+
+    short, planted = {"days": 3, "missing_days": 0}, {"name": "fish_ladder", "flow": 2.0}
+    bare = rivid.simulate(**short)
+    season = rivid.simulate(**short, effects_file=str(path), effects=[planted])
+    np.testing.assert_allclose((season.unlogged - season.weather), -2.0)
+    assert season.level.mean() < bare.level.mean()
+
+    config = tmp_path / "reach.toml"
+    config.write_text('[diagnose]\neffects_file = "mine.py"\n')
+    classes = effect_classes(load_config(config).diagnose.effects_file)
+    record = pools.season(3, days=20, effects=(build({**planted, "flow": 6.0}, classes),))
+    (trial,) = (t for t in trials_of(classes, record) if t.name == "fish_ladder")
+    model, linear, evaluation = pools.fitted(record)
+    column = columns_of(trial, lambda more: model.baseline(record, more), model.baseline(record))
+    assert (column[0, :, -1] < -0.01).all()
+    assert trials_of({"fish_ladder": classes["fish_ladder"]}, replace(record, kind="river")) == []
+    assert breaker(classes["leakage"], (classes["fish_ladder"],)) == "Close the ladder for a day."
 
 
 def test_a_file_is_imported_once_and_again_when_it_changes(write):
@@ -79,6 +111,8 @@ def test_helpers_and_what_a_file_imports_are_no_effects_of_it(write):
         (LADDER.replace('"flow"\n', '"fish"\n'), "family is 'fish': expected one of flow, timing, level"),
         (LADDER.replace('    looks = "A constant loss."\n', ""), "FishLadder.looks is None: expected"),
         (LADDER.replace("@dataclass(frozen=True, kw_only=True)\n", ""), "FishLadder is no dataclass: put"),
+        (LADDER.replace("acts_on_river = False", "found_as = 'wave'"), "found_as is 'wave': expected one"),
+        (LADDER.replace("acts_on_river = False", "found_as = 'pulse'"), "expected a class method from_even"),
         (LADDER.replace("quantity(0.8,", "quantity(80,"), "refuses its own defaults: fish_ladder: flow = 80"),
         (
             LADDER.replace('quantity(0.8, "m3/s", 0.0, 10.0, "what the ladder takes")', "0.8"),

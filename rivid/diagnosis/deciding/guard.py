@@ -16,11 +16,9 @@ from scipy.signal import lfilter
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
-from rivid.effects import CATALOGUE, Effect
+from rivid.effects import Effect
 from rivid.types import Floats
 
-OF_THE_LEVEL = ("leakage", "gate_head_effect", "storage_area_slope")
-"""Effects that depend on the level itself."""
 MEMORIES = (3600.0, 4 * 3600.0, 12 * 3600.0)
 """Of the leaky integrals of the inflow [s]."""
 LEAST = 2.0
@@ -73,7 +71,6 @@ def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: 
         s_b = z'r of a block: t = sign(z'x) sum s_b / sqrt(sum s_b^2).
     """
     record, effect = model.record, proposal.effect
-    assert effect is not None
     column = proposal.evaluation.coefficients[0] * proposal.columns[0]
     rows = np.flatnonzero(model.split.fit | model.split.select)
     clean = replace(record, output=driven_level(record))
@@ -98,11 +95,8 @@ def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: 
 def guarded(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: Simulated) -> bool:
     """Whether the guard lets a proposal pass; effects that do not depend on the level always pass.
 
-    Of effects that are not in the catalogue none is known to be free of the level: all are looked at.
+    An effect of a user depends on the level unless its class states that it does not.
     """
-    effect = proposal.effect
-    if model.record.kind != "pool" or effect is None or len(proposal.columns) != 1:
-        return True
-    if effect.name in CATALOGUE and effect.name not in OF_THE_LEVEL:
+    if model.record.kind != "pool" or len(proposal.columns) != 1 or not proposal.effect.depends_on_level:
         return True
     return guard(proposal, model, evaluation, simulated) > LEAST

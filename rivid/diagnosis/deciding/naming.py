@@ -1,11 +1,13 @@
 """Which proposal is named, which are tied with it, and when none is."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.search.proposal import Proposal
+from rivid.effects import Effect
 from rivid.types import Floats
 
 LEVEL = 0.01
@@ -26,22 +28,15 @@ FEW_BLOCKS = 3
 """With fewer blocks of selecting days on which it acts, t says little, and the gain alone decides."""
 MATERIAL = (0.06, 0.08, 0.20)
 """Share of the error on the selecting days that a name takes away at 1, 4 or 24 h, one of them."""
-ABSORBED = ("outflow_lag", "clock_offset", "gate_rate_limit", "gate_deadband", "storage_area_slope",
-            "side_storage", "wave_attenuation", "flow_dependent_delay", "gate_head_effect")  # fmt: skip
-"""Effects that a response without them can take in part upon itself: for them likelihood speaks."""
 A_DAY = 2.5
-"""What an effect of :data:`ABSORBED` must gain a day [nats]: what a plain response leaves of an uneven reach
-gains up to 1.3."""
+"""Least gain a day [nats] of an effect that the response can absorb: what a plain response leaves of an
+uneven reach gains up to 1.3."""
 LEAST_EVENTS = 20.0
 """What events must gain beyond their price, on the fitting and on the selecting days [nats]."""
 LEAST_OFFSET = 2.0
 """Samples that a clock must be off where it always was."""
 LEAST_STEP = 50.0
 """What a jump of the gauge must gain, once [nats]."""
-WAVE = {"flow_dependent_delay", "wave_attenuation", "clock_offset"}
-"""How a wave is late: one of them is named, a second one only with dates of its own, and clocks far off."""
-TWIN = {"sensor_drift": "lateral_inflow", "lateral_inflow": "sensor_drift"}
-"""All but one column: 0.996."""
 SAME = 0.95
 """Cosine of two whitened columns from which they are one to the data."""
 APART = 6.0
@@ -86,23 +81,28 @@ def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     limit, least = SURE_IF_MATERIAL if is_material(proposal) else SURE
     steady = 0.5 if proposal.improvement.min() >= MUCH else 1.0
     sure = proposal.p_value <= limit and proposal.gain_select > least and proposal.t >= steady
-    sure = sure and proposal.name not in ABSORBED
+    sure = sure and not proposal.effect.absorbed_by_response
     if not sure and proposal.t < LEAST_T and (proposal.blocks >= FEW_BLOCKS or min(gains) < A_DAY):
         return False
-    if proposal.name == "clock_offset" and proposal.window[0] is None:
-        # a clock that was always off is a longer way for the wave: only a large offset is no geometry
-        offset = abs(float(getattr(proposal.effect, "offset", 0.0)))
-        if offset < LEAST_OFFSET * model.record.sample_time:
+    if proposal.effect.time_shift and proposal.window[0] is None:
+        # a clock that was always off is a longer travel time: only a large offset is no geometry
+        if _shift(proposal) < LEAST_OFFSET * model.record.sample_time:
             return False
-    if proposal.name == "sensor_step":
+    if proposal.effect.found_as == "jump":
         return proposal.gain_fit > LEAST_STEP
     if proposal.level_noise:
         return bool(min(gains) > A_DAY)
     if is_material(proposal):
         return proposal.gain_select > 6.0
-    if proposal.name in ABSORBED:
+    if proposal.effect.absorbed_by_response:
         return bool(min(gains) > A_DAY)
     return _is_small_but_sure(proposal)
+
+
+def _shift(proposal: Proposal) -> float:
+    """Size of the constant time shift of a proposal [s]; infinite where it has none."""
+    key = proposal.effect.time_shift
+    return abs(float(getattr(proposal.effect, key))) if key else np.inf
 
 
 def _is_weak_but_clear(proposal: Proposal, round_number: int) -> bool:
@@ -110,7 +110,7 @@ def _is_weak_but_clear(proposal: Proposal, round_number: int) -> bool:
 
     What such a name may be mistaken for is told by its ties.
     """
-    if proposal.name in (*ABSORBED, "sensor_step", "sensor_drift") or proposal.level_noise:
+    if proposal.effect.absorbed_by_response or proposal.effect.family == "level":
         return False
     limit, fit, select, t, share = WEAK
     return bool(
@@ -140,7 +140,7 @@ def is_material(proposal: Proposal) -> bool:
 
 
 def choose(
-    proposals: list[Proposal], model: Linear, before: Evaluation, round_number: int, taken: tuple[str, ...]
+    proposals: list[Proposal], model: Linear, before: Evaluation, round_number: int, taken: Sequence[Effect]
 ) -> Choice | None:
     """The proposal to name, if any.
 
@@ -152,26 +152,26 @@ def choose(
         The model as it is.
     round_number : int
         From 0; the error budget halves.
-    taken : tuple of str
-        Names that are in; a second of the same name is refused but for releases.
+    taken : sequence of Effect
+        Effects that are in; a second of the same name is refused unless it is repeatable.
     """
+    names = {effect.name for effect in taken}
     best: dict[str, Proposal] = {}
     able: dict[str, Proposal] = {}
     for p in proposals:
-        if p.name in taken and "release" not in p.name:
+        if p.name in names and not p.effect.repeatable:
             continue
         if p.name not in best or p.gain_select > best[p.name].gain_select:
             best[p.name] = p
-    if WAVE & set(taken):
+    if any(effect.delays_wave for effect in taken):
         apart = LEAST_OFFSET * model.record.sample_time / 2.0  # less is what the first one leaves of its form
         proposals = [
             p for p in proposals
-            if p.name not in WAVE
-            or p.window[0] is not None and abs(getattr(p.effect, "offset", np.inf)) >= apart
+            if not p.effect.delays_wave or p.window[0] is not None and _shift(p) >= apart
         ]  # fmt: skip
-    proposals = [p for p in proposals if TWIN.get(p.name) not in taken]  # what the one leaves looks like it
+    proposals = [p for p in proposals if names.isdisjoint(p.effect.twins)]
     for p in proposals:  # of windows of the same name the one that takes most from the error
-        if p.name in taken and "release" not in p.name or not stands(p, model, round_number):
+        if p.name in names and not p.effect.repeatable or not stands(p, model, round_number):
             continue
         if p.name not in able or _ahead(p, able[p.name]):
             able[p.name] = best[p.name] = p
@@ -195,7 +195,7 @@ def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
     flows = {
         name: float(p.improvement.mean())
         for name, p in able.items()
-        if p.events is None and not p.level_noise and name not in ABSORBED
+        if p.events is None and not p.level_noise and not p.effect.absorbed_by_response
     }
     best = max(flows.values(), default=0.0)
     if best < SPEAKS:

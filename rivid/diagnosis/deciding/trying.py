@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.deciding.naming import ABSORBED, LEVEL
+from rivid.diagnosis.deciding.naming import LEVEL
 from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
 from rivid.diagnosis.model.adding import added
 from rivid.diagnosis.search.proposal import Proposal, compared
@@ -93,10 +93,10 @@ def can_be_tried(proposal: Proposal) -> bool:
 
 def rivals(proposal: Proposal, pool: list[Proposal]) -> list[Proposal]:
     """Those of other names that might turn out better once in the simulator, best first."""
-    absorbed = proposal.name in ABSORBED
     found: dict[str, Proposal] = {}
     for other in sorted(pool, key=lambda p: -p.gain_select):
-        share = NEAR_ABSORBED if absorbed and other.name in ABSORBED else NEAR
+        both = proposal.effect.absorbed_by_response and other.effect.absorbed_by_response
+        share = NEAR_ABSORBED if both else NEAR
         near = other.gain_select >= share * proposal.gain_select
         if near and other.name != proposal.name and can_be_tried(other):
             found.setdefault(other.name, other)
@@ -107,8 +107,8 @@ def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> li
     """Of proposals none of which stands, those that are no chance and gain a lot: best first."""
     able = [
         p for p in pool
-        if can_be_tried(p) and p.name not in (*taken, *ABSORBED) and p.p_value <= LEVEL / 2**count
-        and p.gain_fit > 0 and p.gain_fit + p.gain_select > WORTH
+        if can_be_tried(p) and p.name not in taken and not p.effect.absorbed_by_response
+        and p.p_value <= LEVEL / 2**count and p.gain_fit > 0 and p.gain_fit + p.gain_select > WORTH
     ]  # fmt: skip
     found: dict[tuple[str, Window], Proposal] = {}
     for p in sorted(able, key=lambda p: -(p.gain_fit + p.gain_select)):
@@ -131,7 +131,7 @@ def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
     share = CONFIRMED * float(model.split.select.sum() / model.split.fit.sum())
     found = [
         p for p in pool
-        if can_be_tried(p) and p.name not in ABSORBED and p.p_value <= DOUBT
+        if can_be_tried(p) and not p.effect.absorbed_by_response and p.p_value <= DOUBT
         and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit and p.t < -AGAINST
     ]  # fmt: skip
     return max(found, key=lambda p: p.gain_fit, default=None)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.deciding.naming import ABSORBED, Choice
-from rivid.diagnosis.events import as_effect, lock, rain, search
+from rivid.diagnosis.deciding.naming import Choice
+from rivid.diagnosis.events import as_effect, kind_of, search
 from rivid.diagnosis.fit import Evaluation, Linear, Model, calibrate, evaluate, limited, residual_of
 from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import vector_of
@@ -16,8 +16,8 @@ from rivid.diagnosis.study import Round
 from rivid.effects import Effect
 from rivid.types import Floats
 
-STEPWISE, MOST_STEPS = ("band",), 40
-"""Parameters in which the output is not smooth, and how many values of one are tried."""
+MOST_STEPS = 40
+"""Values that are tried of a parameter in which the output changes in steps."""
 DAYS_A_KNOT, MOST_KNOTS = 7, 20
 """Of a size that varies with the date."""
 COARSE = 3
@@ -41,18 +41,17 @@ def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tupl
     dict of str to float
         Standard errors of parameters that are not fitted with the others.
     """
-    assert proposal.effect is not None
-    if proposal.name == "seiche":  # the noise model has no swing: it is named beside it
+    if proposal.effect.found_as == "swing":  # the noise model has no swing: the effect is named only
         return model, proposal.spreads
     if proposal.level_noise:  # the noise carries it; the effect is its name and size
         windy = replace(model, noise=proposal.evaluation.noise, level_noise=True)
         return calibrate(windy, fit, steps=2, report=report), proposal.spreads
-    steps = tuple(name for name in proposal.free if name in STEPWISE)
-    free = tuple(name for name in proposal.free if name not in STEPWISE)
+    steps = tuple(name for name in proposal.free if name in proposal.effect.stepwise)
+    free = tuple(name for name in proposal.free if name not in proposal.effect.stepwise)
     p = len(model.reach.parameters)
     shift = proposal.evaluation.shift
     values = model.values() + shift[p:] if len(shift) > p else model.values()
-    absorbed = proposal.name in ABSORBED
+    absorbed = proposal.effect.absorbed_by_response
     start = [f.mean for f in model.reach.parameters] if absorbed else vector_of(model.reach) + shift[:p]
     moved = replace(model, reach=model.reach.with_parameters(start)).with_values(values)
     larger = replace(
@@ -103,9 +102,9 @@ def varied(
 ) -> tuple[Model, Linear, Evaluation]:
     """Let the size of the last effect vary with the date, if the selecting days are for it."""
     effect = model.effects[-1] if model.effects else None
-    key = next((k for k in ("size", "inflow") if effect is not None and hasattr(effect, k)), None)
-    if effect is None or key is None or effect.dates is None or not model.free[-1]:
+    if effect is None or not effect.varies_with_date or effect.dates is None or not model.free[-1]:
         return model, linear, after
+    key = effect.varies_with_date
     most = min(((effect.dates[1] - effect.dates[0]).days + 1) // DAYS_A_KNOT + 1, MOST_KNOTS)
     for knots in (most, most // 2):
         if knots < 2:
@@ -133,7 +132,7 @@ def recoded(
 ) -> tuple[Model, Choice, Linear, Evaluation]:
     """Look for the events again with the refitted response and noise, until they no longer change."""
     effect = model.effects[-1]
-    kind = rain(kernels) if effect.name == "rain_inflow" else lock(kernels)
+    kind = kind_of(type(effect), kernels)
     proposal = choice.proposal
     for _ in range(RECODINGS):
         report(f"coding the events of {effect.name} again")
@@ -187,11 +186,7 @@ def dropped(
 
 def _in_the_simulator(turn: Round) -> bool:
     """Whether a round added an effect to the simulator; a noise is none."""
-    return (
-        turn.choice is not None
-        and turn.choice.proposal.effect is not None
-        and not (turn.choice.proposal.level_noise)
-    )
+    return turn.choice is not None and not turn.choice.proposal.level_noise
 
 
 def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
@@ -216,5 +211,5 @@ def patched(rounds: Sequence[Round]) -> bool:
     that releases cannot follow.
     """
     chosen = [r.choice.proposal for r in rounds if r.choice is not None]
-    daily = [p for p in chosen if "release" in p.name and p.window[0] is None and p.window[1] is not None]
+    daily = [p for p in chosen if p.effect.repeatable and p.window[0] is None and p.window[1] is not None]
     return len(daily) >= 2

@@ -25,8 +25,8 @@ class Proposal:
     ----------
     name, label : str
         Of the effect, and which of its trials.
-    effect : Effect or None
-        With its window; None where it is a noise or events that are coded.
+    effect : Effect
+        With its window.
     free : tuple of str
         Parameters to refit.
     window : Window
@@ -56,7 +56,7 @@ class Proposal:
 
     name: str
     label: str
-    effect: Effect | None
+    effect: Effect
     free: tuple[str, ...]
     window: Window
     p_value: float

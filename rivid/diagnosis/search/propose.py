@@ -14,9 +14,9 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.fit import Evaluation, Linear, evaluate
 from rivid.diagnosis.score import Candidate, scan
 from rivid.diagnosis.search.proposal import Proposal, compared
-from rivid.diagnosis.search.trials import HOURS_A_DAY, Trial, Window, columns_of, hour_columns
+from rivid.diagnosis.search.trials import HOURS_A_DAY, Window, columns_of, hour_columns
 from rivid.diagnosis.search.windows import Span, best_dates, best_span, chance_of, combined
-from rivid.effects import Effect
+from rivid.effects import Effect, Trial
 from rivid.errors import RividError
 from rivid.types import DAY, Floats
 
