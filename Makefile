@@ -34,8 +34,8 @@ glen-canyon: setup  ## the measured river: Lees Ferry to mile 30, and dam to Lee
 test: setup  ## all tests but the long loops
 	$(BIN)/python -m pytest -n auto -m "not long"
 
-test-long: setup  ## the long loops too
-	$(BIN)/python -m pytest -n auto
+test-long: setup  ## the long loops and the tests of the benchmarks too
+	$(BIN)/python -m pytest -n auto tests rivid benchmarks/tests
 
 check: setup  ## ruff, mypy strict, and the layers
 	$(BIN)/ruff check .

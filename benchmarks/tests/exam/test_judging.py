@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.exam.cases import ALLOWED
 from benchmarks.exam.judging import covering, described, hours_on, judge, overlap_of
-from tests.exam.answers import answer, effect, gap, truth
+from benchmarks.tests.exam.answers import answer, effect, gap, truth
 
 NONE = frozenset()
 FIRST = dt.date(2008, 1, 1)

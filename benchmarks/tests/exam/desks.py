@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.exam.answering import Logs
 from rivid.errors import ConfigError
-from tests.exam.answers import answer, truth
+from benchmarks.tests.exam.answers import answer, truth
 
 
 def planted(case, seed):

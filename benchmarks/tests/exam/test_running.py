@@ -10,7 +10,7 @@ from benchmarks.exam.__main__ import options
 from benchmarks.exam.answering import Logs
 from benchmarks.exam.cases import Case
 from benchmarks.exam.running import Desks, keep, outstanding, place_of, results_of, run
-from tests.exam import desks
+from benchmarks.tests.exam import desks
 
 CASES = tuple(Case(f"kind/{name}", "people", "uneven", 2) for name in ("a", "b"))
 WORK = [(case, seed) for seed in (5000, 5001) for case in CASES]

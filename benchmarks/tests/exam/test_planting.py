@@ -9,7 +9,7 @@ from benchmarks.exam.planting import plant, sealed
 from benchmarks.exam.river import routed
 from rivid.simulation.programme import DAY
 from rivid.simulation.scenario import load_scenario
-from tests.exam.test_cases import SCENARIOS
+from benchmarks.tests.exam.test_cases import SCENARIOS
 
 BY_NAME = {case.name: case for case in cases()}
 

@@ -3,7 +3,7 @@
 from benchmarks.exam.cases import ALLOWED, Case
 from benchmarks.exam.page import by_effect, marked, mistakes, page, targets
 from benchmarks.exam.rows import ROWS
-from tests.exam.answers import answer, effect, gap, truth
+from benchmarks.tests.exam.answers import answer, effect, gap, truth
 
 EMPTY = Case("nothing/uneven", "nothing_hydraulic", "uneven", 3)
 LAG = Case("one/outflow_lag/x2", "one_x2", "effects/outflow_lag", 2, ("outflow_lag",), 2.0)
