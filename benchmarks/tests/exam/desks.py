@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.exam.answering import Logs
-from rivid.errors import ConfigError
 from benchmarks.tests.exam.answers import answer, truth
+from rivid.errors import ConfigError
 
 
 def planted(case, seed):

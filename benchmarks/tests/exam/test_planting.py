@@ -7,9 +7,9 @@ from benchmarks.exam.answering import record_of
 from benchmarks.exam.cases import cases
 from benchmarks.exam.planting import plant, sealed
 from benchmarks.exam.river import routed
+from benchmarks.tests.exam.test_cases import SCENARIOS
 from rivid.simulation.programme import DAY
 from rivid.simulation.scenario import load_scenario
-from benchmarks.tests.exam.test_cases import SCENARIOS
 
 BY_NAME = {case.name: case for case in cases()}
 
