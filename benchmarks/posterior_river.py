@@ -18,7 +18,7 @@ from rivid.config import Config, load_config
 from rivid.core.jmap import jmap
 from rivid.core.posterior.river import posterior_river
 from rivid.core.posterior.river_response import hastened
-from rivid.core.posterior.settings import RiverSettings
+from rivid.core.settings import RiverSettings
 
 Floats = NDArray[np.float64]
 DAY, FINE, STEADY = 96, 3, 4

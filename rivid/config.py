@@ -1,24 +1,20 @@
-"""The configuration: pydantic models over the core's settings, to and from TOML.
+"""The configuration: pydantic models of the tables of a TOML file.
 
-Every key has a unit and a default here; an unknown key is an error that lists the valid ones. The
-defaults are the reach of Table I and the settings of section VI.
+Defaults and limits of the estimators are those of :mod:`rivid.core.settings`; an unknown key is an error that
+lists the valid ones. The defaults of the reach are Table I.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from rivid.core.posterior.settings import PosteriorSettings, RiverSettings
-from rivid.core.settings import (
-    CusumSettings,
-    JmapSettings,
-    Prior,
-    SearchSettings,
-)
+from rivid.core import settings as core
+from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, RiverSettings, SearchSettings
 from rivid.errors import ConfigError
-from rivid.estimator_config import MAX_ORDER, CusumConfig, JmapConfig, PosteriorConfig, SearchConfig
 from rivid.estimators import ESTIMATORS
 from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
 from rivid.toml import load_toml, nearest, parse, read_toml
@@ -37,7 +33,85 @@ __all__ = [
 
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
 _NAMES = ", ".join(f"`{name}`" for name in ESTIMATORS)
+DAY = 86_400.0
+"""Length of a day [s]; :mod:`rivid.types` imports numpy."""
 Discharge = Annotated[float, Field(gt=0, le=1e7)]
+
+_NOT_GIVEN = "; that of `[jmap]` where not given"
+ShortestDelay = Annotated[core.Delay | None, Means("samples", f"shortest delay tried{_NOT_GIVEN}")]
+LongestDelay = Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")]
+_BOUNDS = "`bounds`: from the hydraulics of `[reach]`"
+
+
+class JmapConfig(Section):
+    """`[jmap]`: the settings of :class:`rivid.core.settings.JmapSettings`, with the paper's names."""
+
+    order: Annotated[core.Order | Literal["bounds"], Means("samples", f"M, length of the FIR; {_BOUNDS}")] = (
+        JmapSettings.order
+    )
+    d_min: core.Delay = JmapSettings.d_min
+    d_max: Annotated[core.Delay | Literal["bounds"], Means("samples", f"longest delay tried; {_BOUNDS}")] = (
+        JmapSettings.d_max
+    )
+    sigma_d: Annotated[
+        core.DelayScale | Literal["bounds"],
+        Means("samples", f"scale and mode of the Rayleigh prior (26); {_BOUNDS}"),
+    ] = JmapSettings.delay_scale
+    alpha: Annotated[
+        core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
+    ] = core.DEFAULT_ALPHA
+    d_init: core.Delay = JmapSettings.d_init
+    tolerance: core.Tolerance = JmapSettings.tolerance
+    max_iterations: core.Rounds = JmapSettings.max_iterations
+    start: Annotated[
+        Literal["rest", "free"] | None,
+        Means("-", "before the first sample: at `rest` (the paper; a pool), or `free` (a river)"),
+    ] = None
+
+
+class SearchConfig(Section):
+    """`[search]`: the settings of :class:`rivid.core.settings.SearchSettings`.
+
+    The delays are those of `[jmap]` where not given.
+    """
+
+    d_min: ShortestDelay = None
+    d_max: LongestDelay = None
+
+
+class CusumConfig(Section):
+    """`[cusum]`: the settings of :class:`rivid.core.settings.CusumSettings`.
+
+    The delays are those of `[jmap]` where not given; the FIR tested is that of `[jmap]`.
+    """
+
+    threshold: core.Threshold = CusumSettings.threshold
+    drift: core.Drift = CusumSettings.drift
+    mean_lags: core.Lags = CusumSettings.mean_lags
+    mean: core.Finite | None = CusumSettings.mean
+    sd: core.Positive | None = CusumSettings.sd
+    moment: core.Moment = CusumSettings.moment
+    d_min: ShortestDelay = None
+    d_max: LongestDelay = None
+
+
+class PosteriorConfig(Section):
+    """`[posterior]`: the settings of :class:`rivid.core.settings.PosteriorSettings`.
+
+    The delays and the length of the FIR are those of `[jmap]` where not given.
+    """
+
+    d_min: ShortestDelay = None
+    d_max: LongestDelay = None
+    store_temperature: core.Temperature = PosteriorSettings.store_temperature
+    wave_temperature: core.Temperature = PosteriorSettings.wave_temperature
+    between_temperature: core.Temperature = PosteriorSettings.between_temperature
+    sharp: core.Share = PosteriorSettings.sharp
+    wave_lead: core.Part = PosteriorSettings.wave_lead
+    wave_lag: core.Part = PosteriorSettings.wave_lag
+    store_error: core.Spread = PosteriorSettings.store_error
+    wave_error: core.Spread = PosteriorSettings.wave_error
+    answer_above: core.Share = PosteriorSettings.answer_above
 
 
 class ReachConfig(Section):
@@ -204,23 +278,46 @@ class Config(Section):
         return self.model_dump(mode="json", exclude=unused)
 
     def search_settings(self) -> SearchSettings:
-        """The core's settings of direct and indirect; raises ConfigError as :meth:`SearchConfig.settings`."""
-        return self.search.settings(self.jmap_settings())
+        """The core's settings of `direct` and `indirect`; raises ConfigError as :meth:`jmap_settings`."""
+        with _table("search"):
+            return SearchSettings(**self._delays(self.search))
 
     def cusum_settings(self) -> CusumSettings:
-        """The core's settings of CUSUM; raises ConfigError as :meth:`CusumConfig.settings`."""
-        return self.cusum.settings(self.jmap_settings())
+        """The core's settings of CUSUM; raises ConfigError as :meth:`jmap_settings`."""
+        delays = self._delays(self.cusum, beyond=3)
+        with _table("cusum"):
+            return CusumSettings(**self.cusum.model_dump() | delays)
 
     def posterior_settings(self) -> PosteriorSettings:
-        """The core's settings of posterior; raises ConfigError as :meth:`PosteriorConfig.settings`."""
-        return self.posterior.settings(self.jmap_settings())
+        """The core's settings of `posterior`; raises ConfigError as :meth:`jmap_settings`."""
+        delays = self._delays(self.posterior, beyond=1)
+        with _table("posterior"):
+            return PosteriorSettings(**self.posterior.model_dump() | delays, order=self.jmap_settings().order)
 
     def river_settings(self) -> RiverSettings:
-        """The core's settings of posterior on a river; raises ConfigError as :meth:`posterior_settings`."""
-        return self.posterior.river_settings(self.jmap_settings(), 86400.0 / self.reach.sample_time)
+        """The core's settings of `posterior` on a river; raises ConfigError as :meth:`jmap_settings`."""
+        delays = self._delays(self.posterior)
+        day = max(round(DAY / self.reach.sample_time), 1)
+        with _table("posterior"):
+            return RiverSettings(**delays, warm=core.lags_of(delays["d_max"]), day=day)
+
+    def _delays(
+        self, section: SearchConfig | CusumConfig | PosteriorConfig, beyond: int | None = None
+    ) -> dict[str, int]:
+        """d_min and d_max of a table, or of `[jmap]`; the FIR has to be longer than d_max by `beyond`."""
+        jmap = self.jmap_settings()
+        d_min = jmap.d_min if section.d_min is None else section.d_min
+        d_max = jmap.d_max if section.d_max is None else section.d_max
+        if beyond is not None and d_max + beyond > jmap.order:
+            table = "cusum" if isinstance(section, CusumConfig) else "posterior"
+            raise ConfigError(
+                f"[{table}] d_max = {d_max} needs an FIR of order >= {d_max + beyond}, got [jmap] order = "
+                f"{jmap.order}: raise order or lower d_max"
+            )
+        return {"d_min": d_min, "d_max": d_max}
 
     def jmap_settings(
-        self, prior: Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True
+        self, prior: core.Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True
     ) -> JmapSettings:
         """The core's settings, with "bounds" taken from the reach's hydraulics.
 
@@ -243,10 +340,10 @@ class Config(Section):
             d_max = proposal.d_max if d_max == "bounds" else d_max
             sigma_d = proposal.delay_scale if sigma_d == "bounds" else sigma_d
         assert not isinstance(order, str) and not isinstance(d_max, str)
-        if order > MAX_ORDER:
+        if order > core.MAX_ORDER:
             raise ConfigError(
                 f"the bounds of [reach] ask for an FIR of order {order} at sample_time = "
-                f"{self.reach.sample_time:g} s, {MAX_ORDER} is the most: give "
+                f"{self.reach.sample_time:g} s, {core.MAX_ORDER} is the most: give "
                 "[jmap] order and d_max, or a longer sample_time"
             )
         return JmapSettings(
@@ -262,6 +359,15 @@ class Config(Section):
             max_iterations=j.max_iterations,
             free_start=self.reach.kind == "river" if j.start is None else j.start == "free",
         )
+
+
+@contextmanager
+def _table(name: str) -> Iterator[None]:
+    """Name the table of the configuration in errors of its settings."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"[{name}] {error}") from None
 
 
 def load_config(path: Path | None) -> Config:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rivid.core.fir import FirResult
     from rivid.core.posterior.daily import PosteriorResult
     from rivid.core.posterior.river import RiverPosterior
-    from rivid.core.posterior.settings import PosteriorSettings, RiverSettings
+    from rivid.core.settings import PosteriorSettings, RiverSettings
     from rivid.types import Bools, Floats, Strings
 
 
@@ -372,7 +372,8 @@ def _posterior(config: Config) -> Prepared:
         return Prepared(estimate_river, river.warm + LEAST_ROWS, f"d_max = {river.d_max}", key)
 
     from rivid.core.posterior.blind import n_least, posterior_blind
-    from rivid.core.posterior.daily import GUARD, posterior
+    from rivid.core.posterior.daily import posterior
+    from rivid.core.settings import GUARD
 
     settings = config.posterior_settings()
 

@@ -6,8 +6,7 @@ import json
 import pytest
 
 from rivid.config import Config, load_config, parse
-from rivid.core.posterior.settings import PosteriorSettings
-from rivid.core.settings import CusumSettings, JmapSettings, SearchSettings
+from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, SearchSettings
 from rivid.errors import ConfigError
 
 

@@ -12,7 +12,7 @@ LAYERS = (
     ("types", "errors"),
     ("core", "atomic", "input_config", "toml"),
     ("estimators",),
-    ("text", "estimator_config", "reach"),
+    ("text", "reach"),
     ("config", "effects", "logs"),
     ("simulation", "results"),
     ("check", "diagnosis"),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from benchmarks.posterior.worlds import World
 from rivid.core.posterior.daily import PosteriorResult, posterior
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import PosteriorSettings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -13,6 +13,7 @@ from markup import code, parameters, table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from rivid.core.settings import Limits
 from rivid.input_config import Means
 
 CLASS = re.compile(r":class:`~?([\w.]+)`")
@@ -129,7 +130,11 @@ def words(annotation: Any, metadata: Any = ()) -> str:
 def _limits(metadata: Any) -> str:
     parts: list[Any] = []
     for part in metadata:
-        parts += part.metadata if isinstance(part, FieldInfo) else [part]
+        if isinstance(part, Limits):
+            kinds = {"gt": Gt, "ge": Ge, "lt": Lt, "le": Le}
+            parts += [kinds[name](value) for name, value in vars(part).items() if value is not None]
+        else:
+            parts += part.metadata if isinstance(part, FieldInfo) else [part]
     low = high = ""
     for part in parts:
         match part:

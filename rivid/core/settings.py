@@ -1,21 +1,112 @@
-"""Frozen settings of the estimators: the one home of their defaults (section VI of the paper).
+"""Settings of the estimators: defaults (section VI of the paper) and limits, defined here only.
 
-This module imports nothing heavy, so that a configuration can be read without numpy.
+The configuration validates these types with pydantic. This module imports neither pydantic nor numpy, so
+that a configuration is read without numpy.
 """
 
-from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Literal, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from math import ceil, isfinite
+from typing import Annotated, Any, Literal, get_args
 
 from rivid.errors import ConfigError
 
+DEFAULT_ALPHA = 10_000.0
+"""Fixed regularisation weight [(m3/s)^2] of the MAP (22) and of Table V (section VI, Fig. 14-15)."""
+
+ALPHA_CAP = 1e14
+"""Upper limit of alpha [(m3/s)^2]: without the inverse-gamma prior the iteration of Table VI diverges."""
+
+MAX_CONDITION = 1e12
+"""Condition number of U'U above which a day is unidentifiable.
+
+Days of the paper have 2e4 to 1e5. At 1e16 a solution holds no correct digit; at 1e12 the ML estimate
+that Table VI starts from keeps four.
+"""
+
+MAX_ORDER = 1000
+"""Longest FIR [samples]: the time of a day grows with the square of the order."""
+
+GUARD = 2
+"""Travel times beyond each edge of the delays tried [samples] that are computed as well, so that a day with
+a delay outside is recognised."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a number, as metadata of its type; infinity and NaN are always refused."""
+
+    ge: float | None = None
+    gt: float | None = None
+    le: float | None = None
+    lt: float | None = None
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: Callable[[Any], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """The schema by which pydantic validates a value of the configuration."""
+        schema = handler(source)
+        finite = {"allow_inf_nan": False} if schema["type"] == "float" else {}
+        return schema | finite | {name: value for name, value in vars(self).items() if value is not None}
+
+    def fault(self, value: float) -> str:
+        """What is expected of a value, or "" for a value within the limits."""
+        words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+        holds = {
+            "ge": lambda limit: value >= limit,
+            "gt": lambda limit: value > limit,
+            "le": lambda limit: value <= limit,
+            "lt": lambda limit: value < limit,
+        }
+        given = {name: limit for name, limit in vars(self).items() if limit is not None}
+        if isfinite(value) and all(holds[name](limit) for name, limit in given.items()):
+            return ""
+        return " and ".join(
+            ["a finite number", *(f"{words[name]} {limit:g}" for name, limit in given.items())]
+        )
+
+
+Order = Annotated[int, Limits(ge=6, le=MAX_ORDER)]
+Delay = Annotated[int, Limits(ge=1, le=MAX_ORDER)]
+Alpha = Annotated[float, Limits(ge=1e-9, le=ALPHA_CAP)]
+DelayScale = Annotated[float, Limits(ge=0.1, le=1e4)]
+Tolerance = Annotated[float, Limits(ge=1e-9, lt=1)]
+Rounds = Annotated[int, Limits(ge=2, le=10_000)]  # the stop test compares two iterations
+Positive = Annotated[float, Limits(gt=0)]
+Finite = Annotated[float, Limits()]
+Threshold = Annotated[float, Limits(gt=0, le=1e6)]
+Drift = Annotated[float, Limits(ge=0, le=1e6)]
+Lags = Annotated[int, Limits(ge=0, le=MAX_ORDER)]
+Temperature = Annotated[float, Limits(ge=1, le=1e6)]
+Share = Annotated[float, Limits(ge=0, le=1)]
+Part = Annotated[float, Limits(ge=0, lt=1)]
+Spread = Annotated[float, Limits(gt=0, le=100)]
 Prior = Literal["rayleigh", "uniform"]
 Moment = Literal["onset", "alarm"]
 
 
+class _Checked:
+    """Settings that check the limits of their fields, and that ``1 <= d_min <= d_max``."""
+
+    d_min: int
+    d_max: int
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses
+            value = getattr(self, field.name)
+            for part in (field.type, *get_args(field.type)):
+                for limits in getattr(part, "__metadata__", ()):
+                    if value is not None and (expected := limits.fault(value)):
+                        raise ConfigError(f"{field.name} = {value}: expected {expected}")
+        if self.d_min > self.d_max:
+            raise ConfigError(
+                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
+            )
+
+
 @dataclass(frozen=True)
-class JmapSettings:
-    """How the joint MAP estimate of the delay and the FIR is made.
+class JmapSettings(_Checked):
+    """Settings of the joint MAP estimate of the delay and the FIR.
 
     The model is ``y = U h + w`` (16) with ``w ~ N(0, sigma_w2 I)`` (19), ``D_d h ~ N(0, sigma_hD2 I)``
     (25) and ``d`` Rayleigh (26) or uniform; ``sigma_hD2`` is inverse gamma (32).
@@ -40,28 +131,33 @@ class JmapSettings:
     tolerance : float
         epsilon of Table VI: stop when both variances change by less, relatively.
     max_iterations : int
-        Give up iterating after so many rounds of Table VI.
+        Largest number of iterations of Table VI.
     free_start : bool
-        False, as in the paper: the reach was at rest at the first sample, u is zero before it. True: what
-        came before is left open, only rows of (16) whose M samples of u are all there count, and a
-        constant is fitted along. It costs M - 1 rows, and is right where the delay is not short against
-        the data set.
+        False, as in the paper: the reach was at rest at the first sample, u is zero before it. True: the
+        time before the first sample is left open. Only rows of (16) with all M samples of u count, and a
+        constant is fitted as well. This costs M - 1 rows, and is right where the delay is not short
+        compared with the data set.
+
+    Raises
+    ------
+    ConfigError
+        For values out of range, and settings that contradict each other.
     """
 
-    order: int = 30
-    d_min: int = 1
-    d_max: int = 15
+    order: Order = 30
+    d_min: Delay = 1
+    d_max: Delay = 15
     prior: Prior = "rayleigh"
-    delay_scale: float = 6.5
-    alpha: float | None = None
+    delay_scale: DelayScale = 6.5
+    alpha: Alpha | None = None
     inverse_gamma: bool = True
-    d_init: int = 10
-    tolerance: float = 1e-3
-    max_iterations: int = 200
+    d_init: Delay = 10
+    tolerance: Tolerance = 1e-3
+    max_iterations: Rounds = 200
     free_start: bool = False
 
     def __post_init__(self) -> None:
-        _refuse_order(self.d_min, self.d_max)
+        super().__post_init__()
         if self.d_max > self.order - 3:
             raise ConfigError(
                 f"d_max = {self.d_max} needs an FIR of order >= {self.d_max + 3}, got order = "
@@ -73,19 +169,11 @@ class JmapSettings:
                 "against the noise variance, which Table VI estimates: drop alpha, or set "
                 'prior = "uniform"'
             )
-        for name in ("delay_scale", "tolerance"):
-            value = getattr(self, name)
-            if not 0 < value < float("inf"):
-                raise ConfigError(f"{name} = {value}: expected a positive number")
-        if self.alpha is not None and not 0 < self.alpha < float("inf"):
-            raise ConfigError(f"alpha = {self.alpha}: expected a positive number [(m3/s)^2]")
-        if self.max_iterations < 2:
-            raise ConfigError("max_iterations must be 2 or more: the stop test compares two rounds")
 
 
 @dataclass(frozen=True)
-class SearchSettings:
-    """Which delays are tried.
+class SearchSettings(_Checked):
+    """The delays that `direct` and `indirect` try.
 
     Parameters
     ----------
@@ -98,19 +186,16 @@ class SearchSettings:
         For bounds in the wrong order, or below 1: at d = 0 two columns of (14) are the same.
     """
 
-    d_min: int = 1
-    d_max: int = 15
-
-    def __post_init__(self) -> None:
-        _refuse_order(self.d_min, self.d_max)
+    d_min: Delay = 1
+    d_max: Delay = 15
 
 
 @dataclass(frozen=True)
-class CusumSettings:
-    """What counts as a change.
+class CusumSettings(_Checked):
+    """Settings of the CUSUM test.
 
-    The paper names the algorithm and says that it has to be tuned day by day, without a figure. The defaults
-    are the textbook's for a change of one standard deviation, and are not tuned to any season.
+    The paper names the algorithm and states that it has to be tuned day by day, without a figure. The
+    defaults are those of textbooks for a change of one standard deviation, and are not tuned to a season.
 
     Parameters
     ----------
@@ -118,11 +203,11 @@ class CusumSettings:
         g above which there is a change [standard deviations].
     drift : float
         Taken from g at each lag [standard deviations]; half of the smallest change that matters. It also has
-        to swallow the slow decay of h that (10) shows before the change.
+        to absorb the slow decay of h that (10) shows before the change.
     mean_lags : int
         The mean before the change is that of the first so many coefficients, from lag 1 on (of those there
         are before lag k, if fewer); 0: of all coefficients from lag 1 to k - 1. Lag 0 is never counted: the
-        drop from h[0] to h[1] is the people's feed-forward, not the inflow's arrival.
+        drop from h[0] to h[1] is the feed-forward of the operators, not the arrival of the inflow.
     mean : float or None
         A known mean before the change instead [output unit per m3/s].
     sd : float or None
@@ -131,7 +216,7 @@ class CusumSettings:
     moment : {"onset", "alarm"}
         What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late.
     d_min, d_max : int
-        The delays that can be answered [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
+        The delays that can be estimated [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
 
     Raises
     ------
@@ -139,44 +224,147 @@ class CusumSettings:
         For values out of range.
     """
 
-    threshold: float = 5.0
-    drift: float = 0.5
-    mean_lags: int = 3
-    mean: float | None = None
-    sd: float | None = None
+    threshold: Threshold = 5.0
+    drift: Drift = 0.5
+    mean_lags: Lags = 3
+    mean: Finite | None = None
+    sd: Positive | None = None
     moment: Moment = "onset"
-    d_min: int = 1
-    d_max: int = 15
+    d_min: Delay = 1
+    d_max: Delay = 15
 
     def __post_init__(self) -> None:
-        _refuse_order(self.d_min, self.d_max)
-        for name, low_fits in (("threshold", False), ("drift", True), ("sd", False)):
-            value = getattr(self, name)
-            if value is not None and not (0 < value < inf or (low_fits and value == 0)):
-                expected = "zero or a positive number" if low_fits else "a positive number"
-                raise ConfigError(f"{name} = {value}: expected {expected}")
-        if self.mean is not None and not isfinite(self.mean):
-            raise ConfigError(f"mean = {self.mean}: expected a number, or none to take it from the FIR")
-        if self.mean_lags < 0:
-            raise ConfigError(f"mean_lags = {self.mean_lags}: expected 0 (all lags before) or more")
+        super().__post_init__()
         if self.moment not in get_args(Moment):
             raise ConfigError(f'moment = "{self.moment}": expected one of {", ".join(get_args(Moment))}')
 
 
-def _refuse_order(d_min: int, d_max: int) -> None:
-    if not 1 <= d_min <= d_max:
-        raise ConfigError(f"d_min = {d_min} and d_max = {d_max}: expected 1 <= d_min <= d_max (samples)")
+@dataclass(frozen=True)
+class PosteriorSettings(_Checked):
+    """Settings of the probability of the delay.
+
+    The temperatures, errors and `wave_lag` were chosen on simulated reaches (`benchmarks/posterior`)
+    and tested on others.
+
+    Parameters
+    ----------
+    d_min, d_max : int
+        The delays that can be estimated [samples], ``1 <= d_min <= d_max``.
+    order : int
+        Length M of the FIR that is returned [samples], above `d_max`.
+    store_temperature, wave_temperature : float
+        Divisor of the log evidence of a front's place within an equation, 1 or more: no equation is exact,
+        and hundreds of samples make the least wrong place look far surer than it is.
+    between_temperature : float
+        The same between equations.
+    sharp : float
+        Prior share of fronts that lie at a sampling instant, where the front moves the level at once.
+    wave_lead : float
+        By how much the place of a wave's front lies before a travel time of whole samples [samples].
+    wave_lag : float
+        Share of its sharpness that a wave loses with each sample of its travel.
+    store_error, wave_error : float
+        Scale of the logistic error of a front's place [samples].
+    answer_above : float
+        Smallest probability of being right at which a day has a delay.
+
+    Raises
+    ------
+    ConfigError
+        For values out of range.
+    """
+
+    d_min: Delay = 1
+    d_max: Delay = 15
+    order: Order = 30
+    store_temperature: Temperature = 1.4
+    wave_temperature: Temperature = 2.0
+    between_temperature: Temperature = 1.5
+    sharp: Share = 0.8
+    wave_lead: Part = 0.18
+    wave_lag: Part = 0.11
+    store_error: Spread = 0.02
+    wave_error: Spread = 0.038
+    answer_above: Share = 0.72
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.order <= self.d_max:
+            raise ConfigError(
+                f"order = {self.order} ends before the front of d_max = {self.d_max}: raise "
+                "order or lower d_max"
+            )
 
 
-DEFAULT_ALPHA = 10_000.0
-"""Fixed regularisation weight [(m3/s)^2] of the MAP (22) and of Table V (section VI, Fig. 14-15)."""
+def lags_of(d_max: int) -> int:
+    """Longest lag of a response [samples] with a t50 of up to d_max: a slow tail has to end within it."""
+    return ceil(1.9 * (d_max + GUARD)) + 4
 
-ALPHA_CAP = 1e14
-"""Where a degenerate estimate is stopped [(m3/s)^2]: alpha runs away without the inverse-gamma prior."""
 
-MAX_CONDITION = 1e12
-"""Condition number of U'U above which a day is unidentifiable.
+@dataclass(frozen=True)
+class RiverSettings(_Checked):
+    """Settings of the probability of a river's travel time.
 
-Days of the paper have 2e4 to 1e5. At 1e16 a solution holds no correct digit; at 1e12 the ML estimate
-that Table VI starts from keeps four.
-"""
+    Temperatures and spread were chosen on simulated rivers and on a measured one, and tested on others (see
+    `benchmarks/posterior_river.py`).
+
+    Parameters
+    ----------
+    d_min, d_max : int
+        Travel times t50 that can be estimated [samples], ``1 <= d_min < d_max``.
+    warm : int
+        Samples before each window that are history only; at least :attr:`n_lags`.
+    day : int
+        Samples in a day, the period of a daily inflow that is not logged.
+    gain, gain_sd : float
+        Prior of the sum of the response [-]: near 1, because volume is kept.
+    temperature : float
+        Divisor of the log evidence of one day's rows, 1 or more.
+    temperature_growth : float
+        Power with which that grows as the window has more rows than a day.
+    spread, spread_share : float
+        Standard error that a window cannot show [samples, share of t50]: no river is exactly one of the
+        families of responses.
+    link_above : float
+        Smallest probability that the output follows the inflow at which a window has a t50.
+    widest : float
+        Widest 90 % band with a t50 [samples]; half of t50 is allowed on top.
+
+    Raises
+    ------
+    ConfigError
+        For values out of range.
+    """
+
+    d_min: Delay = 1
+    d_max: Delay = 40
+    warm: Annotated[int, Limits(ge=1)] = 96
+    day: Annotated[int, Limits(ge=1)] = 96
+    gain: Positive = 1.0
+    gain_sd: Positive = 0.35
+    temperature: Temperature = 1.5
+    temperature_growth: Share = 0.57
+    spread: Positive = 0.3
+    spread_share: Share = 0.01
+    link_above: Share = 0.95
+    widest: Positive = 4.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.d_min == self.d_max:
+            raise ConfigError(
+                f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min < d_max (samples)"
+            )
+        if self.warm < self.n_lags:
+            raise ConfigError(
+                f"warm = {self.warm}: d_max = {self.d_max} needs {self.n_lags} samples of history or more"
+            )
+
+    @property
+    def n_lags(self) -> int:
+        """Longest lag of a response [samples]."""
+        return lags_of(self.d_max)
+
+    def flattening(self, n_rows: int) -> float:
+        """Temperature of a window of so many rows."""
+        return max(1.0, self.temperature * float((n_rows / self.day) ** self.temperature_growth))

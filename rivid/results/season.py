@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rivid.atomic import write_text
 from rivid.core.law import DelayLaw, delay_law
-from rivid.core.posterior.settings import RiverSettings
 from rivid.core.season import season
+from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.results.tables import to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats

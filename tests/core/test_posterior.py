@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rivid.core.posterior.daily import BLOCK, posterior
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import PosteriorSettings
 from rivid.errors import ConfigError, RividError
 from tests.core.posterior_days import linear_days, wave_days
 

@@ -17,7 +17,7 @@ from rivid.core.posterior.blind_response import (
     blind_noises,
 )
 from rivid.core.posterior.front import SHARES
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import PosteriorSettings
 from rivid.errors import RividError
 from tests.core.posterior_days import linear_days, wave_days
 

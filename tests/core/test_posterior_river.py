@@ -8,7 +8,7 @@ import pytest
 from rivid.core.posterior.noise import daily_sine, river_noises, whitened_sums
 from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, nothing, posterior_river
 from rivid.core.posterior.river_response import hastened, response_grid
-from rivid.core.posterior.settings import RiverSettings
+from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, RividError
 from tests.core.river_windows import river_windows
 

@@ -21,7 +21,7 @@ from rivid.core.posterior.river_response import (
     response_grid,
     responses,
 )
-from rivid.core.posterior.settings import RiverSettings
+from rivid.core.settings import RiverSettings
 
 
 def wave(t, cv):

@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.core.posterior.blind import posterior_blind
-from rivid.core.posterior.daily import GUARD, posterior
+from rivid.core.posterior.daily import posterior
 from rivid.core.posterior.river import posterior_river
-from rivid.core.posterior.settings import PosteriorSettings, RiverSettings, lags_of
+from rivid.core.settings import GUARD, PosteriorSettings, RiverSettings, lags_of
 from rivid.errors import RividError
 from rivid.results.read import load_delays, load_results
 from tests.daily import FIRST, a_day, write_days

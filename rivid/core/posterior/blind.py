@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.core.posterior.blind_response import BEHIND, LENGTHS, BlindEvidence, blind_evidence, blind_fir
-from rivid.core.posterior.daily import BLOCK, GUARD, PosteriorResult, _answer, _checked
+from rivid.core.posterior.daily import BLOCK, PosteriorResult, _answer, _checked
 from rivid.core.posterior.fir import averaged_fir
 from rivid.core.posterior.fold import fold, meant, weights
 from rivid.core.posterior.front import SHARES, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.errors import RividError
 from rivid.types import Floats
 

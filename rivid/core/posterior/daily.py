@@ -14,15 +14,12 @@ from rivid.core.posterior.fir import averaged_fir
 from rivid.core.posterior.fold import fold, meant, weights
 from rivid.core.posterior.front import log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Strings
 
 BLOCK = 16
 """Days worked on together; a last block that is shorter is filled up, so that every block has one shape."""
-
-GUARD = 2
-"""Candidates beyond each edge of the range: what lies there is no answer, but a reason not to give one."""
 
 HELD = 0.9
 """Probability that a day's set of delays holds."""

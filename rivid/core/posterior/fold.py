@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from rivid.core.posterior.front import SHARES
-from rivid.core.posterior.settings import PosteriorSettings
+from rivid.core.settings import PosteriorSettings
 from rivid.types import Floats
 
 STEPS = 10

@@ -16,7 +16,7 @@ from scipy.special import log_ndtr, ndtr
 
 from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
 from rivid.core.posterior.river_response import ResponseGrid, hastened, response_grid
-from rivid.core.posterior.settings import RiverSettings
+from rivid.core.settings import RiverSettings
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Strings
 

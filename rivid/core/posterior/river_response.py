@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
 
-from rivid.core.posterior.settings import GUARD, RiverSettings
+from rivid.core.settings import GUARD, RiverSettings
 from rivid.types import Floats
 
 STEP = 0.25
