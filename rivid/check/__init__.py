@@ -1,6 +1,109 @@
-"""What is wrong with a directory of logs, in words, without estimating anything."""
+"""Check a directory of logs for faults without estimating anything."""
 
+import datetime as dt
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from rivid.check.clocks import clocks
 from rivid.check.findings import DayReport, Finding, Report
-from rivid.check.look import check
+from rivid.check.gauge import gauge, implausible
+from rivid.check.record import Fits, Record
+from rivid.check.spacing import Spacing
+from rivid.check.units import units
+from rivid.config import Config
+from rivid.errors import DataError, PendingError
+from rivid.logs.catalog import find_days
+from rivid.logs.read import DataSet, read_window, refuse_columns
+from rivid.types import ONE_DAY
 
-__all__ = ["DayReport", "Finding", "Report", "check"]
+__all__ = ["DayReport", "Finding", "Report", "check", "check_days"]
+
+LONGEST = 100_000
+"""Longest span in which days without a log are listed [days]."""
+
+
+def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None) -> Report:
+    """Read every day of a directory of logs and report its faults.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or one file.
+    config : Config
+    today : date or aware datetime, optional
+        A log of this day may be unfinished; see :func:`rivid.logs.read.read_window`.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    NoDataError
+        If there is no log.
+    ConfigError
+        If the configuration names columns that no log has.
+    """
+    catalog = find_days(root, config)
+    refuse_columns(root, catalog.days, config)
+    days, record, spacing = [], Record(config.reach), Spacing(root, config)
+    for source in catalog.days:
+        try:
+            data = read_window(root, [source], config, today=today)
+        except PendingError as error:
+            days.append(DayReport(source.date, "pending", str(error)))
+            continue
+        except DataError as error:
+            days.append(DayReport(source.date, "failed", str(error)))
+        except (OSError, ValueError, MemoryError) as error:
+            days.append(DayReport(source.date, "failed", f"cannot be read: {type(error).__name__}: {error}"))
+        else:
+            filled = [f"{data.n_filled} of {len(data.inflow)} samples filled"] if data.n_filled else []
+            notes = [*filled, data.notes] if data.notes else filled
+            days.append(DayReport(data.date, "ok", "", notes, len(data.inflow), data.n_filled))
+            record.add(data)
+        spacing.add(source, days[-1].reason)
+    findings = [*_future(days, today), *spacing.findings(), *_check_record(record, config)]
+    days = [_with_notes(day, findings) for day in days]
+    present = {day.date for day in days}
+    span = min((max(present) - min(present)).days, LONGEST)
+    absent = [day for k in range(span) if (day := min(present) + k * ONE_DAY) not in present]
+    return Report(days, catalog.bad_files, absent, findings)
+
+
+def check_days(days: Iterable[DataSet], config: Config) -> list[Finding]:
+    """Return the findings on good days, given in order of dates."""
+    record = Record(config.reach)
+    for day in days:
+        record.add(day)
+    return _check_record(record, config)
+
+
+def _check_record(record: Record, config: Config) -> list[Finding]:
+    if not record.days:
+        return []
+    with threadpool_limits(1):  # the matrices are small
+        fits = Fits(record)
+    shifted = clocks(record, fits)
+    doubtful = {date for finding in shifted for date in finding.days or record.days}
+    flows = units(record, fits, config, doubtful)
+    others = [*flows, *shifted, *implausible(record, config.run.min_motion)]
+    return [*others, *gauge(record, fits, others)]
+
+
+def _future(days: list[DayReport], today: dt.date | dt.datetime | None) -> list[Finding]:
+    """Find days after tomorrow: in the zone of the log it may be tomorrow already."""
+    if today is None:
+        return []
+    last = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY
+    ahead: dict[dt.date, dict[str, str]] = {day.date: {} for day in days if day.date > last}
+    return [Finding("future", {}, ahead)] if ahead else []
+
+
+def _with_notes(day: DayReport, findings: list[Finding]) -> DayReport:
+    """Return a day with the findings that apply to it among its notes."""
+    notes = [finding.day_text(day.date) for finding in findings if day.date in finding.days]
+    return replace(day, notes=[*day.notes, *notes]) if notes else day

@@ -1,53 +1,218 @@
-"""What a check has found: of a day, of many days, of the whole record; and dates in words."""
+"""Findings of a check as codes and numbers, their wording, and the report on a terminal."""
 
 import datetime as dt
 import re
+import string
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from rivid.types import ONE_DAY
 
 Status = Literal["ok", "pending", "failed"]
+Values = Mapping[str, Any]
+
 MOST_RANGES = 4
-"""Spans of dates that a sentence names; the rest is a number."""
+"""Spans of dates that are listed; the others are counted."""
+MOST_ITEMS = 3
+"""Events of a day that are listed; the others are counted."""
+WIDTH = 79
+"""Columns of the report."""
+
+_STAMPED = "{column} is stamped {off_s:span} too {sense} against {reference}"
+_TIMES = "{large} is {ratio:times} times {small}"
+_RANGE = "[reach] discharge_range, {low:g} to {high:g}{is_declared:default}"
+_VOLUME = (
+    "h_L moves {ratio:multiple} u_Qi and u_Qo imply on [reach] surface_area = {area:g} "
+    "m2{is_declared:default}"
+)
+_BED = "the median of h_L is {median:.4g} m where [reach] bed_level is {bed:g} m: check [input.units] h_L"
+_ROWS = "{columns} every {spacing_s:g} s"
+_PERIOD = "[reach] sample_time is {expected_s:g} s"
+_COLUMN = "set [input.interval] {column} = {spacing_s:g}"
+TEXTS = {
+    "swapped.river": "{output} falls when u_Qi rises: is its sign reversed, or is it another column?",
+    "swapped.flows": "h_L falls with u_Qi and rises with u_Qo, after {lag_s:span}: are inflow and outflow "
+    "swapped? Check [input] u_Qi and u_Qo",
+    "swapped.level": "h_L falls with u_Qi and rises with u_Qo: is it measured downwards, or are inflow and "
+    "outflow swapped?",
+    "dates": "the dates of {column} are a day too {sense}: it fits the other columns of the day {other_day}",
+    "clock.hour": f"{_STAMPED}: is its clock an hour off, or does it keep summer time? Check time_zone and "
+    "the logger",
+    "clock.shift": f"{_STAMPED}: check the logger's clock",
+    "clock.gate": "h_L answers u_Qo {off_s:span} too {sense}, although the gauge is at the gate: is the "
+    "clock of {column} {off_s:span} {speed}?",
+    "clock.before": "{output} moves {off_s:span} before u_Qi: is the clock of u_Qi fast, or are columns "
+    "swapped?",
+    "clock.slow": "h_L answers u_Qi after {lag_s:span}, where a wave takes at most {longest_s:span} "
+    "([reach]): is the clock of u_Qi slow?",
+    "drift": "the clock of {column} drifts: it becomes {speed} by {off_s:span} from {first} to {last}, "
+    "{per_day_s:.0f} s a day, against the other columns",
+    "unit.factor": f"{_TIMES}, and 1 {{declared}} is {{factor:times}} {{unit}}: is {{large}} in {{unit}}? "
+    'Set [input.units] {large} = "{unit}"',
+    "unit.declared": f"{_TIMES}: is {{small}} in {{unit}}, not in {{declared}} as [input.units] declares? "
+    'Set {small} = "{unit}"',
+    "unit.twice": f"{_TIMES}, as if {{small}} had been converted from {{unit}} twice: set [input.units] "
+    "{small}, or check its source",
+    "unit.range": f"the median of {{flows:median}} is far outside {_RANGE}: check [input.units]",
+    "unit.range_unit": f"the median of {{flows:median}} is far outside {_RANGE}: check [input.units] "
+    '("{unit}" would give {flows:converted} m3/s)',
+    "unit.level_span": "h_L moves by {span:.4g} m over the record, more than {limit:g} m; check "
+    "[input.units] h_L and [input] sentinels",
+    "unit.level_days": "h_L is {ratio:times} times that of the other days ({height:.4g} m on {date}): is it "
+    "in {unit} there, and in {declared} on the others?",
+    "unit.bed": f"{_BED} and the datum",
+    "unit.bed_unit": f'{_BED} and the datum ("{{unit}}" would give {{converted:.4g}} m)',
+    "unit.level": f'{_VOLUME}: is h_L in {{unit}}, not in {{declared}}? [input.units] h_L = "{{unit}}"',
+    "unit.flows": f"{_VOLUME}: are both flows in {{unit}}? Set [input.units], or check the area",
+    "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, and the units",
+    "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
+    "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "
+    "travel-time bounds do not cover these flows",
+    "stuck": "{output} stands still while the flows move: is the gauge stuck? On {example}",
+    "jump": "{output} jumps and no flow explains it: was the gauge moved, or its datum? On {example}",
+    "spike": "{output} leaps away and back: is it a fault of the gauge? If a number means not measured: "
+    "[input] sentinels. On {example}",
+    "copy.two": "{what} occur on {first} and {second}: is one a copy of the other?",
+    "copy.many": "{what} occur on several dates, such as {first} and {second}: are some copies of others?",
+    "constant.inflow": "the inflow is constant ({flow:interval} m3/s): no delay can be estimated",
+    "constant.inflow_always": "the inflow is constant ({flow:interval} m3/s) on every day: no delay can be "
+    "estimated",
+    "constant.outflow": "the outflow is constant ({flow:interval} m3/s)",
+    "constant.outflow_always": "the outflow is constant ({flow:interval} m3/s) on every day while the inflow "
+    "moves: is it a set-point, or a dead line?",
+    "negative.some": "{column} is negative, down to {lowest:.4g} m3/s: a sign, a sentinel, or pumping?",
+    "negative.mean": "{column} is negative on average, down to {lowest:.4g} m3/s: is its sign reversed?",
+    "moment": "{column} is far off for a moment, and returns: a lost digit? On {example}",
+    "interval.finer": f"{_ROWS}; {_PERIOD}: rows between samples are not used",
+    "interval.sample_time": f"{_ROWS}; {_PERIOD}: set sample_time = {{spacing_s:g}}",
+    "interval.column": f"{_ROWS}; {_PERIOD}: {_COLUMN}",
+    "interval.declared": f"{_ROWS}; [input.interval] declares {{expected_s:g}} s: {_COLUMN}",
+    "summer time": "an hour of the night {what}, Sundays on which clocks change: the logger keeps summer "
+    "time, and its times are read as {read_as}; set [input] time_zone to its zone, such as "
+    '"Europe/Paris"',
+    "future": "the logs are dated in the future: check the date of the logger and the names of the files",
+}
+"""Text of each finding; the part of the code before the dot is its kind."""
+REMARKS = {
+    "range", "constant.inflow", "constant.outflow", "negative.some", "moment", "interval.finer",
+}  # fmt: skip
+"""Findings that need no action."""
+DAYS = {
+    "swapped": "inflow and outflow look swapped",
+    "dates": "{column} looks dated a day too {sense}",
+    "clock": _STAMPED,
+    "unit.level_days": "h_L is {height:.4g} m",
+    "unit": _TIMES,
+    "balance": _TIMES,
+    "stuck": "{output} stands still {items:spell}",
+    "jump": "{output} jumps by {items:jump}",
+    "spike": "{output} leaps away and back at {items:spike}",
+    "copy": "{column} as on {other}",
+    "constant.inflow": "the inflow is constant",
+    "constant.outflow": "the outflow is constant",
+    "negative": "negative {column}, down to {lowest:.4g} m3/s",
+    "moment": "{column} is far off for a moment at {items:time}",
+    "interval": _ROWS,
+    "summer time": "an hour of the night {what}",
+    "future": "dated in the future",
+}
+"""Text of a finding for one of its days, by code or kind."""
+ITEMS = {
+    "spell": "from {first} to {last} ({duration_s:span}) at {value:.6g} {unit}",
+    "jump": "{change:+.3g} {unit} at {time}",
+    "spike": "{time} ({value:.6g} {unit})",
+    "time": "{time}",
+}
+"""Text of one of several events of a day."""
+JOINED = {"median": "{column}, {median:.4g} m3/s,", "converted": "{converted:.4g}"}
+"""Text of each of several columns, joined by "and"."""
+
+
+class _Texts(string.Formatter):
+    """Format specifications of the templates above, beside Python's own."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        match format_spec:
+            case "span":
+                return span(value)
+            case "times":
+                return times(value)
+            case "multiple":
+                return (
+                    f"{times(value)} times as much as" if value > 1 else f"{times(1 / value)} times less than"
+                )
+            case "interval":
+                return f"{value[0]:g}" if value[0] == value[1] else f"{value[0]:g} to {value[1]:g}"
+            case "default":
+                return "" if value else " (not declared: that of Table I)"
+        if format_spec in ITEMS:
+            listed = ", ".join(_text(ITEMS[format_spec], item) for item in value[:MOST_ITEMS])
+            return listed + (f" and {len(value) - MOST_ITEMS} times more" if len(value) > MOST_ITEMS else "")
+        if format_spec in JOINED:
+            return " and ".join(_text(JOINED[format_spec], item) for item in value)
+        return format(value, format_spec)
+
+
+def _text(template: str, values: Values) -> str:
+    return _Texts().vformat(template, (), values)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that looks wrong, said once for all the days that it is true of.
+    """A fault or a remark, once for all the days that it applies to.
 
     Attributes
     ----------
-    kind : str
-        A word for machines: unit, balance, swapped, clock, drift, dates, stuck, jump, spike, copy, constant,
-        negative, interval, summer time,
-        future, moment.
-    text : str
-        In words, without the dates.
-    days : dict of date to str
-        The days it is true of, each with its own numbers in words; empty for the whole record.
-    wrong : bool
-        Whether something must be done about it; a remark otherwise.
+    code : str
+        Key of :data:`TEXTS`.
+    values : mapping
+        Columns, numbers [SI units unless the key ends otherwise] and dates of the text.
+    days : dict of date to mapping
+        The days that it applies to, each with its own values; empty for the whole record.
     """
 
-    kind: str
-    text: str
-    days: dict[dt.date, str] = field(default_factory=dict)
-    wrong: bool = True
+    code: str
+    values: Values = field(default_factory=dict)
+    days: Mapping[dt.date, Values] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """The code before the dot: unit, balance, swapped, clock, drift, ..."""
+        return self.code.partition(".")[0]
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it needs action; otherwise a remark."""
+        return self.code not in REMARKS
+
+    @property
+    def text(self) -> str:
+        """The finding without its dates."""
+        values = dict(self.values)
+        if "{example}" in TEXTS[self.code]:
+            first = min(self.days)
+            values["example"] = f"{first}: {self.day_text(first)}"
+        return _text(TEXTS[self.code], values)
+
+    def day_text(self, date: dt.date) -> str:
+        """The finding for one of its days."""
+        template = DAYS.get(self.code) or DAYS[self.kind]
+        return _text(template, {**self.values, **self.days[date]})
 
     def __str__(self) -> str:
-        """In words, with the dates."""
-        return f"{dates_in_words(self.days)}: {self.text}" if self.days else self.text
+        return f"{list_dates(self.days)}: {self.text}" if self.days else self.text
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """Return the finding as JSON values."""
         return {
             "kind": self.kind,
+            "code": self.code,
             "text": str(self),
             "wrong": self.wrong,
-            "days": {str(date): words for date, words in sorted(self.days.items())},
+            "values": dict(self.values),
+            "days": {str(date): self.day_text(date) for date in sorted(self.days)},
         }
 
 
@@ -60,9 +225,9 @@ class DayReport:
     date : date
     status : {"ok", "pending", "failed"}
     reason : str
-        Why it cannot be used; empty where it can.
+        Why the day cannot be used; empty otherwise.
     notes : list of str
-        What was filled, dropped or masked, and what looks odd.
+        Filled, dropped or masked samples, and findings.
     n_samples, n_filled : int
     """
 
@@ -76,7 +241,7 @@ class DayReport:
 
 @dataclass(frozen=True)
 class Report:
-    """All days, the files that speak of none, the days without a log, and what looks wrong."""
+    """All days, the files without a usable date (path, reason), the days without a log, and the findings."""
 
     days: list[DayReport]
     bad_files: list[tuple[str, str]]
@@ -84,26 +249,26 @@ class Report:
     findings: list[Finding]
 
     def count(self, status: Status) -> int:
-        """Days of a status."""
+        """Return the number of days of a status."""
         return sum(day.status == status for day in self.days)
 
     @property
     def failed(self) -> int:
-        """Days that cannot be used."""
+        """Number of days that cannot be used."""
         return self.count("failed")
 
     @property
     def warnings(self) -> list[str]:
-        """What is to be put right, in words."""
+        """Texts of the findings that need action."""
         return [str(finding) for finding in self.findings if finding.wrong]
 
     @property
     def exit_code(self) -> int:
-        """0 where all is fine; 3 where a day failed, a file cannot be used, or something looks wrong."""
+        """0 if all is well; 3 if a day failed, a file cannot be used, or a finding needs action."""
         return 3 if self.failed or self.bad_files or self.warnings else 0
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it, dates as text."""
+        """Return the report as JSON values."""
         return {
             "days": [asdict(day) | {"date": str(day.date)} for day in self.days],
             "bad_files": [list(bad) for bad in self.bad_files],
@@ -128,12 +293,12 @@ class Report:
         }
 
 
-def dates_in_words(dates: Iterable[dt.date]) -> str:
-    """Spans of consecutive dates, the longest list of them cut short, and how many days they are.
+def list_dates(dates: Iterable[dt.date]) -> str:
+    """Return spans of consecutive dates, the first few of them, and the number of days.
 
     Examples
     --------
-    >>> dates_in_words([dt.date(2008, 3, 1), dt.date(2008, 3, 2), dt.date(2008, 3, 9)])
+    >>> list_dates([dt.date(2008, 3, 1), dt.date(2008, 3, 2), dt.date(2008, 3, 9)])
     '2008-03-01 to 2008-03-02, 2008-03-09 (3 days)'
     """
     ordered = sorted(dates)
@@ -143,14 +308,14 @@ def dates_in_words(dates: Iterable[dt.date]) -> str:
             spans[-1][1] = date
         else:
             spans.append([date, date])
-    words = [f"{first} to {last}" if first != last else f"{first}" for first, last in spans[:MOST_RANGES]]
+    listed = [f"{first} to {last}" if first != last else f"{first}" for first, last in spans[:MOST_RANGES]]
     more = ", ..." if len(spans) > MOST_RANGES else ""
     count = f" ({len(ordered)} days)" if len(ordered) > 1 else ""
-    return ", ".join(words) + more + count
+    return ", ".join(listed) + more + count
 
 
 def times(ratio: float) -> str:
-    """A factor in words.
+    """Format a factor with three digits.
 
     Examples
     --------
@@ -160,29 +325,19 @@ def times(ratio: float) -> str:
     return f"{ratio:.3g}" if ratio < 999.5 else f"{ratio:,.0f}"
 
 
-def hours(seconds: float) -> str:
-    """A span of time in words: minutes below two hours.
+def span(seconds: float) -> str:
+    """Format a duration: in minutes below two hours.
 
     Examples
     --------
-    >>> hours(3600), hours(86400 / 4)
+    >>> span(3600), span(86400 / 4)
     ('60 min', '6.0 h')
     """
     return f"{seconds / 60:.0f} min" if abs(seconds) < 7200 else f"{seconds / 3600:.1f} h"
 
 
-WIDTH = 79
-
-
-def in_words(report: Report, reach: str) -> str:
-    """All that is to be said of a reach.
-
-    Parameters
-    ----------
-    report : Report
-    reach : str
-        Its name.
-    """
+def render(report: Report, reach: str) -> str:
+    """Return the report of a reach for a terminal: the faults first, each once, then the counts."""
     lines = []
     files: dict[str, list[str]] = {}
     for path, reason in report.bad_files:
@@ -190,26 +345,33 @@ def in_words(report: Report, reach: str) -> str:
     for reason, paths in files.items():
         more = f" and {len(paths) - 1} more files" if len(paths) > 1 else ""
         lines.append(f"{paths[0]}{more} cannot be used: {reason}")
-    lines += _alike([(day.date, f"failed: {day.reason}") for day in report.days if day.status == "failed"])
-    lines += _alike([(day.date, f"pending: {day.reason}") for day in report.days if day.status == "pending"])
+    for status in ("failed", "pending"):
+        lines += _grouped((d.date, f"{status}: {d.reason}") for d in report.days if d.status == status)
     lines += [f"wrong: {warning}" for warning in report.warnings]
     lines += [f"remark: {finding}" for finding in report.findings if not finding.wrong]
-    lines += _alike([(day.date, note) for day in report.days for note in _of_reading(day, report)])
+    found = {(date, f.day_text(date)) for f in report.findings for date in f.days}
+    notes = [(day.date, note) for day in report.days for note in day.notes]
+    lines += _grouped(note for note in notes if note not in found)
     text = "\n".join(_wrapped(line) for line in lines)
-    return f"{text}\n\n{table(report, reach)}" if text else table(report, reach)
+    return f"{text}\n\n{_table(report, reach)}" if text else _table(report, reach)
 
 
-def table(report: Report, reach: str) -> str:
-    """The counts."""
+def render_sound(report: Report, reach: str) -> str:
+    """Return one line for a reach without faults."""
+    remarks = sum(bool(day.notes) for day in report.days)
+    return f"{reach}: fine, {len(report.days)} days" + (f", {remarks} with remarks" if remarks else "")
+
+
+def _table(report: Report, reach: str) -> str:
     filled = sum(day.n_filled for day in report.days)
     samples = sum(day.n_samples for day in report.days)
     noted = sum(day.status == "ok" and bool(day.notes) for day in report.days)
     rows = [
         ("days", f"{len(report.days)}, {report.days[0].date} to {report.days[-1].date}"),
-        ("usable", f"{report.count('ok')}" + (f", of {noted} of them something is said" if noted else "")),
+        ("usable", f"{report.count('ok')}" + (f", {noted} of them with remarks" if noted else "")),
         ("failed", f"{report.failed}"),
         ("pending", f"{report.count('pending')}"),
-        ("no log", dates_in_words(report.absent) if report.absent else "0 days"),
+        ("no log", list_dates(report.absent) if report.absent else "0 days"),
         ("bad files", f"{len(report.bad_files)}"),
         ("samples", f"{samples:,}, {filled:,} of them filled"),
         ("wrong", f"{len(report.warnings)}"),
@@ -217,27 +379,14 @@ def table(report: Report, reach: str) -> str:
     return "\n".join([reach, *(_wrapped(f"  {name:10s} {value}", 13) for name, value in rows)])
 
 
-def in_a_line(report: Report, reach: str) -> str:
-    """A reach that is fine."""
-    remarks = sum(bool(day.notes) for day in report.days)
-    said = f", {remarks} with remarks" if remarks else ""
-    return f"{reach}: fine, {len(report.days)} days{said}"
-
-
-def _of_reading(day: DayReport, report: Report) -> Iterator[str]:
-    """The notes of a day that no finding says already."""
-    said = {finding.days[day.date] for finding in report.findings if day.date in finding.days}
-    return (note for note in day.notes if note not in said)
-
-
-def _alike(lines: list[tuple[dt.date, str]]) -> list[str]:
-    """Texts that differ in their numbers only are said once, with all their dates."""
+def _grouped(lines: Iterable[tuple[dt.date, str]]) -> list[str]:
+    """Merge texts that differ only in their numbers, with all their dates."""
     groups: dict[str, list[tuple[dt.date, str]]] = {}
     for date, text in lines:
         groups.setdefault(re.sub(r"\d+", "0", text), []).append((date, text))
     return [
-        f"{dates_in_words(date for date, _ in group)} {group[0][1]}"
-        + (", for one" if len({text for _, text in group}) > 1 else "")
+        f"{list_dates(date for date, _ in group)} {group[0][1]}"
+        + (" (on the first)" if len({text for _, text in group}) > 1 else "")
         for group in groups.values()
     ]
 

@@ -1,4 +1,10 @@
-"""What is kept of the good days, for a look at the whole: their samples, at no more than one a minute."""
+"""The good days of a reach, and how its output answers the flows on them.
+
+Lags and gains of a day are fitted by least squares, over all pairs of lags. Pool: over an hour H,
+``h(t + H) - h(t) = c_i V_i(t - l_i) + c_o V_o(t - l_o)``, where V is the volume of an hour. Without faults
+c_i and -c_o are 1 / area, l_i is the delay, and l_o is nearly zero, since the gauge is at the gate. River:
+``Q_L(t + H) - Q_L(t) = c_i (Q_i(t + H - l_i) - Q_i(t - l_i))``. All terms less their means over the day.
+"""
 
 import datetime as dt
 from collections.abc import Collection, Iterable
@@ -18,24 +24,39 @@ from rivid.logs.read import DataSet
 from rivid.types import HOUR, ONE_DAY, Floats
 
 Kept = NDArray[np.float32]
+Sums = tuple[Floats, ...]
+"""Sums over the samples of a day, for every lag: yy, x_i y, x_o y, x_i x_i, x_o x_o, x_i x_o."""
+
 FINEST = 60.0
-"""[s]; finer samples are averaged: what is looked for lasts longer, and decades must fit into memory."""
+"""Shortest sample time kept [s]; finer samples are averaged, so that decades fit into memory."""
+AROUND = 1.75 * HOUR
+"""Lags searched beyond the expected ones [s]: a clock that is an hour off must lie well inside."""
+LONGEST = 24 * HOUR
+"""Longest lag searched [s]."""
+LEAST = 24
+"""Fewest samples of a day that are fitted."""
+STILL = 1e-10
+"""A flow that moves by less than this part of its size does not move: rounding alone gives about 1e-13."""
+SINGULAR = 1e-6
+"""Smallest determinant of the normal equations, relative to the product of their diagonal."""
+LEAP = 10.0
+"""Moves of the output are clipped at so many times the median move: leaps of the gauge are not fitted."""
+BELIEVED = 0.35
+"""Smallest share of the variance of the output's moves that a believed fit explains."""
 
 
 @dataclass(frozen=True, eq=False)
 class Day:
-    """The samples of a day.
+    """Samples of a day.
 
     Attributes
     ----------
-    date : date
-    columns : dict of ndarray, (n,)
+    columns : dict of ndarray, shape (n,)
         u_Qi, u_Qo [m3/s] where it is logged, and the output: h_L [m] or Q_L [m3/s].
     content : str
         Digest of the samples as they were read.
     """
 
-    date: dt.date
     columns: dict[str, Kept]
     content: str
 
@@ -56,9 +77,9 @@ class Record:
     Attributes
     ----------
     step : float
-        Between two samples that are kept [s].
+        Sample time of what is kept [s].
     days : dict of date to Day
-        In date order.
+        In order of dates.
     """
 
     def __init__(self, reach: ReachConfig) -> None:
@@ -78,7 +99,7 @@ class Record:
             digest.update(np.ascontiguousarray(columns[name]).tobytes())
         kept = {name: self._coarser(values) for name, values in columns.items()}
         if len(kept["u_Qi"]):
-            self.days[data.date] = Day(data.date, kept, digest.hexdigest())
+            self.days[data.date] = Day(kept, digest.hexdigest())
 
     def _coarser(self, values: Floats) -> Kept:
         m = self.merged
@@ -99,35 +120,26 @@ class Record:
         return self.reach.kind == "pool" and "u_Qo" in self.flows
 
     def declared(self, key: str) -> bool:
-        """Whether a key of [reach] was given, not taken from Table I."""
+        """Return whether a key of [reach] is configured rather than taken from Table I."""
         return key in self.reach.model_fields_set
 
     @cached_property
     def resolution(self) -> float:
-        """The smallest step in which the output is logged on most days; 0 where it never moves."""
+        """Smallest step of the output on the median day; 0 if it never moves."""
         smallest = []
         for day in self.days.values():
             values = day[self.output]
             steps = np.abs(np.diff(values))
-            # single precision cannot tell steps below this from none
+            # smaller steps are below the resolution of single precision
             steps = steps[steps > 4e-7 * max(float(np.abs(values).max()), 1.0)]
             if len(steps):
                 smallest.append(float(steps.min()))
         return float(np.median(smallest)) if smallest else 0.0
 
     def clock(self, k: int) -> str:
-        """The time of day of a sample, in words."""
+        """Return the time of day of a sample, as HH:MM."""
         minutes = round(k * self.step / 60)
         return f"{minutes // 60:02d}:{minutes % 60:02d}"
-
-
-AROUND = 1.75 * HOUR
-"""How far beyond what is expected a lag is looked for [s]: an hour off must lie well inside."""
-LONGEST = 24 * HOUR
-LEAST = 24
-"""Samples of a day below which nothing is fitted."""
-SINGULAR = 1e-6
-LEAP = 10.0
 
 
 class Fit(NamedTuple):
@@ -136,11 +148,11 @@ class Fit(NamedTuple):
     Attributes
     ----------
     explained : float
-        Share of the output's moves that it explains.
+        Explained share of the variance of the output's moves [-].
     lag_in, lag_out : float
         From the move of the flow to that of the output [s].
     gain_in, gain_out : float
-        [1/m2]; of a river [1], and 0.
+        [1/m2]; of a river [-], and 0.
     """
 
     explained: float
@@ -150,155 +162,7 @@ class Fit(NamedTuple):
     gain_out: float
 
 
-NOTHING = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Sums of products over the samples of a day, or of several, for every lag and pair of lags."""
-
-    output: float
-    with_in: Floats
-    with_out: Floats
-    of_in: Floats
-    of_out: Floats
-    between: Floats
-
-    def __add__(self, other: "Sums") -> "Sums":
-        return Sums(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
-
-
-class Lags:
-    """Which lags are tried, for the reach of a record.
-
-    Parameters
-    ----------
-    record : Record
-
-    Attributes
-    ----------
-    longest : float
-        The longest delay that the hydraulics of [reach] give [s].
-    """
-
-    def __init__(self, record: Record) -> None:
-        reach, step = record.reach, record.step
-        try:
-            proposed = propose_delays(
-                reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-                sample_time=step, kind=reach.kind,
-            )  # fmt: skip
-            self.longest = min((proposed.d_max + 1) * step, LONGEST)
-        except ConfigError:
-            self.longest = HOUR
-        self.record, self.step = record, step
-        around = round(AROUND / step)
-        self.horizon = max(round(HOUR / step), 2)
-        # of a river both ends may be taken for each other
-        least = around if reach.kind == "pool" else max(around, round(self.longest / step))
-        self.inflow = np.arange(-least, round(max(self.longest, HOUR) / step) + around + 1)
-        self.outflow = np.arange(-around, around + 1) if record.balanced else np.zeros(1, int)
-
-    def sums(self, date: dt.date, days_in: int = 0, days_out: int = 0) -> Sums | None:
-        """The sums of a day, its flows taken from so many days later; None where it is short or still."""
-        record, h = self.record, self.horizon
-        level = record.days[date][record.output]
-        n = len(level) - h
-        if n < LEAST:
-            return None
-        inflow = self._moves(date + days_in * ONE_DAY, "u_Qi", n)
-        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else None
-        if inflow is None or (record.balanced and outflow is None):
-            return None
-        x1, first, last = inflow
-        x2 = np.zeros((1, n))
-        if outflow is not None:
-            x2, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
-        if last - first < max(n // 3, LEAST):
-            return None
-        y = _cut((level[h:] - level[:-h])[first:last])
-        y = y - y.mean()
-        x1, x2 = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x1, x2))
-        return Sums(float(y @ y), x1 @ y, x2 @ y, (x1**2).sum(1), (x2**2).sum(1), x1 @ x2.T)
-
-    def _moves(self, date: dt.date, name: str, n: int) -> tuple[Floats, int, int] | None:
-        """What a flow did over H at every lag, (lags, n), and from and to which sample that is known."""
-        days, h = self.record.days, self.horizon
-        if date not in days or len(days[date]) != n + h:
-            return None
-        lags = self.inflow if name == "u_Qi" else self.outflow
-        before, after = max(int(lags[-1]), 0), max(-int(lags[0]), 0)
-        parts, left, right = [days[date][name]], 0, 0
-        if date - ONE_DAY in days:
-            parts.insert(0, days[date - ONE_DAY][name][-before:] if before else parts[0][:0])
-            left = len(parts[0])
-        if date + ONE_DAY in days:
-            parts.append(days[date + ONE_DAY][name][:after])
-            right = len(parts[-1])
-        flow = np.concatenate([np.zeros(before - left), *parts, np.zeros(after - right)])
-        if self.record.reach.kind == "pool":
-            volume = np.concatenate([[0.0], np.cumsum(flow) * self.step])
-            moves = volume[h:] - volume[:-h]
-            moves = moves[: before + n + after]
-        else:
-            moves = (flow[h:] - flow[:-h])[: before + n + after]
-        windows: NDArray[np.float64] = sliding_window_view(moves, n)
-        first = max(int(lags[-1]) - left, 0)
-        last = min(n, n + right + int(lags[0]))
-        return windows[before - lags], first, last
-
-    def best(
-        self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None, within: float = 0.0
-    ) -> Fit:
-        """The pair of lags that explains most, with c_i > 0 > c_o (or, for `sign` -1, the reverse).
-
-        Parameters
-        ----------
-        sums : Sums
-        sign : {1, -1}
-        near : (float, float), optional
-            Lags [s] around which it must lie, `within` that many seconds.
-        """
-        if sums.output <= 0:
-            return NOTHING
-        det = sums.of_in[:, None] * sums.of_out - sums.between**2
-        if self.record.balanced:
-            sound = det > SINGULAR * sums.of_in[:, None] * sums.of_out
-            safe = np.where(sound, det, np.inf)
-            c_in = (sums.with_in[:, None] * sums.of_out - sums.with_out * sums.between) / safe
-            c_out = (sums.with_out * sums.of_in[:, None] - sums.with_in[:, None] * sums.between) / safe
-            sound &= (sign * c_in > 0) & (sign * c_out < 0)
-        else:
-            sound = sums.of_in[:, None] > 0
-            c_in = sums.with_in[:, None] / np.where(sound, sums.of_in[:, None], np.inf)
-            c_out = np.zeros_like(c_in)
-            sound &= sign * c_in > 0
-        explained = (c_in * sums.with_in[:, None] + c_out * sums.with_out) / sums.output
-        if near is not None:
-            off = np.abs(self.inflow * self.step - near[0])[:, None] <= within
-            sound &= off & (np.abs(self.outflow * self.step - near[1]) <= within)
-        if not sound.any():
-            return NOTHING
-        explained = np.where(sound, explained, -1.0)
-        i, o = np.unravel_index(int(explained.argmax()), explained.shape)
-        return Fit(
-            float(explained[i, o]),
-            float(self.inflow[i] * self.step),
-            float(self.outflow[o] * self.step),
-            float(c_in[i, o]),
-            float(c_out[i, o]),
-        )
-
-
-def _cut(moves: Floats) -> Floats:
-    """Moves without the leaps that a gauge makes: cut at so many times what is usual."""
-    middle = np.median(moves)
-    usual = float(np.median(np.abs(moves - middle)))
-    return np.clip(moves, middle - LEAP * usual, middle + LEAP * usual) if usual > 0 else moves
-
-
-TOLD = 0.35
-"""Share of the output's moves from which on a day's fit is believed."""
+NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
 
 
 class Fits:
@@ -310,45 +174,150 @@ class Fits:
 
     Attributes
     ----------
-    right : dict of date to Fit
-        The best with the inflow raising and the outflow lowering the output.
-    reverse : dict of date to Fit
-        The best the other way round.
+    longest : float
+        The longest delay of [reach] by its hydraulics [s].
+    right, reverse : dict of date to Fit
+        The best fit where the inflow raises and the outflow lowers the output, and where it is the other way
+        round.
     """
 
     def __init__(self, record: Record) -> None:
-        self.record, self.lags = record, Lags(record)
+        self.record = record
+        reach, step = record.reach, record.step
+        try:
+            proposed = propose_delays(
+                reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
+                sample_time=step, kind=reach.kind,
+            )  # fmt: skip
+            self.longest = min((proposed.d_max + 1) * step, LONGEST)
+        except ConfigError:
+            self.longest = HOUR
+        around = round(AROUND / step)
+        self.horizon = max(round(HOUR / step), 2)
+        # the ends of a river may be exchanged
+        least = around if reach.kind == "pool" else max(around, round(self.longest / step))
+        self.inflow = np.arange(-least, round(max(self.longest, HOUR) / step) + around + 1)
+        self.outflow = np.arange(-around, around + 1) if record.balanced else np.zeros(1, int)
         self.right: dict[dt.date, Fit] = {}
         self.reverse: dict[dt.date, Fit] = {}
-        # without its outflow a pool's level says little of its inflow: people hold it
-        fitted = record.balanced or record.reach.kind == "river"
-        for date in record.days if fitted else ():
-            sums = self.lags.sums(date)
+        # the level of a pool without its outflow depends little on the inflow: operators hold it
+        for date in record.days if record.balanced or reach.kind == "river" else ():
+            sums = self.sums(date)
             if sums is not None:
-                self.right[date] = self.lags.best(sums)
-                self.reverse[date] = self.lags.best(sums, -1)
+                self.right[date] = self.best(sums)
+                self.reverse[date] = self.best(sums, -1)
+
+    @property
+    def believed(self) -> dict[dt.date, Fit]:
+        """The fits that explain enough."""
+        return {date: fit for date, fit in self.right.items() if fit.explained >= BELIEVED}
 
     @cached_property
     def together(self) -> tuple[Fit, Fit]:
-        """The fits to all days at once, the right way round and the other."""
+        """The fits to all days at once, the right way round and reversed."""
         return self.of(self.right)
 
     def of(self, dates: Iterable[dt.date], shift: tuple[int, int] = (0, 0)) -> tuple[Fit, Fit]:
-        """The fits to some days at once, the right way round and the other; `shift` as of `Lags.sums`."""
-        total: Sums | None = None
-        for date in dates:
-            sums = self.lags.sums(date, *shift)
-            if sums is not None:
-                total = sums if total is None else total + sums
-        if total is None:
-            return NOTHING, NOTHING
-        return self.lags.best(total), self.lags.best(total, -1)
+        """Return the fits to some days at once, the right way round and reversed; `shift` as in `sums`."""
+        every = [sums for date in dates if (sums := self.sums(date, *shift)) is not None]
+        if not every:
+            return NO_FIT, NO_FIT
+        total = every[0]
+        for sums in every[1:]:
+            total = tuple(a + b for a, b in zip(total, sums, strict=True))
+        return self.best(total), self.best(total, -1)
 
     def without(self, dates: Collection[dt.date]) -> Fit:
-        """The fit to all other days."""
+        """Return the fit to all other days."""
         return self.of(date for date in self.right if date not in dates)[0] if dates else self.together[0]
 
-    @property
-    def told(self) -> dict[dt.date, Fit]:
-        """Days whose fit is believed."""
-        return {date: fit for date, fit in self.right.items() if fit.explained >= TOLD}
+    def sums(self, date: dt.date, days_in: int = 0, days_out: int = 0) -> Sums | None:
+        """Return the sums of a day with its flows from so many days later; None if too short or still."""
+        record, h = self.record, self.horizon
+        level = record.days[date][record.output]
+        n = len(level) - h
+        if n < LEAST:
+            return None
+        inflow = self._moves(date + days_in * ONE_DAY, "u_Qi", n)
+        outflow = self._moves(date + days_out * ONE_DAY, "u_Qo", n) if record.balanced else None
+        if inflow is None or (record.balanced and outflow is None):
+            return None
+        x_i, first, last = inflow
+        x_o = np.zeros((1, n))
+        if outflow is not None:
+            x_o, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
+        if last - first < max(n // 3, LEAST):
+            return None
+        y = _clipped((level[h:] - level[:-h])[first:last])
+        y = y - y.mean()
+        x_i, x_o = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x_i, x_o))
+        return y @ y, x_i @ y, x_o @ y, (x_i**2).sum(1), (x_o**2).sum(1), x_i @ x_o.T
+
+    def _moves(self, date: dt.date, name: str, n: int) -> tuple[Floats, int, int] | None:
+        """Return a flow's moves over the horizon at every lag, (lags, n), and the span of known samples."""
+        days, h = self.record.days, self.horizon
+        if date not in days or len(days[date]) != n + h:
+            return None
+        lags = self.inflow if name == "u_Qi" else self.outflow
+        before, after = max(int(lags[-1]), 0), max(-int(lags[0]), 0)
+        parts, left, right = [days[date][name]], 0, 0
+        if name == "u_Qi" and np.ptp(parts[0]) <= STILL * np.abs(parts[0]).max():
+            return None
+        if date - ONE_DAY in days:
+            parts.insert(0, days[date - ONE_DAY][name][-before:] if before else parts[0][:0])
+            left = len(parts[0])
+        if date + ONE_DAY in days:
+            parts.append(days[date + ONE_DAY][name][:after])
+            right = len(parts[-1])
+        flow = np.concatenate([np.zeros(before - left), *parts, np.zeros(after - right)])
+        if self.record.reach.kind == "pool":
+            flow = np.concatenate([[0.0], np.cumsum(flow) * self.record.step])
+        moves = (flow[h:] - flow[:-h])[: before + n + after]
+        windows: NDArray[np.float64] = sliding_window_view(moves, n)
+        return windows[before - lags], max(int(lags[-1]) - left, 0), min(n, n + right + int(lags[0]))
+
+    def best(
+        self, sums: Sums, sign: int = 1, near: tuple[float, float] | None = None, within: float = 0.0
+    ) -> Fit:
+        """Return the pair of lags that explains most, with c_i > 0 > c_o (`sign` 1) or the reverse (-1).
+
+        Parameters
+        ----------
+        sums : Sums
+        sign : {1, -1}
+        near : (float, float), optional
+            Lags [s] around which the pair must lie, `within` that many seconds.
+        """
+        yy, with_in, with_out, of_in, of_out, between = sums
+        if yy <= 0:
+            return NO_FIT
+        if self.record.balanced:
+            det = of_in[:, None] * of_out - between**2
+            sound = det > SINGULAR * of_in[:, None] * of_out
+            safe = np.where(sound, det, np.inf)
+            c_in = (with_in[:, None] * of_out - with_out * between) / safe
+            c_out = (with_out * of_in[:, None] - with_in[:, None] * between) / safe
+            sound &= (sign * c_in > 0) & (sign * c_out < 0)
+        else:
+            sound = of_in[:, None] > 0
+            c_in = with_in[:, None] / np.where(sound, of_in[:, None], np.inf)
+            c_out = np.zeros_like(c_in)
+            sound &= sign * c_in > 0
+        explained = (c_in * with_in[:, None] + c_out * with_out) / yy
+        step = self.record.step
+        if near is not None:
+            off = np.abs(self.inflow * step - near[0])[:, None] <= within
+            sound &= off & (np.abs(self.outflow * step - near[1]) <= within)
+        if not sound.any():
+            return NO_FIT
+        explained = np.where(sound, explained, -1.0)
+        i, o = np.unravel_index(int(explained.argmax()), explained.shape)
+        lags = float(self.inflow[i] * step), float(self.outflow[o] * step)
+        return Fit(float(explained[i, o]), *lags, float(c_in[i, o]), float(c_out[i, o]))
+
+
+def _clipped(moves: Floats) -> Floats:
+    """Clip moves at a multiple of the median one."""
+    middle = np.median(moves)
+    usual = float(np.median(np.abs(moves - middle)))
+    return np.clip(moves, middle - LEAP * usual, middle + LEAP * usual) if usual > 0 else moves

@@ -1,4 +1,4 @@
-"""The command line: it translates options into a configuration and a result into an exit code.
+"""The command line: options -> configuration -> work -> summary -> exit code.
 
 One file per command, imported only when its command is called, so that ``rivid --help`` answers at once.
 """
@@ -17,35 +17,38 @@ from rivid.errors import RividError
 
 COMMANDS = {
     "run": "Estimate every day of DATA_DIR that is new or changed.",
-    "diagnose": "Find what a simulation of the reach still lacks.",
-    "check": "Say what is wrong with the logs, without estimating.",
+    "diagnose": "Find the effects that a simulation of the reach lacks.",
+    "check": "Report faults in the logs, without estimating.",
     "sniff": "Propose an [input] block for a foreign export.",
-    "ingest": "Make daily logs of foreign exports.",
-    "bounds": "Travel-time bounds of the reach, and what they propose.",
-    "simulate": "Make daily logs of a simulated reach, and their truth.",
-    "effects": "What a simulation may lack: the catalogue of effects.",
+    "ingest": "Convert foreign exports to daily logs.",
+    "bounds": "Travel-time bounds of the reach, and proposed delays.",
+    "simulate": "Simulate daily logs of a reach with known truth.",
+    "effects": "The catalogue of effects that a simulation may lack.",
     "figures": "Redraw figures and report from stored results.",
-    "fleet": "Say what is to be said of all reaches together.",
-    "season": "Join the days of a run; the law of delay and discharge.",
-    "completion": "The script that completes commands and options in a shell.",
+    "fleet": "Report on all reaches of a fleet together.",
+    "season": "Join the days of a run; fit delay against discharge.",
+    "completion": "Print the script that completes commands in a shell.",
 }
+"""Each command with its line in ``rivid --help``."""
 
 BEGIN = """\
-rivid: the delay of a managed river reach, day by day, from what its dams log.
+rivid: the delay of a managed river reach, day by day, from its dams' logs.
 
-Begin with these two; DATA_DIR holds a log of each day:
-  rivid check DATA_DIR    what is wrong with the logs, without estimating
+Start with these two; DATA_DIR holds one log per day:
+  rivid check DATA_DIR    faults in the logs, without estimating
   rivid run DATA_DIR      estimate every day; the report is out/report.html
 
 All commands: rivid --help. One of them: rivid run --help.
 """
-"""What `rivid` alone says."""
+"""Output of `rivid` without a command."""
 
 _called: list[str] = []
-"""The command that was asked for, for those who speak after its end."""
+"""The command under way, for the message after an interruption."""
 
 
 class _Lazy(click.Group):
+    """A group that imports a command when it is called."""
+
     def list_commands(self, context: click.Context) -> list[str]:
         return list(COMMANDS)
 
@@ -54,6 +57,7 @@ class _Lazy(click.Group):
             return None
         command = importlib.import_module(f"rivid.cli.{name}").command
         assert isinstance(command, click.Command)
+        command.short_help = COMMANDS[name]
         return command
 
     def resolve_command(
@@ -81,17 +85,17 @@ class _Lazy(click.Group):
 @click.version_option(__version__, prog_name="rivid")
 @click.pass_context
 def cli(context: click.Context) -> int:
-    """Identify a managed river reach from what its dams log every day.
+    """Identify a managed river reach from the daily logs of its dams.
 
     \b
     Examples:
       rivid check sample_data/basse_isere_csv
       rivid run sample_data/basse_isere --config configs/basse_isere.toml
 
-    Without --config, rivid.toml is looked for in DATA_DIR and above it, as far as
-    the home directory or the filesystem reach: the nearest counts, and stderr
-    names it. With [run] out in it, `rivid run DATA_DIR` needs no options. One that
-    another user owns, or that everybody may write to, is refused.
+    Without --config, rivid.toml is searched in DATA_DIR and its parent directories,
+    up to the home directory or the root of the filesystem. The nearest one applies,
+    and stderr names it. With [run] out in it, `rivid run DATA_DIR` needs no options.
+    A file of another user, or one that everybody can write to, is refused.
 
     \b
     Exit codes: 0 all well; 1 failure; 2 usage or configuration; 3 days failed
@@ -103,36 +107,36 @@ def cli(context: click.Context) -> int:
     context.color = colour_wanted()
     if context.invoked_subcommand is None:
         click.echo(BEGIN, nl=False)
-        return 2  # as of any command that is called with too little
+        return 2  # a usage error, as for a command without its arguments
     return 0
 
 
 class _Interrupted(BaseException):
-    """SIGINT or SIGTERM came."""
+    """SIGINT or SIGTERM was received."""
 
 
-_came: list[int] = []
+_received: list[int] = []
 
 
 def _interrupt(number: int, frame: Any) -> None:
-    """Leave at once. Python drops an exception that falls into a destructor: the alarm raises it again."""
+    """Raise at once. Python drops an exception raised in a destructor: an alarm raises it again."""
     if number != getattr(signal, "SIGALRM", None):
-        _came.append(number)
+        _received.append(number)
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.2)
     raise _Interrupted
 
 
-def _listen() -> None:
+def _handle_signals() -> None:
     for name in ("SIGINT", "SIGTERM", "SIGALRM"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _interrupt)
 
 
-def _calm() -> None:
-    """No more alarms, and no signals: the way out is not interrupted.
+def _ignore_signals() -> None:
+    """Ignore signals and stop the alarm, so that nothing interrupts the exit.
 
-    Python, when it ends, gives a signal that it handles back to the system: the code would be another.
+    When Python ends, it restores the system's handlers: a late signal would change the exit code.
     """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -140,11 +144,24 @@ def _calm() -> None:
         signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
+def _open_closed_streams() -> None:
+    """Replace a closed stdout or stderr (``>&-``) by the null device, before a file takes its number."""
+    for number, name in ((0, "stdin"), (1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDWR)
+            if handle != number:
+                os.dup2(handle, number)
+                os.close(handle)
+            setattr(sys, name, open(number, "r" if number == 0 else "w", encoding="utf-8"))
+
+
 def main() -> None:
     """Entry point of the command ``rivid``."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # before numpy: days run side by side, one thread each
-    _listen()
+        os.environ.setdefault(name, "1")  # before numpy: days are parallel, one thread each
+    os.environ["MPLBACKEND"] = "agg"  # before matplotlib: that of a notebook or a typing error stops figures
+    _open_closed_streams()
+    _handle_signals()
     try:
         from rivid.cli.console import print_error
 
@@ -152,30 +169,30 @@ def main() -> None:
             code = _run()
             sys.stdout.flush()
         finally:
-            _calm()
+            _ignore_signals()
     except _Interrupted:
         code = 1
     except BrokenPipeError:
-        code = _hush()
+        code = _silence_stdout()
     except OSError as error:
         print_error(f"{error.filename or 'standard output'}: {error.strerror or error}")
-        code = _hush()
-    except Exception:  # compiled code may make one of its own of the signal's
-        if not _came:
+        code = _silence_stdout()
+    except Exception:  # compiled code may replace the exception of the signal by its own
+        if not _received:
             raise
         code = 1
-    if _came:
-        code = 128 + _came[0]
-        _say_interrupted()
+    if _received:
+        code = 128 + _received[0]
+        _report_interruption()
     sys.exit(code)
 
 
-def _say_interrupted() -> None:
-    """One line, where somebody reads it."""
+def _report_interruption() -> None:
+    """Print one line, if stderr is still open."""
     from rivid.cli.console import print_error
 
-    what = "interrupted" if _came[0] == signal.SIGINT else "ended by SIGTERM"
-    kept = ": the days done are kept, the same command goes on from there" if _called == ["run"] else ""
+    what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
+    kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
     with suppress(OSError, ValueError):
         print_error(f"{what}{kept}")
 
@@ -189,9 +206,9 @@ def _run() -> int:
     except click.exceptions.Abort:
         return 1
     except click.UsageError as error:
-        said = " ".join(error.format_message().split())
-        said += "" if said.endswith((".", "?")) else "."
-        print_error(f"{said} See `{error.ctx.command_path if error.ctx else 'rivid'} --help`.")
+        message = " ".join(error.format_message().split())
+        message += "" if message.endswith((".", "?")) else "."
+        print_error(f"{message} See `{error.ctx.command_path if error.ctx else 'rivid'} --help`.")
         return error.exit_code
     except click.ClickException as error:
         print_error(error.format_message())
@@ -201,7 +218,7 @@ def _run() -> int:
         return error.exit_code
 
 
-def _hush() -> int:
-    """Nobody reads our stdout: spare them the interpreter's complaint about it."""
+def _silence_stdout() -> int:
+    """Redirect stdout to the null device, so that the interpreter reports no error when it flushes."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 1

@@ -7,16 +7,19 @@ import click
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, wrap
 
+GEOMETRY = ("length", "width", "depth", "discharge_range", "sample_time")
+"""Keys of [reach] that the bounds depend on."""
 
-@click.command("bounds", short_help="Travel-time bounds of the reach, and what they propose.")
+
+@click.command("bounds")
 @click.argument("data_dir", type=shared.PATH, default=".")
 @shared.config()
-@click.option("--toml", "as_toml", is_flag=True, help="Only what is proposed, as lines of a configuration.")
+@click.option("--toml", "as_toml", is_flag=True, help="Only the proposal, as lines of a configuration.")
 @shared.as_json()
 def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -> int:
     """Travel-time bounds of the reach (section II), and the delays they propose.
 
-    DATA_DIR, by default this directory, is where rivid.toml is looked for; no log is read.
+    DATA_DIR, by default this directory, is where the search for rivid.toml starts; no log is read.
 
     \b
     Examples:
@@ -25,6 +28,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
       rivid bounds --config configs/glen_canyon.toml --toml > proposed.toml
     """
     import json
+    import math
     from dataclasses import asdict
 
     import numpy as np
@@ -32,22 +36,39 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     from rivid.cli.locate import configuration
     from rivid.config import load_config
     from rivid.core.hydraulics import propose_delays, travel_bounds
+    from rivid.errors import ConfigError
+    from rivid.estimator_config import MAX_ORDER
 
-    reach = load_config(configuration(config, data_dir, Console())).reach
-    low, high = reach.discharge_range
-    T_s = reach.sample_time
+    console = Console()
+    reach = load_config(configuration(config, data_dir, console)).reach
+    (low, high), T_s = reach.discharge_range, reach.sample_time
     shape = {"length": reach.length, "width": reach.width, "depth": reach.depth}
     bounds = travel_bounds(np.linspace(low, high, 8), **shape)
     proposal = propose_delays((low, high), **shape, sample_time=T_s, kind=reach.kind)
+
+    missing = [key for key in GEOMETRY if key not in reach.model_fields_set]
+    if missing:
+        listed = ", ".join(f"{key} = {_toml(getattr(reach, key))}" for key in missing)
+        console.info(f"[reach] lacks {', '.join(missing)}: taken from another reach (Table I), {listed}")
+    too_long = ""
+    if proposal.order > MAX_ORDER:
+        enough = math.ceil(T_s * proposal.order / MAX_ORDER)
+        too_long = (
+            f"these bounds need an impulse response of {proposal.order} samples at sample_time = {T_s:g} s, "
+            f"{MAX_ORDER} is the most: set [reach] sample_time to {enough} s or more"
+        )
     if as_json:
         table = {name: values.tolist() for name, values in asdict(bounds).items()}
-        click.echo(json.dumps({"reach": reach.name, "bounds": table, "proposal": asdict(proposal)}))
+        answer = {"reach": reach.name, "bounds": table, "proposal": asdict(proposal)}
+        click.echo(json.dumps(answer | {"assumed": missing, "message": too_long}))
         return 0
     lines = (
         f"[jmap]\nd_min = {proposal.d_min}\nd_max = {proposal.d_max}\norder = {proposal.order}\n"
         f"sigma_d = {proposal.delay_scale:g}"
     )
     if as_toml:
+        if too_long:
+            raise ConfigError(too_long)
         click.echo(f"\n# From the travel times of the reach's waves, by `rivid bounds`.\n{lines}")
         return 0
     size = f"{reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; T_s = {T_s:g} s"
@@ -58,11 +79,16 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
         bounds.discharge, bounds.velocity, bounds.froude, bounds.gravity, bounds.kinematic, strict=True
     ):
         click.echo(f"{Q:9.0f} {v:9.2f} {F:7.3f} {g / 60:8.1f} {g / T_s:8.1f} {k / 60:10.1f} {k / T_s:8.1f}")
-    said = (
-        f"The first sign of an inflow arrives with the {proposal.wave} wave; a travel time of n samples is a "
-        "delay d = n - 1, since the inflow first acts at lag d + 1. Proposed for the configuration "
-        "(--toml prints these lines alone):"
+    text = (
+        f"The {proposal.wave} wave brings the first response; a travel time of n samples is a delay "
+        "d = n - 1, since the inflow first acts at lag d + 1. Proposal for the configuration "
+        "(--toml prints only these lines):"
     )
-    click.echo(f"\n{wrap(said, hanging=0)}\n")
-    click.echo(lines)
+    click.echo(f"\n{wrap(f'No proposal: {too_long}.' if too_long else text, hanging=0)}")
+    if not too_long:
+        click.echo(f"\n{lines}")
     return 0
+
+
+def _toml(value: object) -> str:
+    return f"{list(value)}" if isinstance(value, tuple) else f"{value:g}"

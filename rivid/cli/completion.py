@@ -5,23 +5,23 @@ import click
 PLACES = {
     "bash": (
         "#   ~/.local/share/bash-completion/completions/rivid",
-        '# or put into ~/.bashrc: eval "$(rivid completion bash)"',
+        '# or add to ~/.bashrc: eval "$(rivid completion bash)"',
     ),
     "zsh": (
         "#   _rivid in a directory of $fpath",
-        '# or put into ~/.zshrc, after compinit: eval "$(rivid completion zsh)"',
+        '# or add to ~/.zshrc, after compinit: eval "$(rivid completion zsh)"',
     ),
     "fish": ("#   ~/.config/fish/completions/rivid.fish",),
 }
-"""Where the script of a shell goes."""
+"""Location of each shell's script."""
 
 
-@click.command("completion", short_help="The script that completes commands and options in a shell.")
+@click.command("completion")
 @click.argument("shell", type=click.Choice(list(PLACES)))
 def command(shell: str) -> int:
     """Print the script that completes commands, options and their values with Tab.
 
-    Where to put it stands in its first lines: a file that the shell reads when it starts.
+    Its first lines name the file to save it as, which the shell reads when it starts.
 
     \b
     Examples:
@@ -35,9 +35,9 @@ def command(shell: str) -> int:
 
     kind = get_completion_class(shell)
     assert kind is not None
-    # not kind.source: that of bash asks the bash of PATH for its version, and says so on stderr
+    # not kind.source: for bash it runs the bash of PATH to check its version, with a warning on stderr
     script = ShellComplete.source(kind(cli, {}, "rivid", "_RIVID_COMPLETE")).strip()
     lines = script.splitlines()
-    head = [lines.pop(0)] if lines[0].startswith("#compdef") else []  # zsh wants it first
+    head = [lines.pop(0)] if lines[0].startswith("#compdef") else []  # zsh needs it first
     click.echo("\n".join([*head, f"# Completion of rivid for {shell}. Save it as", *PLACES[shell], *lines]))
     return 0

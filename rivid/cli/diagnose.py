@@ -9,7 +9,7 @@ from rivid.cli import options as shared
 from rivid.cli.console import Console
 
 
-@click.command("diagnose", short_help="Find what a simulation of the reach still lacks.")
+@click.command("diagnose")
 @shared.data_dir()
 @shared.config()
 @shared.out()
@@ -17,10 +17,10 @@ from rivid.cli.console import Console
     "--model",
     type=shared.FILE,
     metavar="FILE",
-    help="Begin with the effects of this augmented model (model.toml).",
+    help="Start with the effects of this augmented model (model.toml).",
 )
-@click.option("--no-figures", is_flag=True, help="No pictures.")
-@shared.days("look at")
+@click.option("--no-figures", is_flag=True, help="Draw no figures.")
+@shared.days("use")
 @shared.as_json("diagnosis.json on stdout.")
 @shared.talk()
 def command(
@@ -37,10 +37,10 @@ def command(
 ) -> int:
     """Find the missing effect: where simulation and measurement disagree, and why.
 
-    The reach's response is calibrated on the logs in DATA_DIR; what is left is compared with a catalogue of
-    effects (`rivid effects`). An effect that stands out is named, added, and confirmed on days that nothing
-    was fitted to. OUT gets diagnosis.json, diagnosis.html, pictures, unexplained_inflow.parquet and the
-    augmented model as model.toml.
+    The reach's response is calibrated on the logs in DATA_DIR; the residual is compared with a catalogue of
+    effects (`rivid effects`). A significant effect is named, added to the model, and confirmed on days that
+    were not used in any fit. OUT receives diagnosis.json, diagnosis.html, figures,
+    unexplained_inflow.parquet and the augmented model as model.toml.
 
     Exit code: 0 an answer, 3 too few days for one, 10 no logs.
 
@@ -61,7 +61,7 @@ def command(
     settings = load_config(config)
     with console.steps("starting") as step:
         step("reading the logs")
-        found = diagnose(
+        diagnosed = diagnose(
             data_dir,
             settings,
             first=first.date() if first else None,
@@ -70,11 +70,11 @@ def command(
             report=step,
         )
         step("writing")
-        page = found.write(place, pictures=not no_figures)
+        page = diagnosed.write(place, pictures=not no_figures)
     if as_json:
-        click.echo(found.answer.to_json(), nl=False)
+        click.echo(diagnosed.answer.to_json(), nl=False)
     elif not quiet:
         from rivid.report.diagnosis import summary
 
-        click.echo(summary(found.answer, page))
-    return 3 if found.verdict == "insufficient_data" else 0
+        click.echo(summary(diagnosed.answer, page))
+    return 3 if diagnosed.verdict == "insufficient_data" else 0

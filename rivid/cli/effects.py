@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from rivid.effects import Effect
 
 TITLES = {
-    "flow": "Flows that the logs do not hold, and storage",
-    "timing": "Timing: what comes earlier, later or smoother than logged",
-    "level": "Level: what the gauge gives beside the water",
+    "flow": "Unlogged flows, and storage",
+    "timing": "Timing: commands or waves earlier, later or smoother than logged",
+    "level": "Level: errors of the gauge",
 }
 WINDOW = (
     "dates = [2008-03-01, 2008-04-15]  # first and last day; leave out: always\n"
@@ -26,7 +26,7 @@ WINDOW = (
 
 
 def _names(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
-    """The effects, for the shell: read from their modules, as importing these takes longer than one waits."""
+    """Return the effects for shell completion, read from the source: importing the modules is slow."""
     import re
 
     modules = sorted(Path(__file__).parents[1].joinpath("effects").glob("*.py"))
@@ -34,12 +34,12 @@ def _names(context: click.Context, param: click.Parameter, typed: str) -> list[s
     return [name for names in found for name in names if name.startswith(typed)]
 
 
-@click.command("effects", short_help="What a simulation may lack: the catalogue of effects.")
+@click.command("effects")
 @click.argument("name", required=False, shell_complete=_names)
-@click.option("--effects-file", type=shared.FILE, metavar="FILE", help="A Python file with effects of yours.")
+@click.option("--effects-file", type=shared.FILE, metavar="FILE", help="A Python file with your own effects.")
 @shared.as_json("The catalogue, or that effect, as JSON on stdout.")
 def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
-    """The catalogue of effects: parameters, units, limits, and what each looks like.
+    """Print the catalogue of effects: parameters, units, limits, and the symptoms of each.
 
     With NAME, that effect in full, with an example for a scenario.
 
@@ -67,14 +67,14 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
             for one in classes.values():
                 if one.family == family:
                     click.echo(_entry(one))
-        click.echo(wrap("`rivid effects NAME` says more of one, with an example for a scenario."))
+        click.echo(wrap("`rivid effects NAME` describes one in full, with an example for a scenario."))
     return 0
 
 
 def _entry(one: "type[Effect]") -> str:
     lines = [one.name, wrap(one.sentence, 4), *_parameters(one, 4)]
     if not one.windowed:
-        lines.append(wrap("Always there: takes no dates and hours.", 4))
+        lines.append(wrap("Permanent: takes no dates and hours.", 4))
     lines.append(wrap(f"Looks like: {one.looks}", 4, 2))
     return "\n".join(lines) + "\n"
 
@@ -82,10 +82,10 @@ def _entry(one: "type[Effect]") -> str:
 def _parameters(one: "type[Effect]", indent: int) -> list[str]:
     usual = one.defaults()
     lines = []
-    for key, said in one.parameters().items():
-        of_each = ", or a list" if said.many and usual[key] != () else ""
-        shown = f"{key} = {_value(usual[key])} [{said.unit}], {said.low:g} to {said.high:g}{of_each}"
-        lines.append(wrap(f"{shown}: {said.meaning}", indent, 4))
+    for key, spec in one.parameters().items():
+        of_each = ", or a list" if spec.many and usual[key] != () else ""
+        shown = f"{key} = {_value(usual[key])} [{spec.unit}], {spec.low:g} to {spec.high:g}{of_each}"
+        lines.append(wrap(f"{shown}: {spec.meaning}", indent, 4))
     return lines
 
 
@@ -94,7 +94,7 @@ def _value(value: Any) -> str:
 
 
 def _in_full(one: "type[Effect]") -> str:
-    when = "May be limited to dates and hours." if one.windowed else "Always there: takes no dates and hours."
+    when = "Can be limited to dates and hours." if one.windowed else "Permanent: takes no dates and hours."
     lines = [
         f"{one.name} ({one.family})", wrap(one.sentence, 2), "",
         *(line for part in _paragraphs(one) for line in (wrap(part, 2), "")),
@@ -108,14 +108,14 @@ def _in_full(one: "type[Effect]") -> str:
 
 
 def _paragraphs(one: "type[Effect]") -> list[str]:
-    """What the class says of itself, its equation first."""
-    said = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0].replace("``", "")
-    made = said.startswith(f"{one.__name__}(")  # by dataclass, for want of any
-    return [] if made or not said else said.split("\n\n")
+    """Return the paragraphs of the class's docstring, with its equation first."""
+    text = inspect.cleandoc(one.__doc__ or "").split("\n\nParameters\n")[0].replace("``", "")
+    generated = text.startswith(f"{one.__name__}(")  # dataclass generates one where there is none
+    return [] if generated or not text else text.split("\n\n")
 
 
 def example(one: "type[Effect]") -> str:
-    """A table for a scenario, with the usual values of all parameters."""
+    """Return a table for a scenario, with the default values of all parameters."""
     lines = ["[[effects]]", f'name = "{one.name}"']
     for key, value in one.defaults().items():
         lines.append(f"{key} = {_value(value)}  # {one.parameters()[key].unit}")
@@ -132,9 +132,9 @@ def _record(one: "type[Effect]") -> dict[str, Any]:
         "windowed": one.windowed,
         "parameters": [
             {
-                "name": key, "unit": said.unit, "low": said.low, "high": said.high,
-                "default": usual.get(key), "many": said.many, "meaning": said.meaning,
+                "name": key, "unit": spec.unit, "low": spec.low, "high": spec.high,
+                "default": usual.get(key), "many": spec.many, "meaning": spec.meaning,
             }
-            for key, said in one.parameters().items()
+            for key, spec in one.parameters().items()
         ],
     }  # fmt: skip

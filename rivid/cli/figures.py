@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from rivid.plots.paper.cascade import CascadeReach
 
 CASCADE = Path("configs", "scenarios", "cascade.toml")
-"""The cascade of Fig. 19 where none is given, here or beside the package."""
+"""Default cascade of Fig. 19, in this directory or next to the package."""
 
 
-@click.command("figures", short_help="Redraw figures and report from stored results.")
+@click.command("figures")
 @shared.results()
 @click.option(
     "--day",
     type=shared.DATE,
     metavar="DATE",
-    help="The day whose impulse responses are shown; a typical one by default.",
+    help="The day of the impulse responses; default: a typical one.",
 )
 @click.option("--paper", is_flag=True, help="Draw the paper's figures instead, into OUT/paper.")
 @click.option(
     "--logs",
     type=shared.PATH,
     metavar="DATA_DIR",
-    help="With --paper: the run's logs, where they have been moved.",
+    help="With --paper: the run's logs, if they have been moved.",
 )
 @click.option(
     "--cascade",
@@ -53,7 +53,7 @@ def command(
     """Redraw the figures and the report of a finished run.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. With --paper: the paper's
-    figures 2-7, 9, 10 and 12-19 as SVG and PNG, from the logs and settings of the run, and a page that shows
+    figures 2-7, 9, 10 and 12-19 as SVG and PNG, from the logs and settings of the run, and a page with all of
     them, OUT/paper/index.html.
 
     \b
@@ -65,7 +65,7 @@ def command(
     """
     console = Console(quiet, verbose)
     if not paper and (logs or cascade):
-        raise click.UsageError("--logs and --cascade say what --paper draws: add --paper, or leave them out.")
+        raise click.UsageError("--logs and --cascade are options of --paper: add --paper, or leave them out.")
     console.begin(("results", out), ("logs", logs))
     if paper:
         return _paper(out, day.date() if day else None, logs, cascade, console)
@@ -77,7 +77,7 @@ def command(
     from rivid.results.store import Store
 
     console.phase("starting")
-    results = load_results(out)  # before the lock, which would make the directory
+    results = load_results(out)  # before the lock, which creates the directory
     console.phase("reading the results")
     with Store(out):
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
@@ -134,7 +134,7 @@ def _default_cascade() -> list[Path]:
 
 
 def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
-    """The reaches of a scenario, estimated with what their hydraulics propose, and their truth."""
+    """Simulate the reaches of a scenario; the settings of their estimates come from their hydraulics."""
     from rivid.config import Config, ReachConfig
     from rivid.plots.paper.cascade import of_year, own_bounds
     from rivid.plots.paper.year import year_of
@@ -143,8 +143,8 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
 
     reaches = []
     for season in simulate_cascade(load_scenario(scenario)):
-        said = season.scenario.reach.model_dump(include=set(ReachConfig.model_fields))
-        config = own_bounds(Config(reach=ReachConfig(**said)))
+        reach = season.scenario.reach.model_dump(include=set(ReachConfig.model_fields))
+        config = own_bounds(Config(reach=ReachConfig(**reach)))
         year = year_of(config, season.dates, season.inflow, season.outflow, season.level)
         reaches.append(of_year(year, season.delay.astype(float)))
     return reaches
@@ -152,7 +152,7 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
 
 @contextmanager
 def _progress(total: int, quiet: bool) -> Iterator[Callable[[str], Any]]:
-    """A progress bar on a terminal, silence elsewhere; it is called before each step with what comes."""
+    """Yield a function to call before each step with its name; on a terminal it moves a progress bar."""
     import sys
 
     if quiet or not sys.stderr.isatty():
@@ -164,4 +164,4 @@ def _progress(total: int, quiet: bool) -> Iterator[Callable[[str], Any]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("paper's figures", total=total)
-        yield lambda words: bar.update(task, advance=1, description=words)
+        yield lambda name: bar.update(task, advance=1, description=name)

@@ -8,7 +8,7 @@ from rivid.cli import options as shared
 from rivid.cli.console import Console
 
 
-@click.command("fleet", short_help="Say what is to be said of all reaches together.")
+@click.command("fleet")
 @shared.results()
 @shared.as_json("fleet.json on stdout, in one line.")
 @shared.talk()

@@ -10,7 +10,7 @@ from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error, wrap
 
 
-@click.command("ingest", short_help="Make daily logs of foreign exports.")
+@click.command("ingest")
 @shared.exports()
 @shared.config("What the exports look like: [input] (TOML).", required=True)
 @shared.logs_out()

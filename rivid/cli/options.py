@@ -1,6 +1,6 @@
-"""Options and arguments that several commands have: one name, one wording, one order.
+"""Options and arguments that several commands share: one name, one text, one order.
 
-The order in a command: config, out, what is its own, from, to, workers, dry-run, json, quiet, verbose.
+The order in a command: config, out, its own options, from, to, workers, dry-run, json, quiet, verbose.
 """
 
 from collections.abc import Callable
@@ -14,26 +14,26 @@ Decorator = Callable[[Any], Any]
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 DIRECTORY = click.Path(path_type=Path, file_okay=False)
-FOUND = "default: rivid.toml in DATA_DIR or above it, else Table I."
-CONFIG_OF_FLEET = f"The reach and its settings (TOML), or a fleet's directory of them; {FOUND}"
+SEARCHED = "default: rivid.toml in DATA_DIR or above it, else Table I."
+CONFIG_OF_FLEET = f"The reach and its settings (TOML), or a fleet's directory of them; {SEARCHED}"
 
 
-class _Place(click.Path):
-    """A directory that need not exist; that a file is no directory is said where it is written to."""
+class _NewDirectory(click.Path):
+    """A directory that need not exist; a file in its place is an error of the command that writes there."""
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> Any:
-        """Directories."""
+        """Complete directories."""
         return DIRECTORY.shell_complete(ctx, param, incomplete)
 
 
-PLACE = _Place(path_type=Path)
+NEW_DIRECTORY = _NewDirectory(path_type=Path)
 
 
 class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later versions of click
-    """A choice that names the nearest of its values to a mistyped one."""
+    """A choice with a suggestion for a mistyped value."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The value, or a usage error."""
+        """Return the value, or raise a usage error."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -41,10 +41,10 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
 
 
 class _Date(click.DateTime):
-    """A day, as 2008-03-14."""
+    """A date such as 2008-03-14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The day at midnight, or a usage error."""
+        """Return the date at midnight, or raise a usage error."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter:
@@ -54,8 +54,8 @@ class _Date(click.DateTime):
 DATE = _Date(["%Y-%m-%d"])
 
 
-def nearest(came: str, names: "list[str]") -> str:
-    """ " Did you mean ...?" for the nearest of the names, or nothing.
+def nearest(came: str, names: list[str]) -> str:
+    """Return " Did you mean ...?" with the nearest name, or "".
 
     Examples
     --------
@@ -76,31 +76,34 @@ def data_dir() -> Decorator:
 
 
 def exports() -> Decorator:
-    """EXPORTS, files from elsewhere."""
+    """EXPORTS, foreign files."""
     kind = click.Path(path_type=Path, exists=True, dir_okay=False)
     return click.argument("exports", nargs=-1, required=True, type=kind)
 
 
 def results() -> Decorator:
-    """OUT, what a run has written."""
+    """OUT, the directory that a run has written."""
     return click.argument("out", type=DIRECTORY)
 
 
-def config(text: str = f"The reach and its settings (TOML); {FOUND}", **more: Any) -> Decorator:
+def config(text: str = f"The reach and its settings (TOML); {SEARCHED}", **more: Any) -> Decorator:
     """--config, -c."""
     return click.option("--config", "-c", type=more.pop("type", FILE), metavar="FILE", help=text, **more)
 
 
-def out(text: str = "Where results go; default: [run] out of the configuration, else ./out.") -> Decorator:
+def out(
+    text: str = "Directory of the results; default: [run] out of the configuration, else ./out.",
+) -> Decorator:
     """--out, -o."""
-    return click.option("--out", "-o", type=PLACE, metavar="DIR", help=text)
+    return click.option("--out", "-o", type=NEW_DIRECTORY, metavar="DIR", help=text)
 
 
 def logs_out() -> Decorator:
     """--out, -o, of commands that write logs."""
     return click.option(
-        "--out", "-o", type=PLACE, required=True, metavar="DATA_DIR", help="Where the daily logs go."
-    )
+        "--out", "-o", type=NEW_DIRECTORY, required=True, metavar="DATA_DIR",
+        help="Directory of the daily logs.",
+    )  # fmt: skip
 
 
 def days(verb: str) -> Decorator:
@@ -108,20 +111,19 @@ def days(verb: str) -> Decorator:
 
     def both(command: Any) -> Any:
         for name, target, word in (("--to", "last", "Last"), ("--from", "first", "First")):
-            command = click.option(name, target, type=DATE, metavar="DATE", help=f"{word} day to {verb}.")(
-                command
-            )
+            help_text = f"{word} day to {verb}."
+            command = click.option(name, target, type=DATE, metavar="DATE", help=help_text)(command)
         return command
 
     return both
 
 
-def workers(text: str = "Processes; default: as many as pay off.") -> Decorator:
+def workers(text: str = "Number of processes; default: by the number of days and cores.") -> Decorator:
     """--workers."""
     return click.option("--workers", type=click.IntRange(1, 512), metavar="N", help=text)
 
 
-def dry_run(text: str = "Say what would be done, and stop.") -> Decorator:
+def dry_run(text: str = "Print the plan, and stop.") -> Decorator:
     """--dry-run."""
     return click.option("--dry-run", is_flag=True, help=text)
 
@@ -135,13 +137,9 @@ def talk() -> Decorator:
     """--quiet and --verbose."""
 
     def both(command: Any) -> Any:
-        command = click.option(
-            "--verbose", "-v", is_flag=True, help="Say more, on stderr: files, versions, time by phase."
-        )(command)
-        command = click.option("--quiet", "-q", is_flag=True, help="Say nothing unless something is wrong.")(
-            command
-        )
-        return command
+        text = "Print files, versions and the time of each phase on stderr."
+        command = click.option("--verbose", "-v", is_flag=True, help=text)(command)
+        return click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")(command)
 
     return both
 

@@ -15,7 +15,7 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
 """Settings that are in samples."""
 
 
-@click.command("run", short_help="Estimate every day of DATA_DIR that is new or changed.")
+@click.command("run")
 @shared.data_dir()
 @shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
 @shared.out()

@@ -20,7 +20,7 @@ def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list
     return [name for name in names if name.startswith(typed)]
 
 
-@click.command("season", short_help="Join the days of a run; the law of delay and discharge.")
+@click.command("season")
 @shared.results()
 @click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study of a pool.")
 @click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")

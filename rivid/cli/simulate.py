@@ -12,24 +12,27 @@ if TYPE_CHECKING:
     from rivid.simulation import Season
 
 
-@click.command("simulate", short_help="Make daily logs of a simulated reach, and their truth.")
+@click.command("simulate")
 @click.argument("scenario", type=shared.PATH)
 @shared.logs_out()
 @click.option(
-    "--seed", type=click.IntRange(min=0), metavar="N", help="Another season; default: the scenario's seed."
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Seed of the random numbers; default: the scenario's.",
 )
 @click.option(
-    "--truth", type=shared.FILE, metavar="FILE", help="Where the truth goes; default: <DATA_DIR>_truth.json."
+    "--truth", type=shared.FILE, metavar="FILE", help="File of the truth; default: <DATA_DIR>_truth.json."
 )
 @shared.talk()
 def command(
     scenario: Path, out: Path, seed: int | None, truth: Path | None, quiet: bool, verbose: bool
 ) -> int:
-    """Make daily logs of a simulated reach, and apart from them the truth.
+    """Simulate daily logs of a reach, and write the truth apart from them.
 
     SCENARIO is a TOML file. The same scenario and seed give the same files. The truth is two files: the
-    delays, the effects and the scenario as JSON, and beside it, as Parquet, what the water did at each
-    sample. A cascade gets a directory of logs and a pair of truths for each reach.
+    delays, the effects and the scenario as JSON, and the true flows and levels of each sample as Parquet,
+    next to it. Each reach of a cascade has its own directory of logs and pair of truths.
 
     \b
     Examples:
@@ -43,16 +46,16 @@ def command(
 
     console = Console(quiet, verbose)
     console.begin(("scenario", scenario), ("logs to", out))
-    said = load_scenario(scenario)
+    loaded = load_scenario(scenario)
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
     if truth.resolve().is_relative_to(place):
-        raise ConfigError(f"the truth {truth} would lie among the logs in {out}: choose a place outside")
+        raise ConfigError(f"the truth {truth} would lie among the logs in {out}: choose another directory")
     if truth.suffix == ".parquet":
-        raise ConfigError(f"--truth {truth}: expected a .json; what the water did goes beside it as .parquet")
-    several = bool(said.cascade)
+        raise ConfigError(f"--truth {truth}: expected a .json; the true flows go next to it as .parquet")
+    several = bool(loaded.cascade)
     console.phase("starting")
-    seasons = simulate_cascade(said, seed)
+    seasons = simulate_cascade(loaded, seed)
     console.phase("simulating")
     names = [season.scenario.reach.name for season in seasons]
     places = [
@@ -60,8 +63,8 @@ def command(
     ]
     for season, (logs, _) in zip(seasons, places, strict=True):
         _refuse_other_logs(season, logs)
-    for season, (logs, beside) in zip(seasons, places, strict=True):
-        lines = _write(season, logs, beside)
+    for season, (logs, truth_file) in zip(seasons, places, strict=True):
+        lines = _write(season, logs, truth_file)
         if not quiet:
             click.echo("\n".join(wrap(line) for line in lines))
     console.phase("writing logs and truth")
@@ -81,23 +84,23 @@ def _refuse_other_logs(season: "Season", logs: Path) -> None:
     there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
     if others := sorted(there - _files(season)):
         raise ConfigError(
-            f"{logs} holds other logs ({others[0]}, for one), which would mix with these: "
+            f"{logs} holds other logs, such as {others[0]}, which would mix with these: "
             "choose an empty directory"
         )
 
 
 def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
-    """Write logs and truth; a few lines about them."""
+    """Write logs and truth; return the summary."""
     from rivid.logs.write import write_days
     from rivid.simulation import observables
     from rivid.simulation.truth import write_truth, write_water
 
-    said = season.scenario
+    scenario = season.scenario
     columns = zip(season.inflow, season.outflow, season.level, strict=True)
     days = ({"u_Qi": u, "u_Qo": o, "h_L": h} for u, o, h in columns)
     files = write_days(
-        logs, zip(season.dates, days, strict=True), sample_time=season.sample_time, offset=said.offset,
-        format=said.output.format, layout=said.output.layout,
+        logs, zip(season.dates, days, strict=True), sample_time=season.sample_time, offset=scenario.offset,
+        format=scenario.output.format, layout=scenario.output.layout,
     )  # fmt: skip
     write_truth(season, truth)
     write_water(season, truth.with_suffix(".parquet"))
@@ -105,11 +108,11 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
     delays = ", ".join(f"{d} on {n} days" for d, n in seen.delays.items())
     hidden = ", ".join(effect.name for effect in season.effects)
     return [
-        f"{said.name}, {said.reach.name}, seed {season.seed}: {seen.days} days from {season.dates[0]} "
-        f"to {season.dates[-1]}",
+        f"{scenario.name}, {scenario.reach.name}, seed {season.seed}: {seen.days} days from "
+        f"{season.dates[0]} to {season.dates[-1]}",
         f"discharge {seen.discharge_lowest:.0f} to {seen.discharge_highest:.0f} m3/s; over a day the inflow "
         f"moves by {seen.inflow_range:.0f} m3/s and the level by {seen.level_range:.2f} m",
         f"true delay [samples of {season.sample_time:g} s]: {delays}",
-        *([f"planted: {hidden}"] if hidden else []),
+        *([f"effects: {hidden}"] if hidden else []),
         f"{len(files)} files in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
     ]

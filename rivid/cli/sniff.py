@@ -8,7 +8,7 @@ from rivid.cli import options as shared
 from rivid.cli.console import WIDTH, wrap
 
 
-@click.command("sniff", short_help="Propose an [input] block for a foreign export.")
+@click.command("sniff")
 @shared.exports()
 @click.option(
     "--time-zone",

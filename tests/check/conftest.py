@@ -1,4 +1,4 @@
-"""What a test of `rivid check` says that it tried."""
+"""Fixtures of the tests of `rivid check`."""
 
 from tests.faults.conftest import tried
 

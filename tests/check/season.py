@@ -1,4 +1,4 @@
-"""A season of sound days, and what may go wrong with it, one fault each."""
+"""Simulated days without faults, and one function for each fault."""
 
 from dataclasses import replace
 from functools import cache
@@ -15,9 +15,9 @@ CFS = 35.3147
 
 def reach_of(season):
     """The configuration that goes with a simulated season."""
-    said = season.scenario.reach
+    reach = season.scenario.reach
     keys = ("name", "surface_area", "length", "width", "depth", "sample_time", "discharge_range")
-    return parse({"reach": {key: getattr(said, key) for key in keys}}, Config)
+    return parse({"reach": {key: getattr(reach, key) for key in keys}}, Config)
 
 
 def days_of(season):
@@ -28,9 +28,9 @@ def days_of(season):
 
 @cache
 def sound(n=40, scenario="basse_isere", seed=3):
-    """Days of a pool that nothing is wrong with, and their configuration."""
-    said = load_scenario(f"configs/scenarios/{scenario}.toml")
-    season = simulate(said.model_copy(update={"days": n, "missing_days": 0}), seed)
+    """Days of a pool without faults, and their configuration."""
+    loaded = load_scenario(f"configs/scenarios/{scenario}.toml")
+    season = simulate(loaded.model_copy(update={"days": n, "missing_days": 0}), seed)
     return tuple(days_of(season)), reach_of(season)
 
 
@@ -44,14 +44,14 @@ def scaled(days, factor, *names, among=slice(None)):
 
 
 def late(days, seconds, name, step=133, among=slice(None)):
-    """A column whose stamps are late: its clock is fast."""
+    """A column with late stamps: its clock is fast."""
     whole = np.concatenate([getattr(day, name) for day in days])
     whole = whole[np.clip(np.arange(len(whole)) - round(seconds / step), 0, len(whole) - 1)]
     return _with(days, name, whole, among)
 
 
 def drifting(days, seconds, name, step=133):
-    """A column whose clock gains so many seconds a day."""
+    """A column with a clock that gains so many seconds a day."""
     whole = np.concatenate([getattr(day, name) for day in days])
     at = np.arange(len(whole))
     from_ = np.round(at - at / len(getattr(days[0], name)) * seconds / step).astype(int)
@@ -59,7 +59,7 @@ def drifting(days, seconds, name, step=133):
 
 
 def redated(days, by, name, among=slice(None)):
-    """A column that stands under dates `by` days too late."""
+    """A column with dates `by` days too late."""
     touched = set(range(len(days))[among])
     return [
         replace(day, **{name: getattr(days[(k - by) % len(days)], name)}) if k in touched else day

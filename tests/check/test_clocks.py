@@ -1,60 +1,57 @@
-"""Clocks that are off, and columns that are swapped, are named with the column, how much, and when."""
+"""Clocks that are off, and columns that are exchanged, are found with the column, the offset and the days."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rivid.check.look import look
+from rivid.check import check_days
 from rivid.config import Config, parse
 from tests.check.season import drifting, late, redated, sound
 
 NAMES = {"inflow": "u_Qi", "outflow": "u_Qo", "output": "h_L"}
 
 
-def the_one(days, config, kind):
-    # where dates are shifted, one day stands there twice
-    (finding,) = (found for found in look(days, config) if found.kind != "copy")
-    assert finding.kind == kind and finding.wrong
+def the_one(days, config, code):
+    # where dates are shifted, one day occurs twice
+    (finding,) = (found for found in check_days(days, config) if found.kind != "copy")
+    assert finding.code == code and finding.wrong
     return finding
 
 
 @pytest.mark.parametrize("scenario", ["basse_isere", "uneven"])
 @pytest.mark.parametrize("seconds", [3600, -3600])
 @pytest.mark.parametrize("column", NAMES)
-def test_an_hour_from_a_date_on(column, seconds, scenario):
+def test_a_clock_that_is_an_hour_off_from_a_date_on(column, seconds, scenario):
     days, config = sound(40, scenario)
-    finding = the_one(late(days, seconds, column, among=slice(25, None)), config, "clock")
-    assert f"{NAMES[column]} is stamped " in finding.text
-    assert f"min too {'late' if seconds > 0 else 'early'} against the others" in finding.text
-    assert 55 <= int(finding.text.split(" is stamped ")[1].split()[0]) <= 65
-    assert "summer time" in finding.text
-    told = set(finding.days)
-    assert len(told) >= 13 and told <= {day.date for day in days[25:]}
+    finding = the_one(late(days, seconds, column, among=slice(25, None)), config, "clock.hour")
+    assert finding.values["column"] == NAMES[column]
+    assert finding.values["sense"] == ("late" if seconds > 0 else "early")
+    assert finding.values["off_s"] == pytest.approx(3600, abs=300)
+    assert len(finding.days) >= 13 and set(finding.days) <= {day.date for day in days[25:]}
 
 
 @pytest.mark.parametrize("n", [3, 40])
 @pytest.mark.parametrize("column", NAMES)
-def test_an_hour_on_every_day_is_told_by_what_no_water_does(column, n):
+def test_a_clock_that_is_an_hour_off_on_every_day_gives_impossible_lags(column, n):
     days, config = sound()
     for seconds in (3600, -3600):
-        said = the_one(late(days[:n], seconds, column), config, "clock").text
-        if column == "inflow":
-            assert ("before u_Qi" if seconds > 0 else "where a wave needs 35 min at most") in said
-        else:
-            assert (
-                "though the gauge stands at the gate" in said and f"is the clock of {NAMES[column]}" in said
-            )
-            assert ("min fast?" if seconds > 0 else "min slow?") in said
+        code = "clock.gate" if column != "inflow" else "clock.before" if seconds > 0 else "clock.slow"
+        values = the_one(late(days[:n], seconds, column), config, code).values
+        if column != "inflow":
+            assert values["column"] == NAMES[column]
+            assert values["speed"] == ("fast" if seconds > 0 else "slow")
+        elif seconds < 0:
+            assert values["longest_s"] == pytest.approx(35 * 60, abs=60)
 
 
 @pytest.mark.parametrize("per_day", [60, -90])
 @pytest.mark.parametrize("column", NAMES)
 def test_a_clock_that_drifts(column, per_day):
     days, config = sound()
-    said = the_one(drifting(days, per_day, column), config, "drift").text
-    assert f"the clock of {NAMES[column]} goes {'fast' if per_day > 0 else 'slow'}" in said
-    assert abs(int(said.split(" s a day")[0].split()[-1]) - abs(per_day)) <= 5
+    values = the_one(drifting(days, per_day, column), config, "drift").values
+    assert (values["column"], values["speed"]) == (NAMES[column], "fast" if per_day > 0 else "slow")
+    assert values["per_day_s"] == pytest.approx(abs(per_day), abs=5)
 
 
 @pytest.mark.parametrize("by", [1, -1])
@@ -62,48 +59,50 @@ def test_a_clock_that_drifts(column, per_day):
 def test_dates_that_are_a_day_off(column, by):
     days, config = sound()
     finding = the_one(redated(days, by, column, among=slice(10, 25)), config, "dates")
-    assert f"the dates of {NAMES[column]} are a day too {'late' if by > 0 else 'early'}" in finding.text
-    # a day whose neighbour is shifted too may be as good either way
+    assert finding.values["column"] == NAMES[column]
+    assert finding.values["sense"] == ("late" if by > 0 else "early")
+    # a day with a shifted neighbour may fit either way
     assert set(finding.days) <= {day.date for day in days[9:26]} and len(finding.days) >= 12
 
 
-def test_swapped_columns_from_a_date_on_or_always():
+def test_exchanged_columns_from_a_date_on_or_always():
     days, config = sound()
     swapped = [replace(day, inflow=day.outflow, outflow=day.inflow) for day in days]
-    finding = the_one(swapped, config, "swapped")
-    assert "are inflow and outflow swapped?" in finding.text and not finding.days
-    assert "are inflow and outflow swapped?" in the_one(swapped[:1], config, "swapped").text
-    finding = the_one([*days[:30], *swapped[30:]], config, "swapped")
+    assert not the_one(swapped, config, "swapped.flows").days
+    the_one(swapped[:1], config, "swapped.flows")
+    finding = the_one([*days[:30], *swapped[30:]], config, "swapped.flows")
     assert list(finding.days) == [day.date for day in days[30:]]
 
 
 def test_a_level_that_is_measured_downwards():
     days, config = sound()
-    downwards = [replace(day, output=200.0 - day.output) for day in days]
-    assert "is it measured downwards" in the_one(downwards, config, "swapped").text
+    the_one([replace(day, output=200.0 - day.output) for day in days], config, "swapped.level")
 
 
-def test_a_river_whose_ends_are_swapped():
-    """A river as a row of reservoirs: 4 h, fifteen-minute samples."""
+@pytest.mark.parametrize("n", [1, 5])
+def test_a_constant_inflow_is_not_exchanged_with_the_outflow(n):
+    days, config = sound()
+    still = [replace(day, inflow=np.full_like(day.inflow, 300.0)) for day in days[:n]]
+    assert {finding.kind for finding in check_days(still, config)} == {"constant"}
+
+
+def test_a_river_with_exchanged_ends():
     days, config = river()
-    assert look(days, config) == []
+    assert check_days(days, config) == []
     swapped = [replace(day, inflow=day.output, output=day.inflow) for day in days]
-    assert (
-        "h before u_Qi: is u_Qi's clock fast, or are columns swapped?"
-        in the_one(swapped, config, "clock").text
-    )
+    the_one(swapped, config, "clock.before")
 
 
-def test_an_hour_in_a_river_from_a_date_on():
+def test_a_river_clock_that_is_an_hour_off_from_a_date_on():
     days, config = river()
-    moved = late(days, 3600, "output", step=900, among=slice(25, None))
-    finding = the_one(moved, config, "clock")
-    assert "u_Qi is stamped 60 min too early against Q_L" in finding.text
+    finding = the_one(late(days, 3600, "output", step=900, among=slice(25, None)), config, "clock.hour")
+    values = finding.values
+    assert (values["column"], values["off_s"], values["sense"]) == ("u_Qi", 3600, "early")
     assert set(finding.days) <= {day.date for day in days[25:]} and len(finding.days) >= 12
 
 
 def river(n=40):
-    """Days of a river: an inflow with a peak each day, routed through eight reservoirs of half an hour."""
+    """Days of a river: an inflow with a daily peak, routed through eight reservoirs of half an hour each."""
     pool, _ = sound(n)
     rng = np.random.default_rng(5)
     t = np.arange(96 * n) / 96

@@ -1,4 +1,4 @@
-"""`rivid check` as a command: what it reads, in words and as JSON, of one reach and of a fleet."""
+"""`rivid check` as a command: text and JSON, of one reach and of a fleet."""
 
 import datetime as dt
 import json
@@ -46,7 +46,7 @@ def test_an_unfinished_log_of_today_is_pending_and_fine(tmp_path):
     assert (report.days[0].status, report.exit_code) == ("pending", 0)
 
 
-def test_days_to_come_are_told(tmp_path):
+def test_days_in_the_future(tmp_path):
     write_days(tmp_path, 4)
     assert check(tmp_path, config(), today=dt.date(2008, 3, 13)).findings == []
     assert check(tmp_path, config(), today=dt.date(2008, 3, 12)).findings == []  # it may be tomorrow there
@@ -54,7 +54,7 @@ def test_days_to_come_are_told(tmp_path):
     assert finding.kind == "future" and list(finding.days) == [dt.date(2008, 3, 12), dt.date(2008, 3, 13)]
 
 
-def test_today_is_a_day_of_the_logs_own_zone(tmp_path):
+def test_today_is_a_day_in_the_zone_of_the_logs(tmp_path):
     put(tmp_path, rows(zone="-07:00")[:300])
     for now, status in (("2008-03-11T06:00Z", "pending"), ("2008-03-11T08:00Z", "failed")):
         (day,) = check(tmp_path, config(), today=dt.datetime.fromisoformat(now)).days
@@ -66,7 +66,7 @@ def test_no_logs_at_all(tmp_path):
         check(tmp_path, config())
 
 
-def test_columns_that_no_log_has_are_told_once(tmp_path):
+def test_columns_that_no_log_has_are_one_error(tmp_path):
     write_days(tmp_path, 3)
     with pytest.raises(ConfigError, match="no column 'u_QI' for u_Qi; nearest is 'u_Qi'"):
         check(tmp_path, config(u_Qi="u_QI"))
@@ -76,7 +76,7 @@ class TestCommand:
     def invoke(self, *words):
         return CliRunner().invoke(cli, ["check", *map(str, words)], standalone_mode=False)
 
-    def test_words_and_a_table(self, tmp_path):
+    def test_text_and_a_table(self, tmp_path):
         dates = write_days(tmp_path, 3)
         put(tmp_path, rows(dates[1])[:300], name=f"{dates[1]}.csv")
         result = self.invoke(tmp_path)
@@ -84,7 +84,7 @@ class TestCommand:
         assert "2008-03-11 failed: gap of 12.9 h" in result.output
         assert "  usable     2\n  failed     1\n" in result.output
 
-    def test_what_is_wrong_with_many_days_is_said_once(self, tmp_path):
+    def test_a_fault_of_many_days_is_one_line(self, tmp_path):
         for k, date in enumerate(write_days(tmp_path, 40)):
             lines = rows(date)
             if 10 <= k < 20:  # each torn somewhere else
@@ -99,7 +99,7 @@ class TestCommand:
         assert lines[0].startswith("2008-03-20 to 2008-03-29 (10 days) failed: gap of ")
         assert "wrong: u_Qi is 35.3 times u_Qo, and 1 m3/s is 35.3 cfs: is u_Qi in cfs? Set" in lines[2]
 
-    def test_files_that_are_no_logs_are_told_once(self, tmp_path):
+    def test_files_that_are_no_logs_are_one_line(self, tmp_path):
         write_days(tmp_path, 1)
         for k in range(40):
             (tmp_path / f"junk{k}.csv").write_text("a,b\n1,2\n")
@@ -111,24 +111,24 @@ class TestCommand:
         write_days(tmp_path, 2)
         result = self.invoke(tmp_path, "--json")
         assert result.return_value == 0
-        told = json.loads(result.output)
-        assert [d["date"] for d in told["days"]] == ["2008-03-10", "2008-03-11"] and told["failed"] == 0
-        assert told["summary"] | {"samples": 0} == {
+        answer = json.loads(result.output)
+        assert [d["date"] for d in answer["days"]] == ["2008-03-10", "2008-03-11"] and answer["failed"] == 0
+        assert answer["summary"] | {"samples": 0} == {
             "days": 2, "first": "2008-03-10", "last": "2008-03-11", "ok": 2, "failed": 0, "pending": 0,
             "absent": 0, "bad_files": 0, "samples": 0, "filled": 0, "warnings": 0, "exit_code": 0,
         }  # fmt: skip
 
-    def test_json_says_of_each_day_what_is_wrong_with_it(self, tmp_path):
+    def test_json_gives_each_day_its_findings(self, tmp_path):
         dates = write_days(tmp_path, 6)
         for date in dates[2:4]:
             lines = [[r[0], r[1], f"{float(r[2]) * 35.3147:.6g}", r[3]] for r in rows(date)]
             put(tmp_path, lines, name=f"{date}.csv")
-        told = json.loads(self.invoke(tmp_path, "--json").output)
-        (finding,) = told["findings"]
+        answer = json.loads(self.invoke(tmp_path, "--json").output)
+        (finding,) = answer["findings"]
         assert finding["kind"] == "unit" and finding["wrong"]
         assert list(finding["days"]) == ["2008-03-12", "2008-03-13"]
-        assert told["days"][2]["notes"] == [finding["days"]["2008-03-12"]]
-        assert told["days"][1]["notes"] == [] and told["summary"]["exit_code"] == 3
+        assert answer["days"][2]["notes"] == [finding["days"]["2008-03-12"]]
+        assert answer["days"][1]["notes"] == [] and answer["summary"]["exit_code"] == 3
 
     def test_sniff_prints_a_configuration_that_check_takes(self, tmp_path):
         write_days(tmp_path / "logs", 1)
@@ -145,13 +145,13 @@ class TestCommand:
         result = self.invoke(tmp_path / "fleet")
         assert result.return_value == 3
         assert "sound: fine, 2 days\n" in result.output and "failed: gap of 12.9 h" in result.output
-        assert result.output.endswith("2 reaches, 1 of them with something wrong\n")
-        told = json.loads(self.invoke(tmp_path / "fleet", "--json").output)
-        assert told["exit_code"] == 3
-        assert told["reaches"]["sound"]["summary"]["exit_code"] == 0
-        assert told["reaches"]["torn"]["failed"] == 1
+        assert result.output.endswith("2 reaches, 1 of them with faults\n")
+        answer = json.loads(self.invoke(tmp_path / "fleet", "--json").output)
+        assert answer["exit_code"] == 3
+        assert answer["reaches"]["sound"]["summary"]["exit_code"] == 0
+        assert answer["reaches"]["torn"]["failed"] == 1
 
-    def test_a_reach_of_a_fleet_that_cannot_be_read_costs_the_others_nothing(self, tmp_path):
+    def test_the_other_reaches_of_a_fleet_are_checked_if_one_cannot_be_read(self, tmp_path):
         write_days(tmp_path / "fleet" / "sound", 1)
         write_days(tmp_path / "fleet" / "other", 1)
         (tmp_path / "configs").mkdir()
@@ -160,8 +160,10 @@ class TestCommand:
         result = self.invoke(tmp_path / "fleet", "--config", tmp_path / "configs")
         assert result.return_value == 2
         assert "sound: fine, 1 days" in result.output and "other: " in result.output
-        told = json.loads(self.invoke(tmp_path / "fleet", "--config", tmp_path / "configs", "--json").output)
-        assert told["reaches"]["other"]["exit_code"] == 2 and told["reaches"]["gone"]["exit_code"] == 10
+        answer = json.loads(
+            self.invoke(tmp_path / "fleet", "--config", tmp_path / "configs", "--json").output
+        )
+        assert answer["reaches"]["other"]["exit_code"] == 2 and answer["reaches"]["gone"]["exit_code"] == 10
 
     def test_exit_codes_of_nothing_to_check_and_of_a_wrong_configuration(self, tmp_path):
         (tmp_path / "empty").mkdir()

@@ -1,103 +1,105 @@
-"""Columns in another unit, and balances that do not close, are named with their factor and their dates."""
-
-import re
+"""Columns in another unit, and open balances, are found with their factor and their days."""
 
 import numpy as np
 import pytest
 
-from rivid.check.look import look
+from rivid.check import check_days
 from rivid.config import Config
 from tests.check.season import CFS, scaled, sound
 
-WORDS = {
-    ("inflow", CFS): r'u_Qi is 3[56].* times u_Qo, and 1 m3/s is 35.3 cfs: is u_Qi in cfs\? .* u_Qi = "cfs"',
-    ("outflow", CFS): r"u_Qo is 3[456].* times u_Qi, and 1 m3/s is 35.3 cfs: is u_Qo in cfs\?",
-    ("inflow", 1000): r"u_Qi is (1,0|1,1|9).* times u_Qo, and 1 m3/s is 1,000 L/s: is u_Qi in L/s\?",
-    ("outflow", 3600): r"1 m3/s is 3,600 m3/h: is u_Qo in m3/h\?",
-    ("inflow", 1 / CFS): r"u_Qo is 3[456].* times u_Qi, as if u_Qi had been converted from cfs twice",
-    ("output", 100): r'h_L moves .* times as much as u_Qi and u_Qo let it .* is h_L in cm, .*h_L = "cm"',
-    ("output", 1000): r"is h_L in mm, not in m\?",
-    ("output", 1 / 0.3048): r"is h_L in ft, not in m\?",
+UNITS = {
+    ("inflow", CFS): ("unit.factor", "u_Qi", "cfs"),
+    ("outflow", CFS): ("unit.factor", "u_Qo", "cfs"),
+    ("inflow", 1000): ("unit.factor", "u_Qi", "L/s"),
+    ("outflow", 3600): ("unit.factor", "u_Qo", "m3/h"),
+    ("inflow", 1 / CFS): ("unit.twice", "u_Qo", "cfs"),
+    ("output", 100): ("unit.level", None, "cm"),
+    ("output", 1000): ("unit.level", None, "mm"),
+    ("output", 1 / 0.3048): ("unit.level", None, "ft"),
 }
 
 
-def the_one(findings):
-    (finding,) = findings
-    assert finding.wrong
+def the_one(days, config, code):
+    (finding,) = check_days(days, config)
+    assert finding.code == code and finding.wrong
     return finding
 
 
+def changed(config, section, **keys):
+    """A configuration with keys of a section changed."""
+    return config.model_copy(update={section: getattr(config, section).model_copy(update=keys)})
+
+
 @pytest.mark.parametrize("n", [1, 7, 40])
-@pytest.mark.parametrize(("column", "factor"), WORDS)
-def test_a_column_in_another_unit_is_named_with_unit_and_factor(column, factor, n):
+@pytest.mark.parametrize(("column", "factor"), UNITS)
+def test_a_column_in_another_unit(column, factor, n):
     days, config = sound()
-    finding = the_one(look(scaled(days[:n], factor, column), config))
-    assert finding.kind == "unit" and not finding.days
-    assert re.search(WORDS[column, factor], finding.text), finding.text
+    code, large, unit = UNITS[column, factor]
+    finding = the_one(scaled(days[:n], factor, column), config, code)
+    assert not finding.days
+    assert (finding.values.get("large"), finding.values["unit"]) == (large, unit)
+    if large:
+        assert finding.values["ratio"] == pytest.approx(max(factor, 1 / factor), rel=0.15)
 
 
 @pytest.mark.parametrize("scenario", ["uneven", "short", "hydraulic_long"])
 @pytest.mark.parametrize("factor", [100, 1 / 0.3048])
-def test_the_levels_unit_is_told_in_other_reaches_too(scenario, factor):
+def test_the_unit_of_the_level_in_other_reaches(scenario, factor):
     days, config = sound(20, scenario)
-    assert "is h_L in" in the_one(look(scaled(days, factor, "output"), config)).text
+    the_one(scaled(days, factor, "output"), config, "unit.level")
 
 
-def test_a_unit_that_changes_on_a_date_is_told_with_its_dates():
+def test_a_unit_that_changes_on_a_date():
     days, config = sound()
     for column in ("inflow", "outflow"):
-        finding = the_one(look(scaled(days, CFS, column, among=slice(25, 27)), config))
-        assert list(finding.days) == [days[25].date, days[26].date] and "in cfs" in finding.text
-    finding = the_one(look(scaled(days, 1 / 0.3048, "output", among=slice(30, None)), config))
+        finding = the_one(scaled(days, CFS, column, among=slice(25, 27)), config, "unit.factor")
+        assert list(finding.days) == [days[25].date, days[26].date] and finding.values["unit"] == "cfs"
+    finding = the_one(scaled(days, 1 / 0.3048, "output", among=slice(30, None)), config, "unit.level_days")
     assert list(finding.days) == [day.date for day in days[30:]]
-    assert "h_L is 3.28 times that of the other days" in finding.text and "in ft there" in finding.text
+    assert finding.values["unit"] == "ft" and finding.values["ratio"] == pytest.approx(3.28, abs=0.01)
 
 
-def test_both_flows_in_another_unit_are_told_by_their_range_or_by_the_level():
+def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
     days, config = sound()
-    said = the_one(look(scaled(days, CFS, "inflow", "outflow"), config)).text
-    assert "far outside [reach] discharge_range, 100 to 800" in said and '"cfs" would make it' in said
-    wide = config.model_copy(
-        update={"reach": config.reach.model_copy(update={"discharge_range": (100, 5000)})}
-    )
-    assert "are both flows in cfs?" in the_one(look(scaled(days, CFS, "inflow", "outflow"), wide)).text
+    values = the_one(scaled(days, CFS, "inflow", "outflow"), config, "unit.range_unit").values
+    assert (values["low"], values["high"], values["unit"]) == (100, 800, "cfs")
+    assert [flow["column"] for flow in values["flows"]] == ["u_Qi", "u_Qo"]
+    wide = changed(config, "reach", discharge_range=(100, 5000))
+    values = the_one(scaled(days, CFS, "inflow", "outflow"), wide, "unit.flows").values
+    assert values["unit"] == "cfs"
 
 
-def test_a_unit_that_is_declared_and_is_not_so():
+def test_a_declared_unit_that_does_not_fit():
     days, config = sound()
-    declared = config.model_copy(update={"input": config.input.model_copy(update={"units": {"u_Qi": "cfs"}})})
-    said = the_one(look(scaled(days, 1 / CFS, "inflow"), declared)).text
-    assert "is u_Qi in m3/s, not in cfs as [input.units] says?" in said
-    declared = config.model_copy(update={"input": config.input.model_copy(update={"units": {"h_L": "ft"}})})
-    assert "is h_L in m, not in ft?" in the_one(look(scaled(days, 0.3048, "output"), declared)).text
+    declared = changed(config, "input", units={"u_Qi": "cfs"})
+    values = the_one(scaled(days, 1 / CFS, "inflow"), declared, "unit.declared").values
+    assert (values["small"], values["unit"], values["declared"]) == ("u_Qi", "m3/s", "cfs")
+    declared = changed(config, "input", units={"h_L": "ft"})
+    values = the_one(scaled(days, 0.3048, "output"), declared, "unit.level").values
+    assert (values["unit"], values["declared"]) == ("m", "ft")
 
 
-def test_without_a_declared_area_only_what_is_far_off_is_told():
+def test_without_a_declared_area_only_large_factors_are_found():
     days, _ = sound()
-    assert look(scaled(days, 1 / 0.3048, "output"), Config()) == []
-    said = the_one(look(scaled(days, 100, "output"), Config())).text
-    assert "is h_L in cm" in said and "(not declared: that of Table I)" in said
+    assert check_days(scaled(days, 1 / 0.3048, "output"), Config()) == []
+    values = the_one(scaled(days, 100, "output"), Config(), "unit.level").values
+    assert values["unit"] == "cm" and not values["is_declared"]
 
 
 def test_an_area_that_does_not_fit():
     days, config = sound()
-    wrong = config.model_copy(update={"reach": config.reach.model_copy(update={"surface_area": 6.7e6})})
-    finding = the_one(look(days, wrong))
-    assert finding.kind == "balance" and "m2 would fit" in finding.text
-    fits = float(finding.text.split(" m2 would fit")[0].split()[-1])
-    assert fits == pytest.approx(6.7e5, rel=0.1)
+    values = the_one(days, changed(config, "reach", surface_area=6.7e6), "balance.area").values
+    assert values["fitting_area"] == pytest.approx(6.7e5, rel=0.1)
 
 
-def test_a_part_of_the_outflow_that_is_missing_for_weeks_is_told_and_a_single_day_is_not():
+def test_a_missing_part_of_the_outflow_is_found_over_weeks_and_not_on_a_single_day():
     days, config = sound()
-    finding = the_one(look(scaled(days, 0.5, "outflow", among=slice(10, 20)), config))
-    assert finding.kind == "balance" and list(finding.days) == [day.date for day in days[10:20]]
-    assert "is a part of u_Qo missing?" in finding.text
-    assert look(scaled(days, 0.5, "outflow", among=slice(10, 11)), config) == []
+    finding = the_one(scaled(days, 0.5, "outflow", among=slice(10, 20)), config, "balance.flows")
+    assert finding.values["small"] == "u_Qo" and list(finding.days) == [day.date for day in days[10:20]]
+    assert check_days(scaled(days, 0.5, "outflow", among=slice(10, 11)), config) == []
 
 
 def test_a_reservoir_that_fills_closes_its_balance():
-    """Half of the inflow stays; the level says so."""
     days, config = sound(10)
     area = 5e7
     level, filled = 130.0, []
@@ -105,12 +107,17 @@ def test_a_reservoir_that_fills_closes_its_balance():
         kept = np.cumsum(day.inflow - day.outflow / 2) * 133 / area
         filled.append(type(day)(day.date, day.inflow, day.outflow / 2, level + kept, 0, ""))
         level += kept[-1]
-    reach = config.reach.model_copy(update={"surface_area": area})
-    assert look(filled, config.model_copy(update={"reach": reach})) == []
+    assert check_days(filled, changed(config, "reach", surface_area=area)) == []
 
 
 def test_a_level_below_the_bed():
     days, config = sound()
-    reach = type(config.reach)(**config.reach.model_dump() | {"bed_level": 424.0})
-    said = the_one(look(days, config.model_copy(update={"reach": reach}))).text
-    assert "where [reach] bed_level is 424 m" in said
+    assert the_one(days, changed(config, "reach", bed_level=424.0), "unit.bed").values["bed"] == 424
+
+
+def test_flows_outside_the_discharge_range_are_a_remark():
+    days, config = sound(5)
+    findings = check_days(days, changed(config, "reach", discharge_range=(600, 800)))
+    assert {finding.code for finding in findings} == {"range"} and not any(f.wrong for f in findings)
+    values = findings[0].values
+    assert values["column"] == "u_Qi" and 0.25 < values["share"] <= 1 and values["lowest"] < 600

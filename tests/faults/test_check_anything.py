@@ -9,9 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rivid.check import check
-from rivid.check.findings import in_words
-from rivid.check.look import look
+from rivid.check import check, check_days
+from rivid.check.findings import render
 from rivid.config import Config, parse
 from rivid.errors import RividError
 from rivid.logs.read import DataSet
@@ -61,7 +60,7 @@ def records(draw):
     return days, parse({"reach": reach, "input": given_}, Config)
 
 
-def test_any_finite_days_give_findings_in_words(tried):
+def test_any_finite_days_give_findings_render(tried):
     told = seen = 0
 
     @settings(max_examples=250, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -70,7 +69,7 @@ def test_any_finite_days_give_findings_in_words(tried):
         nonlocal told, seen
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            findings = look(*record)
+            findings = check_days(*record)
         for finding in findings:
             words = str(finding).lower()
             assert "nan" not in words.split() and "inf" not in words.split() and "\n" not in words
@@ -98,7 +97,7 @@ def test_any_bytes_checked(tmp_path, tried):
             assert len(str(error).splitlines()) == 1
         else:
             json.dumps(report.to_json(), allow_nan=False)
-            assert in_words(report, "x")
+            assert render(report, "x")
         seen += 1
 
     attack()

@@ -128,7 +128,7 @@ def test_what_the_water_did_lies_beside_the_truth(tmp_path):
     rain, step = truth["effects"]
     assert rain["name"] == "rain_inflow" and len(rain["events"]) > 2
     assert step["name"] == "sensor_step" and "events" not in step
-    assert "planted: rain_inflow, sensor_step" in done.stdout
+    assert "effects: rain_inflow, sensor_step" in done.stdout
 
 
 def test_a_cascade_has_a_directory_and_truths_for_each_reach(tmp_path):
