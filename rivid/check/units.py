@@ -23,7 +23,7 @@ FEWEST, MOST_DAYS = 3, 0.8
 RANGE_MARGIN = 10.0
 """Smallest ratio of a median flow to the ends of [reach] discharge_range that suggests another unit."""
 OUTSIDE = 0.25
-"""Smallest share of a day's samples outside [reach] discharge_range that is reported [-]."""
+"""Smallest share of the inflow's samples outside [reach] discharge_range that is reported [-]."""
 
 # Level
 AREA_MARGIN, AREA_MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
@@ -217,16 +217,14 @@ class Flows:
         ]
 
     def outside_range(self) -> list[Finding]:
-        """Find discharges outside [reach] discharge_range, which the travel-time bounds are computed for."""
+        """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
         low, high = self.record.reach.discharge_range
-        found = []
-        for name in self.record.flows:
-            every = np.concatenate([day[name] for day in self.record.days.values()])
-            share = float(((every < low) | (every > high)).mean())
-            if share > OUTSIDE:
-                values = {"column": name, "share": share, "lowest": float(every.min())}
-                found.append(Finding("range", self._range() | values | {"highest": float(every.max())}))
-        return found
+        flow = np.concatenate([day["u_Qi"] for day in self.record.days.values()])
+        share = float(((flow < low) | (flow > high)).mean())
+        if share <= OUTSIDE:
+            return []
+        values = {"column": "u_Qi", "share": share, "lowest": float(flow.min()), "highest": float(flow.max())}
+        return [Finding("range", self._range() | values)]
 
     def _range(self) -> dict[str, object]:
         low, high = self.record.reach.discharge_range
