@@ -259,16 +259,16 @@ ROWS = (
         "Wrong units",
         "`check` names the unit, by range, water balance and the pool's area, with factor and dates",
         {
-            f"{CHECK}units.py::test_a_column_in_another_unit_is_named_with_unit_and_factor": (
+            f"{CHECK}units.py::test_a_column_in_another_unit": (
                 "cfs, L/s, m3/h, cm, mm or ft, or converted twice, on 1, 7 or 40 days"
             ),
-            f"{CHECK}units.py::test_the_levels_unit_is_told_in_other_reaches_too": "a level in cm or ft, three reaches",
-            f"{CHECK}units.py::test_a_unit_that_changes_on_a_date_is_told_with_its_dates": "a unit that changes on a date",
-            f"{CHECK}units.py::test_both_flows_in_another_unit_are_told_by_their_range_or_by_the_level": (
+            f"{CHECK}units.py::test_the_unit_of_the_level_in_other_reaches": "a level in cm or ft, three reaches",
+            f"{CHECK}units.py::test_a_unit_that_changes_on_a_date": "a unit that changes on a date",
+            f"{CHECK}units.py::test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level": (
                 "both flows in cfs"
             ),
-            f"{CHECK}units.py::test_a_unit_that_is_declared_and_is_not_so": "a unit that is declared and is not so",
-            f"{CHECK}units.py::test_a_part_of_the_outflow_that_is_missing_for_weeks_is_told_and_a_single_day_is_not": (
+            f"{CHECK}units.py::test_a_declared_unit_that_does_not_fit": "a unit that is declared and is not so",
+            f"{CHECK}units.py::test_a_missing_part_of_the_outflow_is_found_over_weeks_and_not_on_a_single_day": (
                 "half of the outflow lost for ten days"
             ),
         },
@@ -277,15 +277,15 @@ ROWS = (
         "Clocks an hour or a day off, clocks that drift, summer time in a logger, columns swapped",
         "`check` names the column, how much, and the dates",
         {
-            f"{CHECK}clocks.py::test_an_hour_from_a_date_on": "one column an hour early or late, from a date on",
-            f"{CHECK}clocks.py::test_an_hour_on_every_day_is_told_by_what_no_water_does": "the same on every day",
+            f"{CHECK}clocks.py::test_a_clock_that_is_an_hour_off_from_a_date_on": "one column an hour early or late, from a date on",
+            f"{CHECK}clocks.py::test_a_clock_that_is_an_hour_off_on_every_day_gives_impossible_lags": "the same on every day",
             f"{CHECK}clocks.py::test_a_clock_that_drifts": "one column's clock 60 to 90 s a day fast or slow",
             f"{CHECK}clocks.py::test_dates_that_are_a_day_off": "one column dated a day early or late",
-            f"{CHECK}clocks.py::test_swapped_columns_from_a_date_on_or_always": "inflow and outflow swapped",
+            f"{CHECK}clocks.py::test_exchanged_columns_from_a_date_on_or_always": "inflow and outflow swapped",
             f"{CHECK}clocks.py::test_a_level_that_is_measured_downwards": "a level measured downwards",
-            f"{CHECK}clocks.py::test_a_river_whose_ends_are_swapped": "a river's ends swapped",
-            f"{CHECK}clocks.py::test_an_hour_in_a_river_from_a_date_on": "an hour in a river",
-            f"{CHECK}spacing.py::test_a_logger_that_keeps_summer_time_is_told_by_both_nights": (
+            f"{CHECK}clocks.py::test_a_river_with_exchanged_ends": "a river's ends swapped",
+            f"{CHECK}clocks.py::test_a_river_clock_that_is_an_hour_off_from_a_date_on": "an hour in a river",
+            f"{CHECK}spacing.py::test_a_logger_that_keeps_summer_time_is_found_by_both_nights": (
                 "a logger that keeps summer time"
             ),
             f"{CHECK}spacing.py::": "rows more or less often than sample_time",
@@ -296,16 +296,14 @@ ROWS = (
         "`check` names the times of day and the dates, once",
         {
             f"{CHECK}gauge.py::test_a_gauge_that_stands_still_for_hours": "a gauge stuck for five hours",
-            f"{CHECK}gauge.py::test_a_gauge_that_stands_still_for_days_is_told_once": "a gauge stuck for a week",
+            f"{CHECK}gauge.py::test_a_gauge_that_stands_still_for_days_is_one_finding": "a gauge stuck for a week",
             f"{CHECK}gauge.py::test_a_dead_gauge_on_every_day": "a gauge dead on every day",
-            f"{CHECK}gauge.py::test_a_jump_that_stays_is_told_with_its_size": "a gauge that jumps by 0.2 to 3 m",
-            f"{CHECK}gauge.py::test_a_jump_between_two_days_is_told": "a jump at midnight",
-            f"{CHECK}gauge.py::test_a_spike_is_told_with_its_reading": "three readings of another world",
-            f"{CHECK}same.py::test_the_same_samples_under_two_dates": "a day under two dates",
-            f"{CHECK}same.py::test_a_week_that_was_copied_is_told_once": "a week copied",
-            f"{CHECK}same.py::test_the_level_of_another_day": "the level of another day",
-            f"{CHECK}same.py::test_a_command_with_a_lost_digit_is_a_remark": "a command a thousandth of itself",
-            f"{CHECK}same.py::test_flows_that_never_move": "an outflow that never moves",
+            f"{CHECK}gauge.py::test_a_jump_that_stays": "a gauge that jumps by 0.2 to 3 m, at midnight too",
+            f"{CHECK}gauge.py::test_a_spike": "three readings of another world",
+            f"{CHECK}gauge.py::test_a_copied_day_and_a_copied_week": "a day under two dates, a week copied",
+            f"{CHECK}gauge.py::test_the_level_of_another_day": "the level of another day",
+            f"{CHECK}gauge.py::test_a_command_with_a_lost_digit_is_a_remark": "a command a thousandth of itself",
+            f"{CHECK}gauge.py::test_constant_flows": "an outflow that never moves",
         },
     ),
     Row(
@@ -314,10 +312,10 @@ ROWS = (
         {
             f"{CHECK}false_alarms.py::{name}": ""
             for name in (
-                "test_nothing_is_said_of_sound_seasons",
-                "test_nothing_is_said_of_sound_seasons_whose_outflow_is_not_logged",
-                "test_next_to_nothing_is_said_of_long_sound_seasons",
-                "test_nothing_is_said_of_the_samples",
+                "test_sound_seasons_give_no_finding",
+                "test_sound_seasons_without_a_logged_outflow_give_no_finding",
+                "test_long_sound_seasons_give_few_findings",
+                "test_the_sample_data_give_no_finding",
             )
         }
         | {
