@@ -1,14 +1,26 @@
-"""``rivid fleet``."""
+"""``rivid fleet``, and ``rivid run`` where DATA_DIR holds a fleet."""
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console
+from rivid.cli.console import Console, abbreviate, print_error, wrap
+
+if TYPE_CHECKING:
+    from rivid.fleet.layout import Reach
+    from rivid.fleet.outcome import Outcome
+    from rivid.run.plan import Options
+    from rivid.run.workers import Engine, Progress
+
+MOST_LINES = 20
+"""Reaches that are named on the terminal; the page has all of them."""
 
 
-@click.command("fleet")
+@click.command("fleet", short_help="Report on all reaches of a fleet together.")
 @shared.results()
 @shared.as_json("fleet.json on stdout, in one line.")
 @shared.talk()
@@ -26,7 +38,6 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
       rivid run sample_data --config configs/fleet --out out/fleet --shard 2/2
       rivid fleet out/fleet
     """
-    from rivid.cli.fleet_run import report
     from rivid.fleet.outcome import worst
     from rivid.fleet.run import fleet_of
     from rivid.results.store import Store
@@ -37,8 +48,107 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     console.begin(("results", out))
     console.phase("starting")
     outcomes = fleet_of(out)
-    console.phase(f"reading what {len(outcomes):,} reaches have left")
+    console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
     with Store(out):
-        report(out, outcomes, out.resolve().name, as_json=as_json, quiet=quiet)
+        _report(out, outcomes, out.resolve().name, None, as_json=as_json, quiet=quiet)
     console.phase("report")
     return worst(outcome.code for outcome in outcomes)
+
+
+def run_all(
+    data_dir: Path,
+    reaches: "Sequence[Reach]",
+    out: Path,
+    options: "Options",
+    *,
+    strict: bool,
+    as_json: bool,
+    quiet: bool,
+    progress: "Progress | None",
+    engine: "Engine | None" = None,
+) -> int:
+    """Run a fleet, or a shard of it; return the exit code."""
+    from rivid.fleet.outcome import kept, worst
+    from rivid.fleet.run import run_fleet
+
+    outcomes = []
+    for outcome in run_fleet(data_dir, reaches, out, options, progress, engine):
+        outcomes.append(outcome)
+        if as_json:
+            click.echo(json.dumps(outcome.to_json()))
+    outcomes.sort(key=lambda outcome: outcome.reach)
+    for outcome in outcomes:
+        if outcome.error:
+            print_error(f"{outcome.reach}: {outcome.error}")
+    computed = sum(outcome.computed for outcome in outcomes)
+    if not options.shard:
+        named = {outcome.reach for outcome in outcomes}
+        others = [outcome for outcome in kept(out) if outcome.reach not in named]
+        name = data_dir.resolve().name
+        _report(out, [*outcomes, *others], name, computed, as_json=as_json, quiet=quiet)
+    elif as_json:
+        click.echo(json.dumps({"shard": str(options.shard), "reaches": len(outcomes)}))
+    elif not quiet:
+        click.echo(
+            f"shard {options.shard}: {len(outcomes)} of {len(reaches)} reaches, "
+            f"{computed:,} data sets estimated now"
+        )
+        click.echo(f"when all shards are done: rivid fleet {out}")
+    return worst(3 if strict and o.code == 0 and (o.failures or o.bad_files) else o.code for o in outcomes)
+
+
+def _report(
+    out: Path, outcomes: "Sequence[Outcome]", name: str, computed: int | None, *, as_json: bool, quiet: bool
+) -> None:
+    """Write the files of the fleet and print its summary."""
+    from rivid.fleet.report import write_fleet
+
+    summary = write_fleet(out, outcomes, name)
+    if as_json:
+        del summary["contents"], summary["data_sets_of"]
+        click.echo(json.dumps({"summary": summary}))
+    elif not quiet:
+        print_summary(summary, computed, out)
+
+
+def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
+    """Print the counts of fleet.json and name the reaches to look at.
+
+    Parameters
+    ----------
+    summary : dict
+        fleet.json.
+    computed : int or None
+        Data sets estimated by this command; None for one that estimates nothing.
+    out : Path
+    """
+    now = "" if computed is None else f", {computed:,} estimated now"
+    click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
+    for kind, words in (
+        ("failing", "fail"),
+        ("left_band", "have left the band of their delay"),
+        ("silent", "are silent"),
+        ("changed", "changed since the report before"),
+    ):
+        names = summary[kind]
+        listed = ", ".join([*map(abbreviate, names[:MOST_LINES]), *["..."][: len(names) > MOST_LINES]])
+        text = f"{len(names):,} {words}" + (f": {listed}" if names and kind != "changed" else "")
+        click.echo(click.style(wrap(text, 2), fg="red" if names and kind == "failing" else None))
+    click.echo(f"report: {out / 'fleet.html'}")
+
+
+def plan(reaches: "Sequence[Reach]", out: Path) -> int:
+    """Print what a run would do, reach by reach; return 0, or 2 where a configuration is wrong."""
+    from rivid.errors import RividError
+
+    code = 0
+    for reach in reaches:
+        try:
+            names = ", ".join(reach.config().run.estimators)
+        except RividError as error:
+            click.echo(wrap(f"{reach.name}: {error}", 2))
+            code = max(code, error.exit_code if error.exit_code == 2 else 0)
+        else:
+            click.echo(wrap(f"{reach.name}: {names}; results would go to {out / reach.name}", 2))
+    click.echo(f"{len(reaches):,} reaches")
+    return code

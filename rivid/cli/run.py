@@ -1,15 +1,23 @@
 """``rivid run``."""
 
 import datetime as dt
-import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
 from rivid.estimators import ESTIMATORS
+
+if TYPE_CHECKING:
+    from rivid.config import Config
+    from rivid.run.plan import Options
+    from rivid.run.run import Summary
+    from rivid.run.workers import Engine
 
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
 """Settings that are in samples."""
@@ -25,7 +33,7 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
     multiple=True,
     type=shared.OneOf(ESTIMATORS),
     metavar="NAME",
-    help=f"Ask this one, in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.",
+    help=f"Use this one in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.",
 )
 @click.option("--force", is_flag=True, help="Estimate again what is done already.")
 @click.option("--verify", is_flag=True, help="Hash every file, also where size and time are unchanged.")
@@ -38,7 +46,7 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
     "--engine",
     type=shared.OneOf(["processes", "dask"]),
     metavar="NAME",
-    help="Who works: processes or dask; default: processes.",
+    help="What executes the work: processes or dask; default: processes.",
 )
 @click.option(
     "--scheduler", metavar="URL", help="A standing Dask scheduler, or its scheduler file; implies dask."
@@ -74,7 +82,7 @@ def command(
     and a report to OUT.
 
     A DATA_DIR without logs that holds directories of logs is a fleet's: each is a reach, run into
-    OUT/<reach>, and fleet.html speaks of all of them. The configuration is then a file for all, or a
+    OUT/<reach>, and fleet.html reports on all of them. The configuration is then a file for all, or a
     directory with a <reach>.toml for each over a defaults.toml; without --config, DATA_DIR/<reach>/rivid.toml
     stands over the rivid.toml of DATA_DIR or above it, key by key.
 
@@ -94,33 +102,23 @@ def command(
     """
     from rivid.cli.locate import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
-    from rivid.run.plan import Shard
     from rivid.run.workers import DRAWING, cores, warm
 
     on_dask = _on_dask(engine, scheduler, workers)
+    if dry_run and as_json:
+        raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
     console = Console(quiet, verbose)
-    given, config = config, configuration(config, data_dir, console)
-    place = results(out, config, data_dir)
-    part = Shard.parse(shard) if shard else None
-    if (
-        not (on_dask or no_figures or dry_run or part or (place / "report.html").exists())
-        and (workers or cores()) > 1
-    ):
-        if holds_logs(data_dir):
-            warm(DRAWING)  # while this process imports, reads and estimates
-
-    from rivid.cli.fleet_run import run_all, say_plan
-    from rivid.config import ReachConfig, load_config, parse
-    from rivid.results.record import assumed
-    from rivid.run.plan import Options, make_plan
-    from rivid.run.run import run
+    found = configuration(config, data_dir, console)
+    place = results(out, found, data_dir)
+    draws = not (on_dask or no_figures or dry_run or shard or (place / "report.html").exists())
+    if draws and (workers or cores()) > 1 and holds_logs(data_dir):
+        warm(DRAWING)  # while this process imports, reads and estimates
+    from rivid.run.plan import Options, Shard
     from rivid.run.workers import without_pandas
 
     without_pandas()
-    console.begin(("logs", data_dir), ("settings", config or "Table I"), ("results", place))
+    console.begin(("logs", data_dir), ("settings", found or "Table I"), ("results", place))
     console.phase("starting")
-    if dry_run and as_json:
-        raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
     options = Options(
         workers=workers,
         first=first.date() if first else None,
@@ -129,70 +127,39 @@ def command(
         verify=verify,
         figures=not no_figures,
         today=today.date() if today else None,
-        shard=part,
+        shard=Shard.parse(shard) if shard else None,
     )
-    reaches = find_fleet(data_dir, config, estimators, None if given else own)
+    bar = None if quiet or as_json else _progress
+    executing = _engine(on_dask, scheduler, workers)
+    reaches = find_fleet(data_dir, found, estimators, None if config else own)
     if reaches is not None:
+        from rivid.cli.fleet import plan, run_all
+
         if dry_run:
-            return say_plan(reaches, place)
-        bar = console.timed(None if quiet or as_json else _progress, "reaches")
-        with _engine(on_dask, scheduler, workers) as executing:
+            return plan(reaches, place)
+        with executing as engine_given:
             code = run_all(
-                data_dir, reaches, place, options,
-                strict=strict, as_json=as_json, quiet=quiet, progress=bar, engine=executing,
+                data_dir, reaches, place, options, strict=strict, as_json=as_json, quiet=quiet,
+                progress=console.timed(bar, "reaches"), engine=engine_given,
             )  # fmt: skip
         console.phase("the fleet's report")
         return code
-    settings = load_config(config)
-    unsaid, papers = assumed(settings), ReachConfig().sample_time
-    if estimators:
-        raw = settings.model_dump(mode="json", exclude_none=True)
-        raw["run"]["estimators"] = list(estimators)
-        settings = parse(raw, type(settings), "--estimator")
+
+    from rivid.cli.summary import print_json, print_summary
+    from rivid.run.run import run
+
+    settings, notes = _settings(found, estimators)
     if dry_run:
-        return _dry_run(make_plan(data_dir, settings, options), place, settings)
-    with _engine(on_dask, scheduler, workers) as executing:
-        bar = console.timed(None if quiet or as_json else _progress)
-        summary = run(data_dir, place, settings, options, bar, executing)
+        return _dry_run(data_dir, place, settings, options)
+    with executing as engine_given:
+        summary = run(data_dir, place, settings, options, console.timed(bar), engine_given)
     console.phase("bringing tables, figures and report up to date")
     if as_json:
-        _print_json(summary, with_days=shard is None)
-    for path, reason in summary.bad_files:
-        print_error(f"{path}: {reason}")
-    if summary.dropped:
-        print_error(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
-    if summary.unasked and not part:
-        console.info(f"not asked any more, its rows leave the tables: {', '.join(summary.unasked)}")
-    for name in summary.damaged:
-        print_error(f"damaged, its days are computed again: {name}")
-    if config and unsaid:
-        console.info(f"[reach] lacks {', '.join(unsaid)}: the bounds take those of Table I")
-    if not unsaid and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
-        console.info(
-            f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
-            "`rivid bounds` proposes those of this reach"
-        )
-    if part and not as_json and not quiet:
-        click.echo(
-            f"shard {part}: {len(summary.asked_keys):,} of {summary.windows:,} data sets, "
-            f"{summary.computed:,} estimated now"
-        )
-        click.echo("when all shards are done, the same command without --shard merges them")
-    elif not as_json and not quiet:
-        from rivid.cli.summary import print_summary
-
-        print_summary(summary, settings, "report.html" if options.figures else "delays.csv")
-    elif not as_json and not part:
-        from rivid.cli.summary import print_failures
-
-        print_failures(summary)
-    if part:
-        return 0  # what failed is told by the run that merges
-    if strict:
-        return 3 if summary.failures or summary.bad_files else 0
-    if 0 < summary.failures == summary.windows and not summary.new_failures:
-        print_error(f"every data set fails: `message` in {summary.out / 'delays.csv'} says why")
-    return summary.exit_code
+        print_json(summary, with_days=not shard)
+    _print_notes(summary, console, notes, options)
+    if not as_json:
+        print_summary(summary, settings, options, quiet)
+    return _exit_code(summary, strict, options)
 
 
 def _on_dask(engine: str | None, scheduler: str | None, workers: int | None) -> bool:
@@ -203,10 +170,10 @@ def _on_dask(engine: str | None, scheduler: str | None, workers: int | None) -> 
     return engine == "dask" or scheduler is not None
 
 
-def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
-    """A Dask cluster, or nothing: a run takes processes as they pay off."""
-    from contextlib import nullcontext
-
+def _engine(
+    on_dask: bool, scheduler: str | None, workers: int | None
+) -> "AbstractContextManager[Engine | None]":
+    """A Dask cluster, or None: a run then decides on processes itself."""
     if not on_dask:
         return nullcontext()
     from rivid.run.dask import Dask
@@ -215,12 +182,35 @@ def _engine(on_dask: bool, scheduler: str | None, workers: int | None) -> Any:
     return Dask(scheduler, workers or cores())
 
 
-def _dry_run(planned: Any, out: Path, settings: Any) -> int:
-    from rivid.results.store import read_rows
+def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, list[str]]":
+    """The configuration, and notes on defaults that another reach may need to change."""
+    from rivid.config import Config, ReachConfig, load_config, parse
+    from rivid.results.record import assumed
 
+    settings, notes = load_config(path), []
+    lacking, papers = assumed(settings), ReachConfig().sample_time
+    if path and lacking:
+        notes.append(f"[reach] lacks {', '.join(lacking)}: the bounds take those of Table I")
+    if not lacking and settings.reach.sample_time != papers and not settings.jmap.model_fields_set & SCALED:
+        notes.append(
+            f"[jmap] is not set: its delays and prior are the paper's, for samples of {papers:g} s; "
+            "`rivid bounds` proposes those of this reach"
+        )
+    if estimators:
+        raw = settings.model_dump(mode="json", exclude_none=True)
+        raw["run"]["estimators"] = list(estimators)
+        settings = parse(raw, Config, "--estimator")
+    return settings, notes
+
+
+def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") -> int:
+    from rivid.results.store import read_rows
+    from rivid.run.plan import make_plan
+
+    planned = make_plan(data_dir, settings, options)
     rows, _ = read_rows(out / ".rivid" / "segments")
     done = set(rows.table["key"].to_pylist())
-    new = [w for w in planned.asked if w.key not in done]
+    new = [window for window in planned.asked if window.key not in done]
     click.echo(
         f"{len(planned.windows)} data sets in all, {len(planned.asked)} asked for, {len(new)} to estimate"
     )
@@ -232,57 +222,40 @@ def _dry_run(planned: Any, out: Path, settings: Any) -> int:
     return 0
 
 
-def _progress(total: int) -> Any:
-    """A progress bar on a terminal, silence elsewhere."""
-    from contextlib import contextmanager
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    @contextmanager
-    def bar() -> Any:
-        import sys
-
-        if not sys.stderr.isatty():
-            yield lambda _: None
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns = (TextColumn("estimating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task("days", total=total)
-            yield lambda n: progress.advance(task, n)
-
-    return bar()
+    columns = (TextColumn("estimating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("days", total=total)
+        yield lambda n: progress.advance(task, n)
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no infinity."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+def _print_notes(summary: "Summary", console: Console, notes: list[str], options: "Options") -> None:
+    """Print on stderr what is wrong with files and stored results, and the notes on the configuration."""
+    for path, reason in summary.bad_files:
+        print_error(f"{path}: {reason}")
+    if summary.dropped:
+        print_error(f"{summary.dropped} days of earlier runs have no log any more: dropped from OUT")
+    if summary.unasked and not options.shard:
+        console.info(f"no longer configured, their rows leave the tables: {', '.join(summary.unasked)}")
+    for name in summary.damaged:
+        print_error(f"damaged, its days are computed again: {name}")
+    for note in notes:
+        console.info(note)
 
 
-def _print_json(summary: Any, with_days: bool) -> None:
-    import json
-
-    import pyarrow.parquet as pq
-
-    at = 0  # rows of the table are those of the summary, in the same order
-    for batch in pq.ParquetFile(summary.out / "delays.parquet").iter_batches() if with_days else ():
-        keys = summary.rows["key"].slice(at, len(batch)).to_pylist()
-        at += len(batch)
-        for key, row in zip(keys, batch.to_pylist(), strict=True):
-            if key in summary.asked_keys:
-                row["computed"] = key in summary.computed_keys
-                click.echo(json.dumps(_finite(row), default=str))
-    whole = {
-        "summary": {
-            "out": str(summary.out),
-            "data_sets": summary.windows,
-            "computed": summary.computed,
-            "reused": summary.reused,
-            "failed": summary.failures,
-            "newly_failed": summary.new_failures,
-            "counts": summary.counts,
-            "bad_files": summary.bad_files,
-            "seconds": round(summary.seconds, 3),
-        }
-    }
-    click.echo(json.dumps(whole))
+def _exit_code(summary: "Summary", strict: bool, options: "Options") -> int:
+    if options.shard:
+        return 0  # the run that merges reports the failed days
+    if strict:
+        return 3 if summary.failures or summary.bad_files else 0
+    if 0 < summary.failures == summary.windows and not summary.new_failures:
+        print_error(f"every data set fails: see `message` in {summary.out / 'delays.csv'}")
+    return summary.exit_code

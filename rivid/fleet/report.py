@@ -121,7 +121,9 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
         "left_band": [o.reach for o in outcomes if o.band is not None and o.band.left],
         "silent": [o.reach for o in outcomes if o.last and is_silent(o, latest)],
-        "changed": [o.reach for o in outcomes if o.content and contents.get(o.reach) != o.content],
+        "changed": [
+            o.reach for o in outcomes if contents and o.content and contents.get(o.reach) != o.content
+        ],
         "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
         "data_sets_of": {o.reach: o.data_sets for o in outcomes},
     }

@@ -1,14 +1,13 @@
 """Run the reaches of a fleet, each whole in one worker; a large one that is left over is shared out by days.
 
-No reach waits for another, and what one of them lacks is its own outcome. This process holds outcomes only.
+A fault in one reach is part of its outcome and does not stop the others. This process holds outcomes only.
 """
 
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
@@ -19,28 +18,10 @@ from rivid.results.store import Store
 from rivid.run.drawing import forget_results
 from rivid.run.plan import Options
 from rivid.run.run import ONE_PROCESS_BELOW, TooManyError, run
-from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, cores, each, processes
+from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, Progress, cores, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
-"""A reach with more new days than this is shared out, where workers would otherwise wait for it."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """A reach to run, with all it needs.
-
-    Parameters
-    ----------
-    reach : Reach
-    root, out : Path
-        OUT of the fleet and of the reach.
-    options : Options
-    """
-
-    reach: Reach
-    root: Path
-    out: Path
-    options: Options
+"""New days from which a reach is shared out, where workers would otherwise be idle."""
 
 
 def run_fleet(
@@ -48,39 +29,36 @@ def run_fleet(
     reaches: Sequence[Reach],
     out: Path,
     options: Options,
-    progress: Any = None,
+    progress: Progress | None = None,
     engine: Engine | None = None,
-    tell: Callable[[Outcome], None] = lambda _: None,
-) -> list[Outcome]:
-    """Run every reach, and keep what came of each.
+) -> Iterator[Outcome]:
+    """Run every reach and store its outcome.
 
     Parameters
     ----------
     data_dir : Path
     reaches : sequence of Reach
-        As of :func:`rivid.fleet.layout.find_fleet`.
+        From :func:`rivid.fleet.layout.find_fleet`.
     out : Path
-        Results of a reach go to its directory there.
+        OUT of the fleet; results of a reach go to OUT/<reach>.
     options : Options
-        Of a shard, every N-th reach is run, whole.
+        With a shard, every N-th reach is run, whole.
     progress : callable, optional
-        As of :func:`rivid.run.run.run`; it counts reaches.
+        As in :func:`rivid.run.run.run`; it counts reaches.
     engine : Engine, optional
         By default as many processes as there are cores, and reaches to run.
-    tell : callable, optional
-        Called with each outcome when it is known.
 
-    Returns
-    -------
-    list of Outcome
-        Of the reaches that were run, by name.
+    Yields
+    ------
+    Outcome
+        Of each reach, as it finishes.
 
     Raises
     ------
     ConfigError
-        Where OUT and DATA_DIR lie in each other.
+        If OUT is inside DATA_DIR or the reverse.
     LockedError
-        Where another run of the fleet holds OUT.
+        If another run of the fleet holds OUT.
     """
     _refuse_places(data_dir, out)
     shard = options.shard
@@ -91,17 +69,13 @@ def run_fleet(
         if not shard:
             present = {reach.name for reach in reaches}
             forget(out, [old.reach for old in kept(out) if old.reach not in present])
-        tasks = [Task(reach, out, out / reach.name, options) for reach in reaches]
-        workers = engine.slots if engine else min(options.workers or cores(), max(len(tasks), 1))
+        workers = engine.slots if engine else min(options.workers or cores(), max(len(reaches), 1))
         modules = [*ESTIMATING, "rivid.fleet.run", *(DRAWING if options.figures else ())]
-        outcomes = []
-        with progress(len(tasks)) if progress and tasks else nullcontext(lambda _: None) as done:
+        with progress(len(reaches)) if progress and reaches else nullcontext(lambda _: None) as done:
             with nullcontext(engine) if engine else processes(workers, modules) as executing:
-                for outcome in _run(tasks, executing):
-                    outcomes.append(outcome)
-                    tell(outcome)
+                for outcome in _run(reaches, out, options, executing):
                     done(1)
-    return sorted(outcomes, key=lambda outcome: outcome.reach)
+                    yield outcome
 
 
 def _refuse_places(data_dir: Path, out: Path) -> None:
@@ -113,34 +87,38 @@ def _refuse_places(data_dir: Path, out: Path) -> None:
         )
 
 
-def _run(tasks: Sequence[Task], engine: Engine) -> Iterator[Outcome]:
-    """Outcomes as they come."""
+def _run(reaches: Sequence[Reach], root: Path, options: Options, engine: Engine) -> Iterator[Outcome]:
+    """Outcomes as they finish."""
     left_over = []
-    last = (1 < engine.slots and len(tasks) - place < engine.slots for place in range(len(tasks)))
-    for (_, task, _), outcome, lost in each(
-        ((run_reach, task, is_last) for task, is_last in zip(tasks, last, strict=True)), engine
-    ):
-        if lost:  # one of those under way killed its worker: each again, by itself
+    last = len(reaches) - engine.slots if engine.slots > 1 else len(reaches)
+    tasks = ((run_reach, reach, root, options, place > last) for place, reach in enumerate(reaches))
+    for (_, reach, *_), outcome, lost in each(tasks, engine):
+        if lost:  # one of the reaches under way killed its worker: each again, in a worker of its own
             with engine.one() as single:
-                outcome = run_reach(task, engine=single)
+                outcome = run_reach(reach, root, options, engine=single)
         if outcome is None:
-            left_over.append(task)
+            left_over.append(reach)
         else:
             yield outcome
-    for task in left_over:
-        outcome = run_reach(task, engine=engine)
+    for reach in left_over:
+        outcome = run_reach(reach, root, options, engine=engine)
         assert outcome is not None  # it may not decline
         yield outcome
 
 
-def run_reach(task: Task, may_decline: bool = False, engine: Engine | None = None) -> Outcome | None:
-    """Run one reach, whatever is wrong with it.
+def run_reach(
+    reach: Reach, root: Path, options: Options, may_decline: bool = False, engine: Engine | None = None
+) -> Outcome | None:
+    """Run one reach; any error becomes part of its outcome.
 
     Parameters
     ----------
-    task : Task
+    reach : Reach
+    root : Path
+        OUT of the fleet.
+    options : Options
     may_decline : bool
-        Give None for a reach of more than :data:`SHARED_ABOVE` new days: it is to be shared out.
+        Return None for a reach of more than :data:`SHARED_ABOVE` new days: it is to be shared out.
     engine : Engine, optional
         By default this process.
 
@@ -148,35 +126,35 @@ def run_reach(task: Task, may_decline: bool = False, engine: Engine | None = Non
     -------
     Outcome or None
     """
-    reach, options = task.reach, task.options
+    out = root / reach.name
     if may_decline:
         options = replace(options, most_new=SHARED_ABOVE)
     try:
         config = reach.config()
-        summary = run(reach.data_dir, task.out, config, options, None, engine or Here())
-        content = str(record.last(task.out).get("content") or "")
+        summary = run(reach.data_dir, out, config, options, None, engine or Here())
+        content = str(record.last(out).get("content") or "")
         outcome = outcome_of(reach.name, config, summary, content)
     except TooManyError:
         return None
     except RividError as error:
         outcome = Outcome(shown(reach.name), error.exit_code, printable(" ".join(str(error).split())))
-    except Exception as error:  # a fault of ours in one reach must not cost the others
+    except Exception as error:  # an internal error in one reach must not stop the others
         traceback.print_exc()
         outcome = Outcome(shown(reach.name), 1, f"{type(error).__name__}: {error}"[:500])
     finally:
         forget_results()
     if NAME.fullmatch(reach.name):
-        keep(task.root, outcome)
+        keep(root, outcome)
     return outcome
 
 
 def fleet_of(out: Path) -> list[Outcome]:
-    """All outcomes that are kept under OUT.
+    """All outcomes stored under OUT, by reach.
 
     Raises
     ------
     NoDataError
-        Where there is none.
+        If there is none.
     """
     outcomes = kept(out)
     if not outcomes:

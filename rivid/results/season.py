@@ -18,7 +18,7 @@ from rivid.core.law import DelayLaw, delay_law
 from rivid.core.season import season
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.results.tables import to_table, write_csv, write_parquet
+from rivid.results.tables import finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000
@@ -334,9 +334,8 @@ def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
     """delay_law.json: the law in seconds and m3/s; null where there is none."""
     said = {name: v for name, v in asdict(law).items() if name != "table"}
     said["covariance"] = law.covariance.tolist() if law.status == "ok" else None
-    finite = {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in said.items()}
     units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
-    return finite | {
+    return finite(said) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
         "first": str(days.dates[0]), "last": str(days.dates[-1]),

@@ -4,6 +4,7 @@ A row of a *segment* holds one day and estimator with its FIR and criterion as l
 (delays, fir, criterion, posterior) are made from segments, a chunk of rows at a time.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -119,6 +120,11 @@ def to_table(columns: dict[str, list[Any]], schema: pa.Schema) -> pa.Table:
         else:
             arrays.append(pa.array(values, field.type, from_pandas=pa.types.is_floating(field.type)))
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def finite(row: dict[str, Any]) -> dict[str, Any]:
+    """A row for JSON, which has no NaN and no infinity: null in their place."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 
 def write_parquet(table: pa.Table, path: Path) -> None:

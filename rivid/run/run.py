@@ -19,7 +19,7 @@ from rivid.results.tables import SCHEMA_VERSION, TABLES, write_tables
 from rivid.run.batch import Batch, Window, run_batches
 from rivid.run.drawing import draw_here, draw_with
 from rivid.run.plan import Options, Plan, make_plan
-from rivid.run.workers import DRAWING, Engine, Here, Processes, cores, processes, warm
+from rivid.run.workers import DRAWING, Engine, Here, Processes, Progress, cores, processes, warm
 
 BATCH_DAYS = 128
 """Days of a batch at most: small enough to share out, large enough to be worth a file."""
@@ -99,7 +99,7 @@ def run(
     out: Path,
     config: Config,
     options: Options,
-    progress: Any = None,
+    progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
@@ -218,7 +218,7 @@ def _estimate(
     new: list[Window],
     planned: Plan,
     options: Options,
-    progress: Any,
+    progress: Progress | None,
     engine: Engine | None,
 ) -> None:
     """Share the new windows out over batches and workers."""

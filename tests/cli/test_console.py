@@ -3,12 +3,11 @@
 import re
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import click
 import pytest
 
-from rivid.cli import fleet_run
+from rivid.cli import fleet
 from rivid.cli.console import Console, abbreviate, files_in, wrap
 from rivid.logs.sniff.propose import sniff
 from tests.cli.conftest import ROOT
@@ -70,7 +69,7 @@ def test_the_words_of_a_fleet_fit_eighty_columns(capsys):
         "silent": [],
         "changed": [],
     }
-    fleet_run._say(told, [SimpleNamespace(computed=3)], Path("out"))
+    fleet.print_summary(told, 3, Path("out"))
     said = capsys.readouterr().out
     assert not wide(said) and said.splitlines()[1].startswith("  300 fail: the-very-long")
 
@@ -207,7 +206,7 @@ def test_where_every_day_fails_it_is_never_all_well(rivid, tmp_path):
 def test_estimators_that_are_not_asked_any_more_are_named(rivid, logs, tmp_path):
     words = ("run", logs, "--out", tmp_path / "out", "--no-figures")
     assert "leave the tables" not in rivid(*words, "--estimator", "ml", "--estimator", "jmap").stderr
-    assert "its rows leave the tables: ml" in rivid(*words, "--estimator", "jmap").stderr
+    assert "leave the tables: ml" in rivid(*words, "--estimator", "jmap").stderr
     assert "leave the tables" not in rivid(*words, "--estimator", "jmap").stderr
 
 

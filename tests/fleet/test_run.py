@@ -1,11 +1,13 @@
 """A fleet, end to end: one pool, one report, and no reach costs another anything."""
 
 import csv
+import datetime as dt
 import json
 import os
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import pytest
 
@@ -138,16 +140,16 @@ def test_a_large_reach_that_is_left_over_is_shared_out(data, tmp_path, monkeypat
     seen = []
     original = fleet_run.run_reach
 
-    def run_reach(task, may_decline=False, engine=None):
-        outcome = original(task, may_decline, engine)
-        seen.append((task.reach.name, outcome is None, engine is not None))
+    def run_reach(reach, root, options, may_decline=False, engine=None):
+        outcome = original(reach, root, options, may_decline, engine)
+        seen.append((reach.name, outcome is None, engine is not None))
         return outcome
 
     class Two(fleet_run.Here):
         slots = 2
 
     monkeypatch.setattr(fleet_run, "run_reach", run_reach)
-    monkeypatch.setattr(fleet_run, "processes", lambda *_: __import__("contextlib").nullcontext(Two()))
+    monkeypatch.setattr(fleet_run, "processes", lambda *_: nullcontext(Two()))
     assert rivid("run", data, "--out", out, "--no-figures")[0] == 0
     assert seen == [
         ("alpha", False, False),
@@ -161,7 +163,7 @@ def test_a_large_reach_that_is_left_over_is_shared_out(data, tmp_path, monkeypat
 def test_only_what_is_new_is_estimated_and_only_what_changed_is_told(data, tmp_path):
     out = tmp_path / "out"
     rivid("run", data, "--out", out, "--no-figures")
-    write_days(data / "beta", 1, first=__import__("datetime").date(2008, 3, 16))
+    write_days(data / "beta", 1, first=dt.date(2008, 3, 16))
     _, said = rivid("run", data, "--out", out, "--no-figures")
     assert "19 data sets, 1 estimated now" in said
     assert told(out)["changed"] == ["beta"]
