@@ -278,7 +278,7 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
     """What is left, if it has a rhythm or a place."""
     record, last = study.record, study.last_evaluation
     innovations = last.noise.whiten(np.where(record.used, last.residual, np.nan))
-    seen = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
+    period, ratio, limit, _ = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
     unit = "m3/s"
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place = None
@@ -288,17 +288,17 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
             unit=unit,
         )  # fmt: skip
     said = []
-    rhythm = seen.rhythm and seen.peak_ratio > LEAST_RATIO
-    known = any(0.7 < seen.peak_period / period < 1.4 for period in study.swings())
+    rhythm = ratio > max(limit, LEAST_RATIO)
+    known = any(0.7 < period / other < 1.4 for other in study.swings())
     if rhythm and not known:
-        said.append(f"a swing with a period of {seen.peak_period / 60:.0f} min")
+        said.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= SPEAKS and abs(place.size) > 0.5 * last.noise.inflow_sd:
         said.append(place.text)
     if not said:
         return None
     size = float(np.sqrt(np.mean(w[record.used] ** 2)))
     dates = place.windows[0] if place is not None and place.windows else None
-    return Unknown(Where(dates=dates), size, tuple(said), seen.peak_period if rhythm and not known else None)
+    return Unknown(Where(dates=dates), size, tuple(said), period if rhythm and not known else None)
 
 
 def _evidence(study: "Study") -> Evidence:

@@ -1,14 +1,18 @@
-"""One day of the reach with its operators in the loop, driven by the inflow alone."""
+"""The sealed days with the operators in the loop, driven by the logged inflow alone.
+
+An open loop takes the logged outflow, and drifts as soon as water is missing. In a closed loop the operators
+act on the simulated level: the level stays, and the missing water shows in their outflow.
+"""
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.operators import Law, day_flow, identify, judged, late
-from rivid.diagnosis.response.base import Response, gauge_of, start_level, vector_of
+from rivid.diagnosis.operators import Law, day_flow, identify, validate
+from rivid.diagnosis.response.base import Response, cut, gauge_of, lagged, start_level, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors
@@ -26,31 +30,14 @@ if TYPE_CHECKING:
 
 
 TURNS = 6
-"""Times at most that a day is run anew with the corrections of the outflow that it decided."""
-SETTLED = 1e-3
-"""Change of the level from turn to turn that ends them [m]."""
+"""Most runs of a day, each with the front corrections of the outflow that the run before gave."""
+CONVERGED = 1e-3
+"""Change of the level from run to run that ends them [m]."""
 READINGS = 5
 """Readings whose mean sets a day's first level."""
 
 
-class Run(NamedTuple):
-    """One day in closed loop: from sample `first` of its row on, arrays of shape (n - first,).
-
-    Attributes
-    ----------
-    first : int
-    level : ndarray
-        What the gauge would show [m].
-    outflow : ndarray
-        Commands [m3/s].
-    """
-
-    first: int
-    level: Floats
-    outflow: Floats
-
-
-def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> Run:
+def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
     """One day with the operators in the loop.
 
     Parameters
@@ -63,54 +50,52 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> Run:
     changes : Changes
         On this row.
 
+    Returns
+    -------
+    level, outflow : ndarray, shape (n,)
+        Reading of the gauge [m] and commands [m3/s]; NaN before the first sample that counts.
+
     Raises
     ------
     RividError
-        Where the water runs dry, or the response is of another kind.
+        Where the pool runs dry, or the response is of another kind.
     """
     first = int(np.argmax(day.used[0]))
     plain = without_fronts(reach)
     outflow = day.outflow.copy()
     level = np.full(day.time.shape[1] - first, np.nan)
     for _ in range(TURNS):
-        beside = gauge_of(day, changes) + _fronts(reach, plain, day, changes, outflow)
+        offset = gauge_of(day, changes) + _fronts(reach, plain, day, changes, outflow)
         before = level
         if isinstance(plain, HydraulicResponse):
-            level, decided = _channel(plain, law, day, changes, beside[0], first)
+            level, commands = _channel(plain, law, day, changes, offset[0], first)
         elif isinstance(plain, LinearPool):
-            level, decided = _pool(plain, law, day, changes, beside[0], first)
+            level, commands = _pool(plain, law, day, changes, offset[0], first)
         else:
             raise RividError(f"closed loop of {reach.name}: expected a pool, saint-venant or linear")
-        outflow[0, first:] = decided
-        if plain is reach or np.abs(level - before).max() < SETTLED:
+        outflow[0, first:] = commands
+        if plain is reach or np.abs(level - before).max() < CONVERGED:
             break
-    return Run(first, level, decided)
+    unknown = np.full(first, np.nan)
+    return np.concatenate([unknown, level]), np.concatenate([unknown, commands])
 
 
-def people_of(law: Law, day: Record, first: int, beside: Floats, water: float) -> People:
-    """The operators of a day from sample `first` on, who begin with the logged command.
+def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) -> People:
+    """The operators of a day from sample `first` on, starting from the logged command.
 
-    Parameters
-    ----------
-    law : Law
-    day : Record
-        One row.
-    first : int
-    beside : ndarray, shape (n - first,)
-        What the gauge gives above the simulated water [m].
-    water : float
-        That water at the first sample [m].
+    `offset` (n - first,) is the gauge's reading above the simulated water [m], `water` that water at the
+    first sample [m].
     """
-    inflow = late(day.inflow, law.lag)[0, first:]
+    inflow = lagged(day.inflow, law.lag)[0, first:]
     n = len(inflow)
     aim = float(law.set_point.at(day_flow(day))[0])
-    off = float(quantise(np.array(water + beside[0]), law.gauge_quantum)) - aim
+    off = float(quantise(np.array(water + offset[0]), law.gauge_quantum)) - aim
     error = float(np.copysign(max(abs(off) - law.dead_band, 0.0), off))
-    # The loop begins with the inflow let through and all of the first error answered: here neither is so.
+    # The loop starts with the inflow passed on and the first error answered: both are taken off here.
     start = float(day.outflow[0, first]) - law.level_gain * error
     return People(
         inflow=start + law.feedforward * (inflow - inflow[0]),
-        disturbance=beside,
+        disturbance=offset,
         aim=np.full(n, aim),
         feedforward=np.ones(n),
         level_gain=np.full(n, -law.level_gain),
@@ -124,23 +109,8 @@ def people_of(law: Law, day: Record, first: int, beside: Floats, water: float) -
     )
 
 
-def cut(changes: Changes, shape: tuple[int, int], part: Any) -> Changes:
-    """Changes on a part of the grid: `part` is an index of it that keeps whole rows or samples."""
-
-    def of(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return value if value.size == 1 else np.broadcast_to(value, shape)[part]
-        if isinstance(value, tuple):
-            return tuple(of(each) for each in value)
-        if is_dataclass(value) and not isinstance(value, type):
-            return replace(value, **{f.name: of(getattr(value, f.name)) for f in fields(value)})
-        return value
-
-    return cast(Changes, of(changes))
-
-
 def _channel(
-    reach: HydraulicResponse, law: Law, day: Record, changes: Changes, beside: Floats, first: int
+    reach: HydraulicResponse, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
     from rivid.reach.saint_venant import simulate
 
@@ -151,17 +121,17 @@ def _channel(
         start_level(day.output - gauge_of(day, changes), reach.level),
         changes=cut(changes, shape, np.s_[:, : first + 1]), gate_time=reach.gate_time,
     )  # fmt: skip
-    seen = beside[first:] + first_level(day, past.level + beside[: first + 1])
-    people = people_of(law, day, first, seen, float(past.level[-1]))
+    seen = offset[first:] + first_level(day, past.level + offset[: first + 1])
+    operators = _operators(law, day, first, seen, float(past.level[-1]))
     flow = simulate(
-        channel, time[first:], inflow[first:], people, past.end,
+        channel, time[first:], inflow[first:], operators, past.end,
         changes=cut(changes, shape, np.s_[:, first:]), gate_time=reach.gate_time,
     )  # fmt: skip
     return flow.level + seen, flow.outflow
 
 
 def _pool(
-    reach: LinearPool, law: Law, day: Record, changes: Changes, beside: Floats, first: int
+    reach: LinearPool, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
     from rivid.reach.pool import hold
 
@@ -170,22 +140,22 @@ def _pool(
     whole = cut(changes, shape, np.s_[0])
     came = supply(LinearReach(surface_area=area, inflow_gain=gain), time, inflow, delay, inflow[0], whole)
     start = first_level(day, np.zeros(first + 1)) - gauge_of(day, changes)[0, first]
-    seen = beside[first:] - beside[first] + gauge_of(day, changes)[0, first]
-    people = people_of(law, day, first, seen, start)
+    seen = offset[first:] - offset[first] + gauge_of(day, changes)[0, first]
+    operators = _operators(law, day, first, seen, start)
     later = cut(changes, shape, np.s_[:, first:])
     n = len(time) - first
-    level, decided, released = np.empty(n), np.zeros(n), np.empty(n)
+    level, commands, released = np.empty(n), np.zeros(n), np.empty(n)
     hold(
-        time[first:], came[first:], decided, gate_arrays(later, (1, n)), exchange_arrays(later, (1, n)),
-        people, 1.0, area, changes.area_slope, changes.area_reference, start, level, released,
+        time[first:], came[first:], commands, gate_arrays(later, (1, n)), exchange_arrays(later, (1, n)),
+        operators, 1.0, area, changes.area_slope, changes.area_reference, start, level, released,
     )  # fmt: skip
     if not np.isfinite(level).all():
         raise RividError("the pool runs out of surface in closed loop: check area_slope")
-    return level + seen, decided
+    return level + seen, commands
 
 
 def without_fronts(reach: Response) -> Response:
-    """The same reach without what is a plain sum of lagged flows, which no loop over time contains."""
+    """The same reach without its sums of lagged flows, which the loop over time does not contain."""
     if isinstance(reach, LinearPool):
         if reach.fronts == "none":
             return reach
@@ -199,13 +169,13 @@ def without_fronts(reach: Response) -> Response:
 
 
 def _fronts(reach: Response, plain: Response, day: Record, changes: Changes, outflow: Floats) -> Floats:
-    """What those lagged flows add to the level, shape (1, n) [m]."""
+    """Contribution of those lagged flows to the level, shape (1, n) [m]."""
     if plain is reach:
         return np.zeros(day.time.shape)
-    decided = replace(day, outflow=outflow)
-    added = reach.simulate(decided, changes) - plain.simulate(decided, changes)
+    commanded = replace(day, outflow=outflow)
+    added = reach.simulate(commanded, changes) - plain.simulate(commanded, changes)
     if not np.isfinite(added).all():
-        raise RividError("the water does not follow the decided outflow to the day's end")
+        raise RividError("the water cannot follow the commanded outflow to the day's end")
     return added
 
 
@@ -217,15 +187,15 @@ def first_level(day: Record, simulated: Floats) -> float:
 
 
 LEAST_R2 = 0.5
-"""A law that explains less of the hourly changes of the outflow is not put into a loop."""
+"""Least share of the outflow's hourly changes that a law must explain to be simulated in a loop."""
 FEWEST_DAYS = 3
-"""Sealed days to its end, below which nothing is told of them."""
+"""Fewest sealed days simulated to their end for which errors are reported."""
 SHOWN = 0.8
-"""Of the days, this share was simulated better than the one that is shown, before anything was added."""
+"""Quantile of the days' outflow errors, without the effects, of the day that is shown."""
 
 
 def closed_loop(study: "Study") -> ClosedLoop | None:
-    """Level and outflow of the sealed days with the operators in the loop, beside the measured ones.
+    """Level and outflow of the sealed days with the operators in the loop, compared with the measured ones.
 
     Parameters
     ----------
@@ -234,13 +204,12 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     Returns
     -------
     ClosedLoop or None
-        None for a river reach. Without errors, but with a reason, where the logs show no operators that a
-        law could stand for.
+        None for a river reach. Without errors, but with a reason, where the logs do not follow a law.
 
     Notes
     -----
-    Each day starts from the water that the logs before its first sample that counts have made, with the
-    level set to the measured one and the command to the logged one; from there only the inflow is logged.
+    Each day starts from the state that the logs before its first used sample give, with the level set to the
+    measured one and the command to the logged one; from there on only the inflow is logged.
     """
     record = study.record
     if record.kind != "pool":
@@ -248,64 +217,51 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
     law = identify(record.take(study.split.fit))
     if law is None:
         return ClosedLoop(None, "The outflow hardly moves: how it is commanded cannot be seen.")
-    told = judged(law, record.take(study.split.select))
-    if told.r2 < LEAST_R2:
+    operators = validate(law, record.take(study.split.select))
+    if operators.r2 < LEAST_R2:
         return ClosedLoop(
-            told,
-            f"Inflow and level explain {100 * max(told.r2, 0.0):.0f} % of the hourly changes of the outflow: "
-            f"expected {100 * LEAST_R2:.0f} % or more to put the operators into the loop.",
+            operators,
+            f"Inflow and level explain {100 * max(operators.r2, 0.0):.0f} % of the hourly changes of the "
+            f"outflow: expected {100 * LEAST_R2:.0f} % or more to put the operators into the loop.",
         )
     rows = np.flatnonzero(study.split.sealed & record.used.any(axis=1))
     models = (study.first, study.last)
     changes = [cut(model.changes(record), record.time.shape, rows) for model in models]
     sealed = record.take(rows)
-    runs = [
-        [
-            _tried(model, law, sealed.take([i]), cut(change, sealed.time.shape, np.s_[i : i + 1]))
-            for i in range(sealed.days)
-        ]
-        for model, change in zip(models, changes, strict=True)
-    ]
-    whole = np.array([a is not None and b is not None for a, b in zip(*runs, strict=True)])
+    runs = np.full((2, sealed.days, 2, sealed.time.shape[1]), np.nan)
+    whole = np.ones(sealed.days, bool)
+    for m, (model, change) in enumerate(zip(models, changes, strict=True)):
+        for i in range(sealed.days):
+            part = cut(change, sealed.time.shape, np.s_[i : i + 1])
+            try:
+                runs[m, i] = run_day(model.reach, law, sealed.take([i]), part)
+            except RividError:
+                whole[i] = False
     if whole.sum() < FEWEST_DAYS:
         return ClosedLoop(
-            told, f"With these operators the simulated water goes to the end of {whole.sum()} days only."
+            operators,
+            f"With these operators the simulated water goes to the end of {whole.sum()} days only.",
         )
-    kept, errors, levels, outflows = sealed.take(whole), [], [sealed.output[whole]], [sealed.outflow[whole]]
-    for model, change, of in zip(models, changes, runs, strict=True):
-        done = [run for run, goes in zip(of, whole, strict=True) if run is not None and goes]
-        levels.append(_rows(done, kept, "level"))
-        outflows.append(_rows(done, kept, "outflow"))
+    kept = sealed.take(whole)
+    levels = [kept.output, *runs[:, whole, 0]]
+    outflows = [kept.outflow, *runs[:, whole, 1]]
+    errors = []
+    for m, (model, change) in enumerate(zip(models, changes, strict=True), start=1):
         opened = _opened(model, kept, cut(change, sealed.time.shape, whole))
         errors.append(
             LoopErrors(
-                _rms(opened - kept.output, kept), _rms(levels[-1] - kept.output, kept),
-                _rms(outflows[-1] - kept.outflow, kept), _spread(levels[-1], kept),
+                _rms(opened - kept.output, kept), _rms(levels[m] - kept.output, kept),
+                _rms(outflows[m] - kept.outflow, kept), _spread(levels[m], kept),
             )
         )  # fmt: skip
     return ClosedLoop(
-        told, "", kept.days, _spread(kept.output, kept), errors[0], errors[1],
+        operators, "", kept.days, _spread(kept.output, kept), errors[0], errors[1],
         _shown(kept, levels, outflows),
     )  # fmt: skip
 
 
-def _tried(model: "Model", law: Law, day: Record, changes: Changes) -> Run | None:
-    try:
-        return run_day(model.reach, law, day, changes)
-    except RividError:
-        return None
-
-
-def _rows(runs: list[Run], record: Record, what: str) -> Floats:
-    """Runs as rows of the record, NaN before their first sample; shape (days, n)."""
-    rows = np.full(record.time.shape, np.nan)
-    for row, run in zip(rows, runs, strict=True):
-        row[run.first :] = getattr(run, what)
-    return rows
-
-
 def _opened(model: "Model", sealed: Record, changes: Changes) -> Floats:
-    """The level with the logged outflow, set to the measured one as the closed loop is, shape (days, n)."""
+    """The level with the logged outflow, started as the closed loop, shape (days, n)."""
     level = model.reach.simulate(sealed, changes)
     for i, row in enumerate(level):
         first = int(np.argmax(sealed.used[i]))
@@ -331,10 +287,10 @@ def _shown(sealed: Record, level: Sequence[Floats], outflow: Sequence[Floats]) -
     i = int(order[round(SHOWN * (len(order) - 1))])
     kept = sealed.used[i, sealed.lead :]
 
-    def told(values: Floats) -> tuple[float, ...]:
+    def row(values: Floats) -> tuple[float, ...]:
         return tuple(np.where(kept, values[i, sealed.lead :], np.nan).tolist())
 
     return LoopDay(
-        sealed.dates[i], tuple(sealed.hour[i, sealed.lead :].tolist()), told(sealed.inflow),
-        tuple(told(v) for v in level), tuple(told(v) for v in outflow),
+        sealed.dates[i], tuple(sealed.hour[i, sealed.lead :].tolist()), row(sealed.inflow),
+        tuple(row(v) for v in level), tuple(row(v) for v in outflow),
     )  # fmt: skip

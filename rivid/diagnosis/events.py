@@ -1,4 +1,9 @@
-"""Matching pursuit of events in one row of a residual: responses to a pulse or a recession of flow.
+"""Events that the model lacks: rain, locks and releases found one by one in the residual; jumps and noises.
+
+All events of a kind have one duration, or one recession, from a grid; each has its own start and size. An
+event must gain its price, some 12 nats: about the logarithm of the number of starts, sizes and durations it
+could have had, so that noise alone gives none. Events under way at midnight are carried into the next day.
+Pulses less than half their duration apart may come back as one longer pulse.
 
 The response of the output to a unit step of flow that starts at sample s is h_{t-s}. Whitening W is linear,
 so one whitened step for each start gives every atom without whitening again:
@@ -6,8 +11,8 @@ so one whitened step for each start gives every atom without whitening again:
     pulse of D samples:  W p_s = W h_s - W h_{s+D},
     recession:           W e_s = (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession).
 
-Starts before the row are events under way. Pati, Rezaiifar and Krishnaprasad (1993): take the atom that
-gains most, fit all amplitudes again, go on until the next one is not worth its price.
+Starts before the row are events under way. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) takes
+the atom of largest gain, fits all amplitudes again, and continues until the next gain is below the price.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,10 +36,10 @@ Whiten = Callable[[Floats, Floats], Floats]
 """Columns (..., days, n) and a row each that is NaN where a sample is missing, to whitened columns."""
 
 VISIBLE = 0.05
-"""Atoms with less than this share of the largest norm are not looked for: the row hardly sees them."""
+"""Atoms with less than this share of the largest norm are left out: the row hardly shows them."""
 
 LASTS = 2.5
-"""Recessions for which rain is carried from day to day; after them 8 % of its peak flow is left."""
+"""Recessions over which rain is carried from day to day; after them 8 % of its peak flow is left."""
 
 APART = 2
 """Samples between the starts of two recessions."""
@@ -84,19 +89,7 @@ def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Float
 
 
 class Atoms:
-    """Whitened atoms of one kind for rows of n samples, whatever is missing in them.
-
-    Parameters
-    ----------
-    kernel : ndarray, shape (m,)
-        h, the output's change to a unit step of flow.
-    shape : {"pulse", "recession"}
-    grid : tuple of float
-        Durations or recessions [samples].
-    n : int
-        Samples of a row.
-    whiten : callable
-    """
+    """Whitened atoms of one kind for rows of n samples; `grid` holds durations or recessions [samples]."""
 
     def __init__(self, kernel: Floats, shape: Shape, grid: tuple[float, ...], n: int, whiten: Whiten) -> None:
         self.shape, self.grid, self.n, self.whiten = shape, grid, n, whiten
@@ -149,7 +142,7 @@ def pursue(
     weight: float,
     carried: list[tuple[int, float, float]],
 ) -> tuple[list[Found], list[Found], float]:
-    """Events of one sign in a whitened row.
+    """Events of one sign in a whitened row, and those carried from the row before.
 
     Parameters
     ----------
@@ -158,18 +151,18 @@ def pursue(
     r : ndarray, shape (n,)
         Whitened residual.
     first : int
-        Atoms before this one are not looked for.
+        First atom to consider.
     sign : {-1, 1}
     apart : int
         Least distance of two starts [samples].
     price : float
         Of an event [nats].
     most : int
-        Events at most.
+        Most events.
     weight : float
         Of the row's log-likelihood.
     carried : list of (int, float, float)
-        Events of the row before: index, size and its standard error; they are free and cost nothing.
+        Events of the row before: index, size and its standard error; they cost nothing.
 
     Returns
     -------
@@ -178,9 +171,9 @@ def pursue(
     gain : float
         Of all, over none, prices of the new ones paid [nats].
     """
-    told = [(a, 1.0 / max(se, 1e-12) ** 2) for _, a, se in carried]
+    prior = [(a, 1.0 / max(se, 1e-12) ** 2) for _, a, se in carried]
     old = len(carried)
-    fit = _fit(A, r, weight, [k for k, _, _ in carried], told)
+    fit = _fit(A, r, weight, [k for k, _, _ in carried], prior)
     none = -0.5 * weight * float(r @ r)
     unit = np.where(norm > 0.0, sign * np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
     unit[:first] = 0.0
@@ -194,7 +187,7 @@ def pursue(
         # With the others fitted again an atom gains more than this, twice as much where it leans on them.
         if worth[k] ** 2 < price:
             break
-        more = _settled(A, r, weight, unit, _fit(A, r, weight, [*fit.starts, k], told), old, apart, told)
+        more = _settled(A, r, weight, unit, _fit(A, r, weight, [*fit.starts, k], prior), old, apart, prior)
         if (sign * more.size[old:] <= 0.0).any() or more.likelihood - fit.likelihood < price:
             refused[k] = True
         else:
@@ -202,7 +195,7 @@ def pursue(
     gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)  # exact: the likelihood is a parabola
     if len(fit.starts) > old and gains[old:].min() < price:
         kept = [k for i, k in enumerate(fit.starts) if i < old or gains[i] >= price]
-        fit = _fit(A, r, weight, kept, told)
+        fit = _fit(A, r, weight, kept, prior)
         gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)
     every = [
         Found(k, float(a), float(np.sqrt(v)), float(g))
@@ -221,14 +214,14 @@ class _Fit(NamedTuple):
     rest: Floats
 
 
-def _fit(A: Floats, r: Floats, weight: float, starts: list[int], told: list[tuple[float, float]]) -> _Fit:
+def _fit(A: Floats, r: Floats, weight: float, starts: list[int], prior: list[tuple[float, float]]) -> _Fit:
     """Least squares; the first atoms have a mean and a precision from the row before."""
     if not starts:
         return _Fit([], np.zeros(0), np.zeros(0), -0.5 * weight * float(r @ r), r)
     X = A[starts]
     mean, precision = np.zeros(len(starts)), np.zeros(len(starts))
-    if told:
-        mean[: len(told)], precision[: len(told)] = np.array(told).T
+    if prior:
+        mean[: len(prior)], precision[: len(prior)] = np.array(prior).T
     G = weight * (X @ X.T) + np.diag(precision)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(G), 1e-300))
     inverse = np.linalg.pinv(G * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(scale, scale)
@@ -254,7 +247,7 @@ def _settled(
     fit: _Fit,
     old: int,
     apart: int,
-    told: list[tuple[float, float]],
+    prior: list[tuple[float, float]],
 ) -> _Fit:
     """Each new event at its best start given the others, once round: the first ones were chosen without."""
     if len(fit.starts) - old < 2:
@@ -267,7 +260,7 @@ def _settled(
         k = int(np.argmax(worth))
         if k == starts[i]:
             continue
-        moved = _fit(A, r, weight, [*starts[:i], k, *starts[i + 1 :]], told)
+        moved = _fit(A, r, weight, [*starts[:i], k, *starts[i + 1 :]], prior)
         if moved.likelihood > fit.likelihood:
             fit, starts[i] = moved, k
     return fit
@@ -366,37 +359,15 @@ class Events:
         By day and start.
     coded : ndarray, shape (days, n)
         Their response, as it is in the residual.
-    remaining : ndarray, shape (days, n)
-        Residual less `coded`.
     gain : float
         Log-likelihood gained on all days, prices paid [nats].
-    gains : tuple of float
-        The same for each of the kind's grid.
     """
 
     kind: Kind
     duration_s: float
     events: tuple[Event, ...]
     coded: Floats
-    remaining: Floats
     gain: float
-    gains: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Ranking:
-    """Kinds of events by what they gain.
-
-    Attributes
-    ----------
-    found : tuple of Events
-        Best first.
-    margin : float
-        Gain of the best one over the next, or over no events [nats].
-    """
-
-    found: tuple[Events, ...]
-    margin: float
 
 
 def find_events(
@@ -411,28 +382,27 @@ def find_events(
     price: float = PRICE,
     most: int = MOST,
 ) -> Events:
-    """Look for events of one kind, day by day, for each duration; keep the duration that gains most.
+    """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
 
     Parameters
     ----------
     residual : array_like, shape (days, n)
         Measured less simulated output [m, or m3/s]; NaN where a sample is missing or does not count.
     whiten : callable
-        `whiten(columns, like)` of a noise model: linear along the last axis, variance 1 if the columns are
-        noise; `like` (days, n) is NaN where samples are missing.
+        `whiten(columns, like)` of a noise model; `like` (days, n) is NaN where samples are missing.
     kind : Kind
     sample_time : float
         T_s [s].
     lead : int
         Samples of a row before its day; rows are `n - lead` samples apart.
     follows : array_like of bool, shape (days,), optional
-        Whether a row is the day after the one above it: what is under way is carried over. Default: none is.
+        Whether a row is the day after the one above it: events under way are carried over. Default: none.
     weights : array_like, shape (days,), optional
         Of each day's log-likelihood.
     price : float
         Of an event [nats].
     most : int
-        Events of a day at most.
+        Most events of a day.
 
     Raises
     ------
@@ -462,8 +432,7 @@ def find_events(
         for search, (A, norm) in zip(searches, atoms.whitened(there[d]), strict=True):
             apart = int(search.samples) if kind.shape == "pulse" else APART
             search.day(d, bool(after[d]), A, norm, r[d], kind.sign, apart, price, most, float(weight[d]))
-    gains = tuple(s.gain for s in searches)
-    best = int(np.argmax(gains))
+    best = int(np.argmax([s.gain for s in searches]))
     chosen = searches[best]
     coded = np.zeros(z.shape)
     if chosen.seen:
@@ -478,7 +447,7 @@ def find_events(
         )
         for d, f in sorted(chosen.found, key=lambda e: (e[0], e[1].start))
     )  # fmt: skip
-    return Events(kind, kind.grid[best], events, coded, z - coded, gains[best], gains)
+    return Events(kind, kind.grid[best], events, coded, chosen.gain)
 
 
 class _Search:
@@ -506,7 +475,7 @@ class _Search:
         )  # fmt: skip
         for (k, i), f in zip(old, again, strict=True):
             day, first = self.found[i]
-            # Two days' worth: the second was told the first one's size, with its standard error.
+            # The estimate of both days: the first one's size and standard error are the second one's prior.
             self.found[i] = day, replace(first, size=f.size, size_se=f.size_se, gain=f.gain)
             self.seen.append((d, k, i))
         for f in new:
@@ -514,135 +483,60 @@ class _Search:
             self.found.append((d, replace(f, start=start)))
             self.seen.append((d, start, i))
             if follows and self._last == d - 1 and 0 <= start + self.row < len(r):
-                self.seen.append((d - 1, start + self.row, i))  # too late in its own day to be told there
+                self.seen.append((d - 1, start + self.row, i))  # too late in its own day to be measured there
         self.gain += gain
         self._last = d
-
-
-def best_kind(
-    residual: ArrayLike,
-    whiten: Whiten,
-    kinds: Sequence[Kind],
-    sample_time: float,
-    *,
-    lead: int = 0,
-    follows: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
-    price: float = PRICE,
-    most: int = MOST,
-) -> Ranking:
-    """Which kind of event the residual holds: pulses or recessions, up or down, here or there.
-
-    Parameters are those of :func:`find_events`. Kinds pay the same price, so their gains compare; the error
-    that they leave does not: any smooth hump takes rain for a release.
-
-    Raises
-    ------
-    RividError
-        Where there are no kinds.
-    """
-    if not kinds:
-        raise RividError("no kinds of events: expected one or more")
-    found = [
-        find_events(residual, whiten, kind, sample_time, lead=lead, follows=follows, weights=weights,
-                    price=price, most=most)
-        for kind in kinds
-    ]  # fmt: skip
-    found.sort(key=lambda e: -e.gain)
-    second = max(found[1].gain, 0.0) if len(found) > 1 else 0.0
-    return Ranking(tuple(found), found[0].gain - second)
 
 
 WITHIN = 1800.0
 """Two starts are at the same hour if they are no further apart by the clock [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Timetable:
-    """Hours at which events start.
-
-    Attributes
-    ----------
-    counts : ndarray of int, shape (24,)
-        Starts in each hour of the day.
-    hours : tuple of float
-        Hours at which many start, busiest first [h].
-    share : float
-        Share of the starts that are at one of `hours`.
-    p_value : float
-        Of as many pairs of starts at the same hour, were they anywhere; 1 with events of one day only.
-    """
-
-    counts: Ints
-    hours: tuple[float, ...]
-    share: float
-    p_value: float
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """How alike events are.
-
-    Attributes
-    ----------
-    median : float
-        [m3/s]
-    variation : float
-        Coefficient of variation [-], without what the standard errors explain; NaN for fewer than two.
-    raw_variation : float
-        With it.
-    """
-
-    median: float
-    variation: float
-    raw_variation: float
-
-
 def timetable(
     events: Sequence[Event], *, within: float = WITHIN, draws: int = 999, seed: int = 0
-) -> Timetable:
-    """Whether starts agree by the clock, against as many at random.
+) -> tuple[float, float]:
+    """Whether events start at the same hours of the day.
 
     Parameters
     ----------
     events : sequence of Event
-        Those under way at the start of a row do not count.
+        Those under way at the start of a row are left out.
     within : float
         Largest distance of two starts at the same hour [s].
     draws, seed : int
-        Timetables at random.
+        Random timetables.
+
+    Returns
+    -------
+    p_value : float
+        Of as many pairs of starts at the same hour, were they uniform; 1 with events of one day only.
+    share : float
+        Share of the starts at an hour at which many start.
     """
     counted = [e for e in events if not e.under_way]
     starts = np.array([e.start_s % DAY for e in counted])
-    days = np.array([e.day for e in counted])
-    counts = np.bincount((starts // 3600.0).astype(int), minlength=24).astype(np.int64)
-    if len(np.unique(days)) < 2:
-        return Timetable(counts, (), 0.0, 1.0)
+    if len({e.day for e in counted}) < 2:
+        return 1.0, 0.0
     observed = _agreeing(starts[None], within)[0]
     by_chance = np.random.default_rng(seed).uniform(0.0, DAY, (draws, len(starts)))
-    p = float((1 + (_agreeing(by_chance, within) >= observed).sum()) / (1 + draws))
-    hours, left = [], np.ones(len(starts), bool)
+    p_value = float((1 + (_agreeing(by_chance, within) >= observed).sum()) / (1 + draws))
+    left = np.ones(len(starts), bool)
     while left.any():
         near = (_apart(starts[:, None], starts) <= within) & left
-        busiest = int(np.argmax(near.sum(1)))
-        members = near[busiest]
+        members = near[int(np.argmax(near.sum(1)))]
         if members.sum() < max(3, 0.15 * len(starts)):
             break
-        turn = (starts[members] - starts[busiest] + DAY / 2) % DAY - DAY / 2
-        hours.append(float((starts[busiest] + np.median(turn)) % DAY / 3600.0))
         left &= ~members
-    return Timetable(counts, tuple(hours), float(1.0 - left.mean()), p)
+    return p_value, float(1.0 - left.mean())
 
 
-def sizes(events: Sequence[Event]) -> Sizes:
-    """Median size of events, and how much sizes differ beyond their standard errors."""
+def size_variation(events: Sequence[Event]) -> float:
+    """Coefficient of variation of sizes beyond their standard errors [-]; NaN for fewer than two events."""
     a = np.array([e.size for e in events])
     if len(a) < 2:
-        return Sizes(float(a[0]) if len(a) else float("nan"), float("nan"), float("nan"))
-    variance, mean = float(a.var(ddof=1)), abs(float(a.mean()))
-    own = max(variance - float(np.mean([e.size_se**2 for e in events])), 0.0)
-    scale = max(mean, 1e-300)
-    return Sizes(float(np.median(a)), float(np.sqrt(own) / scale), float(np.sqrt(variance) / scale))
+        return float("nan")
+    own = max(float(a.var(ddof=1)) - float(np.mean([e.size_se**2 for e in events])), 0.0)
+    return float(np.sqrt(own) / max(abs(float(a.mean())), 1e-300))
 
 
 def _apart(a: Floats, b: Floats) -> Floats:
@@ -664,24 +558,24 @@ def _agreeing(starts: Floats, within: float) -> Ints:
 FEWEST = 3
 """Events of a kind must be so many."""
 ALIKE = 0.75
-"""Releases are alike: their sizes vary by less than this share, rain's by more or less."""
+"""Largest coefficient of variation of the sizes of releases."""
 A_STORM = 3 * HOUR
 """Events that follow each other within this are one storm."""
 SCHEDULED = 0.002
-"""p of a timetable from which events are somebody's."""
+"""p of a timetable from which events are taken as operated, not natural."""
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
-"""Times the usual event: of one that midnight cuts off only the start is seen, and its size is a guess."""
+"""Largest size over the median: of an event cut off by midnight only the start is observed."""
 STEP_PRICE = 30.0
 """Of a jump of the gauge [nats]."""
 LEAST_WIND = 0.005
 """[m]."""
 EDGE = 20
-"""Samples at both ends of a day in which a jump cannot be told from a bad start."""
+"""Samples at both ends of a day in which a jump cannot be separated from a bad start."""
 SMALLEST_STEP = 0.015
 """[m]."""
 
 
-def happenings(
+def event_proposals(
     model: Linear,
     before: Evaluation,
     classes: dict[str, type[Effect]],
@@ -700,7 +594,7 @@ def happenings(
     kernels : dict of str to ndarray, shape (n,)
         Step responses of an inflow in the middle ("middle") and of a release at the lower dam ("down").
     names : tuple of str
-        Effects that are in already.
+        Effects that are in the model already.
     coded : bool
         Whether pulses at the lower dam are among them.
     """
@@ -742,12 +636,12 @@ def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effec
     events = search(model, before, kind)
     if len(events.events) < FEWEST:
         return None
-    if kind.shape == "pulse" and sizes(events.events).variation > ALIKE:
+    if kind.shape == "pulse" and size_variation(events.events) > ALIKE:
         return None
     if kind.shape == "recession":
-        clock = timetable(_storms(events.events))
-        if clock.p_value <= SCHEDULED and clock.share > 0.5:
-            return None  # rain keeps no hours
+        p_value, share = timetable(_storms(events.events))
+        if p_value <= SCHEDULED and share > 0.5:
+            return None  # rain follows no timetable
     record = model.record
     made = as_effect(effect, events, record)
     price = PRICE * np.bincount([e.day for e in events.events], minlength=record.days).astype(float)
@@ -761,7 +655,7 @@ def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effec
 
 
 def _storms(events: Sequence[Event]) -> list[Event]:
-    """The first event of each storm: a rise that took its time is coded as several that follow each other."""
+    """The first event of each storm: a slow rise is coded as several that follow each other."""
     found: list[Event] = []
     last = -np.inf
     for event in sorted(events, key=lambda e: (e.day, e.start_s)):
@@ -773,7 +667,7 @@ def _storms(events: Sequence[Event]) -> list[Event]:
 
 
 def _chance(gain: float) -> float:
-    """Of events whose price is the logarithm of how many there could have been; half, for safety."""
+    """p of events whose price is the logarithm of the number of possible ones; half the gain, for safety."""
     return float(np.exp(-max(gain, 0.0) / 2.0))
 
 
@@ -822,8 +716,8 @@ def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Propos
 def _of_wind(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
     """A level noise with a memory of hours.
 
-    A random walk of the level is all but the same within a day, and would swallow it: both models have
-    a small one only.
+    A random walk of the level is nearly the same within a day, and would absorb it: both models have a small
+    one only.
     """
     plain = replace(model, noise=before.noise)
     after = evaluate(plain, level_noise=True)

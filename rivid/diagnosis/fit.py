@@ -1,7 +1,17 @@
-"""The gap: how far the simulation is from the measurement after an hour, four, and a day.
+"""The model in the simulator and its fit, and the gap: the error of the simulation some hours ahead.
 
-At an origin the state of the noise is what the filter knows; from there the simulation runs on its own. So
-the gap is what a forecast without further readings would miss.
+Calibration takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects
+together; noise and day weights are refitted between steps, and a step is kept only if the cost falls.
+
+Near the fit, the residual of a model with further columns is
+
+    z' = z - J b - C c,
+
+J the response's parameters (with their priors), C the columns of a candidate. Noise and day weights are
+refitted with it, so that a candidate competes with an unknown inflow that shrinks as it explains more.
+
+The error h hours ahead: at an origin the state of the noise is what the filter knows; from there the
+simulation runs on its own.
 """
 
 from collections.abc import Callable
@@ -25,7 +35,7 @@ HOURS = (1.0, 4.0, 24.0)
 EVERY = 27
 """Samples between origins: about an hour at 133 s."""
 START = 12
-"""Samples before the first origin of a row: half an hour in which the filter finds the level."""
+"""Samples before the first origin of a row: half an hour for the filter to settle."""
 
 
 class DayErrors(NamedTuple):
@@ -42,11 +52,6 @@ class DayErrors(NamedTuple):
         means = np.divide(squares, counts, out=np.full(len(counts), np.nan), where=counts > 0)
         return np.asarray(np.sqrt(means))
 
-    def mean_squares(self) -> Floats:
-        """Mean square error of each horizon and day, shape (horizons, days); NaN without origins."""
-        full = np.full(self.counts.shape, np.nan)
-        return np.asarray(np.divide(self.squares, self.counts, out=full, where=self.counts > 0))
-
 
 def residual_of(record: Record, baseline: Floats) -> Floats:
     """Measured less simulated, NaN where nothing was measured; shape (days, n)."""
@@ -62,8 +67,7 @@ def day_errors(
     ----------
     record : Record
     residual : ndarray, shape (days, n)
-        From :func:`residual_of`; of days that another precedes the lead time counts as origin, so that a
-        day's horizon reaches across midnight.
+        From :func:`residual_of`; origins lie in the lead time too, so that a horizon crosses midnight.
     noise : NoiseModel
     hours : tuple of float
         Horizons [h].
@@ -71,7 +75,7 @@ def day_errors(
     Returns
     -------
     DayErrors
-        A target counts only where the record says that it is used.
+        Of targets that the record uses.
     """
     days, n = residual.shape
     squares, counts = np.zeros((len(hours), days)), np.zeros((len(hours), days))
@@ -90,7 +94,7 @@ def day_errors(
 
 
 ODD = 4.0
-"""A day counts for at most so many times the usual day's gain."""
+"""Largest gain of a day, in gains of the usual day."""
 REFITS = 2
 """Turns of least squares and noise for a candidate."""
 
@@ -108,7 +112,7 @@ class Linear:
     columns : ndarray, shape (p, days, n)
         The response's parameters: change of the simulated output for one unit of each.
     prior_sd, deviation : ndarray, shape (p,)
-        Prior standard deviation of each, and where it stands now above its prior's middle.
+        Prior standard deviation of each, and its present value less the prior's mean.
     noise : NoiseModel
     gauge_floor : float
         Lower limit of the gauge noise [m or m3/s].
@@ -127,17 +131,17 @@ class Linear:
     level_noise: bool = False
 
     def used(self, residual: Floats) -> Floats:
-        """A residual with NaN where the record does not count."""
+        """A residual with NaN where a sample is not used."""
         return np.where(self.record.used, residual, np.nan)
 
     def less(self, columns: Floats) -> "Linear":
-        """The same with columns taken off the residual (shape (days, n))."""
+        """The same with a column (days, n) subtracted from the residual."""
         return replace(self, residual=self.residual - columns)
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What the model would be with some columns in.
+    """The model refitted with some columns.
 
     Attributes
     ----------
@@ -145,7 +149,7 @@ class Evaluation:
         Of the columns.
     standard_errors : ndarray, shape (k,)
     shift, shift_errors : ndarray, shape (p,)
-        What the response's parameters move by, and the standard errors of where they are.
+        Change of the response's parameters, and their standard errors.
     residual : ndarray, shape (days, n)
     noise : NoiseModel
     likelihood : ndarray, shape (days,)
@@ -179,7 +183,7 @@ def least_squares(
     columns : ndarray of shape (k, days, n), or None
     noise : NoiseModel
     weights : ndarray, shape (days,)
-        Days that do not fit count for nothing whatever their weight.
+        Only the fitting days are used.
     """
     p = len(model.columns)
     C = model.columns if columns is None else np.concatenate([model.columns, columns])
@@ -188,7 +192,7 @@ def least_squares(
     root = np.sqrt(weights[rows])[:, None]
     X = (noise.whiten(C[:, rows], like=z[rows]) * root).reshape(len(C), -1)
     r = (noise.whiten(z[rows]) * root).ravel()
-    scale = np.maximum(np.sqrt((X * X).mean(axis=1)), 1e-9)  # a column may do nothing on these days
+    scale = np.maximum(np.sqrt((X * X).mean(axis=1)), 1e-9)  # a column may be zero on these days
     X /= scale[:, None]
     G, g = X @ X.T, X @ r
     prior = 1.0 / (model.prior_sd * scale[:p]) ** 2
@@ -202,7 +206,7 @@ def least_squares(
     daily = np.einsum("jdn,dn->dj", X.reshape(len(C), *left.shape), left)
     scores = np.zeros((block.max() + 1, len(C)))
     np.add.at(scores, block, daily)
-    scatter = inverse @ (scores.T @ scores) @ inverse  # what the blocks show, where they scatter more
+    scatter = inverse @ (scores.T @ scores) @ inverse  # where the blocks scatter more
     error = np.sqrt(np.maximum(np.maximum(np.diag(inverse), np.diag(scatter)), 0.0)) / scale
     return b, error, model.residual - np.tensordot(b, C, 1)
 
@@ -215,7 +219,7 @@ def evaluate(
     walk_limit: float | None = None,
     thorough: bool = False,
 ) -> Evaluation:
-    """Refit response, columns and noise on the fitting days, and look at all days.
+    """Refit response, columns and noise on the fitting days, and evaluate all days.
 
     Parameters
     ----------
@@ -227,8 +231,8 @@ def evaluate(
     walk_limit : float, optional
         Upper limit of the level's random walk [m per sample].
     thorough : bool
-        Whether the noise is fitted from all starts: a candidate that is a slow flow may leave a noise that
-        is far from the one that had to stand for it.
+        Whether the noise is fitted from all starts: with a slow flow as candidate the noise may be far from
+        that without it.
 
     Returns
     -------
@@ -237,7 +241,7 @@ def evaluate(
     record, fit = model.record, model.split.fit
     level = model.level_noise if level_noise is None else level_noise
     noise = model.noise
-    weights = np.ones(record.days)  # a candidate may be what makes a day noisy
+    weights = np.ones(record.days)  # the candidate itself may make a day noisy
     if columns is None:
         weights = day_weights(noise.whiten(model.used(model.residual)))
     for turn in range(REFITS):
@@ -260,22 +264,24 @@ def evaluate(
 
 
 def limited(gain: Floats) -> Floats:
-    """What days gain [nats], odd ones limited; shape (days,)."""
+    """Gains of days [nats] with outliers limited; shape (days,)."""
     usual = ODD * float(np.median(np.abs(gain))) + 5.0
     return np.asarray(np.clip(gain, -usual, usual))
 
 
 WIDE = 10.0
-"""Prior standard deviation of an effect's parameter, in units of its value: hardly any prior."""
+"""Prior standard deviation of an effect's parameter, in units of its value: nearly flat."""
 ENOUGH = 2.0
 """Steps end when the cost falls by less [nats]."""
 TRIES = 5
+"""Dampings tried in a step."""
 MOST_STEPS = 8
+"""Two to four are usual."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A response with what was added to it.
+    """A response with effects.
 
     Attributes
     ----------
@@ -283,12 +289,12 @@ class Model:
     noise : NoiseModel or None
         None before the first fit.
     level, flow : float
-        What level- and flow-dependent effects count from.
+        Reference of level- and flow-dependent effects [m], [m3/s].
     gauge_floor : float
         Lower limit of the gauge noise.
     effects : tuple of Effect
     free : tuple of tuple of str
-        The parameters of each that are fitted.
+        Fitted parameters of each.
     level_noise : bool
         Whether the noise has a level part.
     """
@@ -327,7 +333,7 @@ class Model:
         return slots
 
     def scales(self) -> Floats:
-        """A usual size of each of them."""
+        """A usual size of each free number."""
         sizes = []
         for i, (name, _), value in self.slots():
             usual = self.effects[i].defaults().get(name, 1.0)
@@ -336,13 +342,13 @@ class Model:
         return np.array(sizes)
 
     def with_values(self, values: Floats) -> "Model":
-        """The same with other values of them, held within the effects' limits."""
+        """The same with other values of the free numbers, held within the effects' limits."""
         effects = list(self.effects)
         for (i, (name, k), _), value in zip(self.slots(), values.tolist(), strict=True):
-            said = effects[i].parameters()[name]
+            limits = effects[i].parameters()[name]
             if name == "hour":
                 value %= 24.0
-            value = min(max(value, said.low), said.high)
+            value = min(max(value, limits.low), limits.high)
             if k is None:
                 effects[i] = replace(effects[i], **{name: value})
             else:
@@ -351,22 +357,24 @@ class Model:
                 effects[i] = replace(effects[i], **{name: tuple(whole)})
         return replace(self, effects=tuple(effects))
 
-    def linear(self, record: Record, split: Split, coded: Floats | None = None) -> Linear:
-        """The model about which candidates are tried; columns of the effects' parameters included.
-
-        `coded`, shape (days, n), is what named events do to the output.
-        """
+    def linear(self, record: Record, split: Split) -> Linear:
+        """The model about which candidates are tried; columns of the effects' parameters included."""
         assert self.noise is not None
         start = self.baseline(record)
         columns = self.jacobian(record, start)
         sd = np.concatenate([[f.sd for f in self.reach.parameters], WIDE * self.scales()])
         off = [f.value - f.mean for f in self.reach.parameters]
         deviation = np.concatenate([off, np.zeros(len(self.values()))])
-        residual = residual_of(record, start)
-        if coded is not None:
-            residual = residual - coded
         return Linear(
-            record, split, residual, columns, sd, deviation, self.noise, self.gauge_floor, self.level_noise
+            record,
+            split,
+            residual_of(record, start),
+            columns,
+            sd,
+            deviation,
+            self.noise,
+            self.gauge_floor,
+            self.level_noise,
         )
 
     def jacobian(self, record: Record, start: Floats) -> Floats:
@@ -378,7 +386,7 @@ class Model:
             other[j] += 0.05 * scales[j]
             moved = self.with_values(other)
             step = moved.values()[j] - values[j]
-            if abs(step) < 1e-3 * scales[j]:  # at its upper limit: look the other way
+            if abs(step) < 1e-3 * scales[j]:  # at its upper limit: a step down
                 other[j] = values[j] - 0.05 * scales[j]
                 moved = self.with_values(other)
                 step = moved.values()[j] - values[j]
@@ -390,7 +398,6 @@ def calibrate(
     model: Model,
     record: Record,
     *,
-    coded: Floats | None = None,
     steps: int = MOST_STEPS,
     trim: float = 0.0,
     report: Callable[[str], None] = lambda _: None,
@@ -401,15 +408,13 @@ def calibrate(
     ----------
     model : Model
     record : Record
-        The days to fit to, nothing else.
-    coded : ndarray, shape (days, n), optional
-        What named events do to the output on these days.
+        The days to fit to.
     steps : int
-        Steps at most.
+        Most steps.
     trim : float
-        Share of the noisiest days that count for nothing: an effect on many days bends the response.
+        Share of the noisiest days that are left out: an effect on many days bends the response.
     report : callable
-        Told of each step.
+        Called with a line for each step.
 
     Returns
     -------
@@ -422,8 +427,7 @@ def calibrate(
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
 
     def left(of: Model) -> Floats:
-        z = residual_of(record, of.baseline(record))
-        return np.where(record.used, z if coded is None else z - coded, np.nan)
+        return np.where(record.used, residual_of(record, of.baseline(record)), np.nan)
 
     def at(of: Model) -> Floats:
         return np.concatenate([vector_of(of.reach), of.values()])
@@ -463,7 +467,7 @@ def calibrate(
                 other = replace(model, reach=model.reach.with_parameters(there[:p])).with_values(there[p:])
                 z_other = left(other)
                 w = noise.whiten(z_other) * root
-            except RividError:  # a flow that cannot be: a shorter step
+            except RividError:  # an impossible flow: a shorter step
                 damping *= 8.0
                 continue
             off = (at(other) - middle) / sd

@@ -1,4 +1,15 @@
-"""What samples are binned by to see where a gap is: clock, calendar, flows, level, their rates, and steps."""
+"""Where the gap is largest: hours, weekdays, dates, flows, levels, their rates, and times since a step.
+
+A sample has a score s and an information q, so that the sum of s over the sum of q is a size: with x the
+whitened column of a unit inflow and r the whitened residual, s = x r and q = x^2 give it in m3/s; a
+reconstructed inflow has q = 1. The departure of a bin is its size less that of all samples,
+
+    D_b = S_b / Q_b - S / Q = sum over blocks j of psi_jb,
+    psi_jb = (s_jb - (S/Q) q_jb) / Q_b - (s_j - (S/Q) q_j) / Q,
+
+and its significance follows from flipping the signs of whole blocks of psi. A bin present in one block only
+cannot be judged that way, so dates come in long parts; their ends are found by segmentation.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +41,7 @@ WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", 
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Something that samples are binned by.
+    """A quantity that samples are binned by.
 
     Attributes
     ----------
@@ -53,7 +64,7 @@ class Driver:
 
 
 def drivers(record: Record, blocks: ArrayLike, shift_start: float = 5.0) -> tuple[Driver, ...]:
-    """Everything the logs allow to bin by; what does not vary is left out.
+    """Everything the logs allow to bin by; constant quantities are left out.
 
     Parameters
     ----------
@@ -147,10 +158,10 @@ def _floor(values: Floats) -> Ints:
 
 
 FEWEST = 5
-"""Blocks that a bin must be seen in: flips of fewer give no small p."""
+"""Least number of blocks of a bin: flips of fewer give no small p."""
 
 KEPT = 0.6
-"""Share of blocks, those that say least, that set the scale of a bin."""
+"""Share of blocks, those of the smallest contributions, that set the scale of a bin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,76 +183,6 @@ class Scores:
     block: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Bins:
-    """A size in each bin of one driver; arrays of shape (k,) but for the edges.
-
-    Attributes
-    ----------
-    driver, unit : str
-    edges : ndarray, shape (k + 1,)
-    labels : tuple of str, length k
-    mean, departure : ndarray
-        Size, and its difference from that of all samples; NaN where a bin is empty.
-    se : ndarray
-        Standard error of the departure, from blocks drawn again; NaN where fewer than :data:`FEWEST` have it.
-    z : ndarray
-        Departure over its standard error.
-    samples, blocks : ndarray of int
-        How many the bin has.
-    p_value : float
-        Of the largest bin of this driver, by block sign flips.
-    """
-
-    driver: str
-    unit: str
-    edges: Floats
-    labels: tuple[str, ...]
-    mean: Floats
-    departure: Floats
-    se: Floats
-    z: Floats
-    samples: Ints
-    blocks: Ints
-    p_value: float
-
-
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """Tables of all drivers.
-
-    Attributes
-    ----------
-    bins : tuple of Bins
-    p_value : float
-        Of the smallest p of them all, by the same flips.
-    """
-
-    bins: tuple[Bins, ...]
-    p_value: float
-
-
-@dataclass(frozen=True, eq=False)
-class Map:
-    """Sizes over hour and date, for the picture.
-
-    Attributes
-    ----------
-    hours : ndarray, shape (h + 1,)
-        Edges [h].
-    days : ndarray of int, shape (c + 1,)
-        First row of each column of days, and the number of rows.
-    mean : ndarray, shape (h, c)
-        Size; NaN where nothing is seen.
-    information : ndarray, shape (h, c)
-    """
-
-    hours: Floats
-    days: Ints
-    mean: Floats
-    information: Floats
-
-
 def as_scores(
     score: ArrayLike, used: ArrayLike, blocks: ArrayLike, information: ArrayLike | None = None
 ) -> Scores:
@@ -250,11 +191,9 @@ def as_scores(
     Parameters
     ----------
     score : array_like, shape (days, n)
-        s, as above.
     used : array_like of bool, shape (days, n)
         Samples that count.
     blocks : array_like of int, shape (days,)
-        Block of each day.
     information : array_like, shape (days, n), optional
         q; 1 by default.
 
@@ -279,62 +218,36 @@ def as_scores(
     return Scores(np.where(there, s, 0.0), np.where(there, q, 0.0), there, number)
 
 
-def tables(
-    scores: Scores, by: Sequence[Driver], *, draws: int = 1999, resamples: int = 400, seed: int = 0
-) -> Tables:
-    """A table for each driver, and the p of the most telling one of them all.
+def p_values(
+    scores: Scores, by: Sequence[Driver], *, draws: int = 1999, seed: int = 0
+) -> tuple[Floats, float]:
+    """p of the largest departure of each driver, shape (drivers,), and p of the smallest of them.
 
     Parameters
     ----------
     scores : Scores
     by : sequence of Driver
-    draws, resamples, seed : int
-        Sign flips, the same for all drivers; times that blocks are drawn again; their seed.
+    draws, seed : int
+        Sign flips of blocks, the same for all drivers; their seed.
+
+    Notes
+    -----
+    Bins of one driver are comparable, drivers are not; the smallest p of each flip is (Westfall and Young
+    1993).
     """
-    rng = np.random.default_rng(seed)
-    J = int(scores.block.max()) + 1
-    signs = rng.choice(np.array([-1.0, 1.0]), (draws, J))
-    weights = rng.multinomial(J, np.full(J, 1.0 / J), resamples).astype(float)
-    found, ranks = [], []
+    signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), (draws, int(scores.block.max()) + 1))
+    ranks = []
     for driver in by:
-        S, Q, count = (sums(driver, a, scores.block) for a in (scores.score, scores.information, scores.used))
+        S, Q = (sums(driver, a, scores.block) for a in (scores.score, scores.information))
+        blocks = (sums(driver, scores.used, scores.block) > 0.0).sum(0)
         psi = influence(S, Q)
         root = _spread(psi)
-        seen = (count > 0.0).sum(0)
-        tested = (seen >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
+        tested = (blocks >= FEWEST) & (root > 1e-12 * np.abs(S).sum() / max(Q.sum(), 1e-300))
         flipped = np.abs(signs @ (psi[:, tested] / root[tested])).max(1, initial=0.0)
         top = float((np.abs(psi[:, tested].sum(0)) / root[tested]).max(initial=0.0))
-        share = _shares(np.append(flipped, top))
-        ranks.append(share)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            again = (weights @ S) / (weights @ Q) - (weights @ S.sum(1) / (weights @ Q.sum(1)))[:, None]
-            mean = S.sum(0) / Q.sum(0)
-        se = np.full(len(seen), np.nan)
-        se[tested] = np.nanstd(again[:, tested], axis=0)
-        se[se == 0.0] = np.nan
-        departure = np.where(seen > 0, psi.sum(0), np.nan)
-        found.append(Bins(
-            driver.name, driver.unit, driver.edges, driver.labels, mean=mean, departure=departure, se=se,
-            z=departure / se, samples=count.sum(0).astype(np.int64), blocks=seen.astype(np.int64),
-            p_value=float(share[-1]),
-        ))  # fmt: skip
-    # Bins of one driver compare, drivers do not: the smallest p of each flip does (Westfall and Young 1993).
+        ranks.append(_shares(np.append(flipped, top)))
     smallest = np.min(ranks, axis=0)
-    return Tables(tuple(found), float(np.mean(smallest <= smallest[-1])))
-
-
-def hour_map(scores: Scores, hour: ArrayLike, *, days: int = 1, hours: float = 1.0) -> Map:
-    """Sizes over the hour of the day, `hour` (days, n) of each sample, and the date, by columns of days."""
-    edges = np.arange(0.0, 24.0 + hours / 2.0, hours)
-    h = np.clip(np.digitize(np.asarray(hour, float) + 1e-9, edges) - 1, 0, len(edges) - 2)
-    columns = np.append(np.arange(0, len(scores.block), days), len(scores.block))
-    column = np.repeat(np.arange(len(columns) - 1), np.diff(columns))[:, None]
-    c = len(columns) - 1
-    cell = np.asarray(h * c + column).ravel()
-    S, Q = (np.bincount(cell, a.ravel(), (len(edges) - 1) * c).reshape(-1, c)
-            for a in (scores.score, scores.information))  # fmt: skip
-    mean = np.where(Q > 0.0, S / np.where(Q > 0.0, Q, 1.0), np.nan)
-    return Map(edges, columns.astype(np.int64), mean, np.asarray(Q, float))
+    return np.array([share[-1] for share in ranks]), float(np.mean(smallest <= smallest[-1]))
 
 
 def sums(driver: Driver, values: NDArray[np.generic], block: Ints) -> Floats:
@@ -355,8 +268,8 @@ def influence(S: Floats, Q: Floats) -> Floats:
 def _spread(psi: Floats) -> Floats:
     """Scale of each bin's departure, shape (k,), from the smaller contributions of blocks (blocks, k).
 
-    Flips leave it alone, so it cannot spoil the test; and what is there in some weeks only does not hide
-    itself by swelling its own scale.
+    It does not change with the flips, so the test stays valid, and an effect that acts in some weeks only
+    does not inflate its own scale.
     """
     squares = np.sort(psi**2, axis=0)
     many = (squares > 0.0).sum(0)
@@ -405,7 +318,7 @@ def strongest(
     scores: Scores, by: Sequence[Driver], dates: Sequence[date], *, unit: str = "m3/s", level: float = 0.05,
     cut_level: float = 0.01, draws: int = 1999, seed: int = 0,
 ) -> Place | None:  # fmt: skip
-    """The place that stands out most: neighbouring bins of one driver, and the dates; None if none does.
+    """The largest departure: neighbouring bins of one driver, and dates; None if none is significant.
 
     Parameters
     ----------
@@ -415,18 +328,18 @@ def strongest(
     unit : str
         Of a size.
     level : float
-        For the largest bin of all drivers. What is there in k blocks only has no p under 2^(1 - k).
+        Of the largest bin of all drivers. With k blocks no p is below 2^(1 - k).
     cut_level : float
-        For the dates.
+        Of the dates.
     draws, seed : int
-        As for :func:`tables`.
+        As for :func:`p_values`.
     """
-    told = tables(scores, by, draws=draws, resamples=2, seed=seed)
-    loud = [d for d, t in zip(by, told.bins, strict=True) if t.p_value <= level]
-    if told.p_value > level or not loud:
+    each, p_value = p_values(scores, by, draws=draws, seed=seed)
+    significant = [d for d, p in zip(by, each, strict=True) if p <= level]
+    if p_value > level or not significant:
         return None
     all_days = np.ones(len(dates), bool)
-    driver = max(loud, key=lambda d: _best_run(scores, d, all_days)[0])
+    driver = max(significant, key=lambda d: _best_run(scores, d, all_days)[0])
     days, first, last = _extent(scores, driver, cut_level, seed)
     where = days[:, None] & (_between(driver, first, last) | (driver.name == "date"))
     two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
@@ -438,11 +351,11 @@ def strongest(
     windows = tuple((dates[a], dates[b - 1]) for a, b in zip(ends[::2], ends[1::2], strict=True))
     text = f"{_range(driver, first, last)}{value:.3g} {unit}, {_when(windows, bool(days.all()))}"
     low, high = float(driver.edges[first]), float(driver.edges[last + 1])
-    return Place(driver.name, low, high, value, se, told.p_value, windows, text)
+    return Place(driver.name, low, high, value, se, p_value, windows, text)
 
 
 def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bools, int, int]:
-    """Days (days,), and the first and last bin, of what stands out most."""
+    """Days (days,), and the first and last bin, of the largest departure."""
     days = np.ones(len(scores.block), bool)
     if driver.name == "date":
         q = scores.information.sum(1)

@@ -1,4 +1,14 @@
-"""The level that the operators aim at, which may follow the day's flow."""
+"""How the operators command the outflow, identified from the logs.
+
+They act in steps. After move k the command is, in the integrated form of (9),
+
+    u_Qo(k) = c + K_Q u_Qi(k - l) + G e(k) + (G / T_trim) integral of e dt + n(k),
+
+with e the level's deviation from the set point beyond the dead-band, G = -K_h, and n all else: rounding is
+white, an operator with gains of his own gives a slow walk. The level they see results from their earlier
+moves, so that ordinary least squares would attribute n to the level. Whitened by the model of n, the
+remainder at a move is independent of everything before it, the level included: least squares are consistent.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -7,6 +17,7 @@ from numpy.typing import NDArray
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import NoiseModel, day_weights, fit_noise
+from rivid.diagnosis.response.base import lagged, volume
 from rivid.diagnosis.result import Operators
 from rivid.errors import RividError
 from rivid.types import HOUR, Bools, Floats
@@ -14,11 +25,11 @@ from rivid.types import HOUR, Bools, Floats
 HINGES = 20
 """Flows that are tried as the one above which the set point changes with it."""
 SURE = 3.0
-"""Standard errors from which a set point that follows the flow is believed."""
-BESIDE = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
-"""Levels that are tried beside the days' mean [m]."""
+"""Standard errors from which a set point that follows the flow is accepted."""
+OFFSETS = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
+"""Offsets from the days' mean level that are tried [m]."""
 FEWEST_DAYS = 6
-"""From which a set point that follows the flow can be seen."""
+"""Fewest days for a set point that follows the flow."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +58,7 @@ class SetPoint:
 def set_points(record: Record) -> list[SetPoint]:
     """Levels that may be aimed at: about the days' means, one level or one that follows the inflow.
 
-    Within a dead-band the mean is not what they aim at: so levels beside it are tried too.
+    Within a dead-band the mean level is not the set point, so offsets from it are tried too.
     """
     flow, level = day_flow(record), _day_means(record.output, record)
     known = np.isfinite(level)
@@ -64,7 +75,7 @@ def set_points(record: Record) -> list[SetPoint]:
         if abs(found[1]) > SURE * error and left < least:
             best, least = SetPoint(float(found[0]), float(found[1]), hinge), left
     means = [SetPoint(float(np.median(level)))] + ([] if best is None else [best])
-    return [replace(aim, level=aim.level + beside) for aim in means for beside in BESIDE]
+    return [replace(aim, level=aim.level + offset) for aim in means for offset in OFFSETS]
 
 
 def day_flow(record: Record) -> Floats:
@@ -81,10 +92,10 @@ def _day_means(values: Floats, record: Record) -> Floats:
 
 
 PROMPT = 0.5
-"""Chance of a move at a sample from which the inflow's move is said to ask for it."""
+"""Probability of a move at a sample from which a change of the inflow is taken as its cause."""
 
 OFTEN = 0.02
-"""Share of the samples at the smallest command from which that is a limit."""
+"""Share of samples at the smallest command from which it is a limit."""
 
 
 def moves(record: Record) -> Bools:
@@ -99,30 +110,30 @@ def last_move(record: Record) -> NDArray[np.intp]:
 
 
 def looks(record: Record, lag: int) -> tuple[float, float]:
-    """Longest time between looks [s], and the move of the inflow that asks for one at once [m3/s].
+    """Longest time between looks [s], and the change of the inflow that causes one at once [m3/s].
 
-    Where there is something to answer, the chance of a move at a sample has two values, below and above
-    the notice: the notice is where they tell the logs' moves best, infinite where what lies above is no
-    prompt answer either. Moves below it are looks that were due: their usual distance is the time.
+    After a change of the inflow the probability of a move at a sample has two values, below and above the
+    notice: the notice maximises the likelihood of the logged moves, and is infinite where moves above it are
+    not prompt either. Moves below it are looks that were due: their median distance is the time.
     """
     sample, last = np.arange(record.time.shape[1]), last_move(record)
     before = np.concatenate([last[:, :1], last[:, :-1]], axis=1)
-    seen = late(record.inflow, lag)
+    seen = lagged(record.inflow, lag)
     waiting = np.abs(seen - np.take_along_axis(seen, before, axis=1))[record.used]
     acted, age = moves(record)[record.used], (sample - before)[record.used]
     some = waiting > 0.0
     best, notice = -np.inf, np.inf
     for limit in np.unique(np.quantile(waiting[some], np.linspace(0.0, 0.98, 50))) if some.any() else ():
         above, below = some & (waiting > limit), some & (waiting <= limit)
-        told = _nats(acted[above]) + _nats(acted[below])
-        if told > best and above.any():
-            best, notice = told, float(limit) if acted[above].mean() > PROMPT else np.inf
+        likelihood = _nats(acted[above]) + _nats(acted[below])
+        if likelihood > best and above.any():
+            best, notice = likelihood, float(limit) if acted[above].mean() > PROMPT else np.inf
     due = acted & (waiting <= notice)
     return float(np.median(age[due if due.any() else acted])) * record.sample_time, notice
 
 
 def step_of(values: Floats) -> float:
-    """The step that values come in; 0 where they come in none.
+    """The step of quantised values; 0 where there is none.
 
     Examples
     --------
@@ -143,7 +154,7 @@ def step_of(values: Floats) -> float:
 
 
 def lowest_of(values: Floats) -> float:
-    """The smallest command, if it is given so often that it must be a limit; else 0, or none that is less.
+    """The smallest command if it is frequent enough to be a limit, else 0 or less.
 
     Examples
     --------
@@ -154,19 +165,12 @@ def lowest_of(values: Floats) -> float:
     return smallest if np.mean(values == smallest) > OFTEN else min(smallest, 0.0)
 
 
-def late(values: Floats, lag: int) -> Floats:
-    """Values some samples before; a row's first holds before it."""
-    if lag == 0:
-        return values
-    return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
-
-
 def _new(record: Record) -> Bools:
     return np.asarray(np.diff(record.outflow, axis=1, prepend=record.outflow[:, :1]) != 0.0)
 
 
 def _nats(happened: Bools) -> float:
-    """Largest log-likelihood of a chance that is the same for all."""
+    """Largest log-likelihood of a common probability."""
     n = len(happened)
     p = happened.mean() if n else 0.0
     return float(n * (p * np.log(p) + (1 - p) * np.log1p(-p))) if 0.0 < p < 1.0 else 0.0
@@ -177,14 +181,16 @@ BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
 FINER = (0.005, 0.0025)
 """Steps of the level and the dead-band about the best of these [m]."""
 FEWEST_MOVES = 100
-"""Below, there is no law to see."""
+"""Fewest moves from which a law is identified."""
 ROUNDS = 3
 """Times that noise and law are fitted in turn."""
+Aim = tuple[SetPoint, float]
+"""A set point and a dead-band [m]."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """What the operators do.
+    """The law of the operators.
 
     Attributes
     ----------
@@ -193,14 +199,14 @@ class Law:
     lag : int
         l [samples].
     level_gain : float
-        G = -K_h [m2/s]; 0 where no answer to the level is seen.
+        G = -K_h [m2/s]; 0 where no response to the level is seen.
     trim_time : float
         T_trim [s]; infinite where a lasting deviation is not trimmed away.
     dead_band : float
         [m].
     set_point : SetPoint
     look, notice : float
-        Longest time between looks [s]; move of the inflow that asks for one at once [m3/s].
+        Longest time between looks [s]; change of the inflow that causes one at once [m3/s].
     quantum, lowest : float
         Step and smallest value of the command [m3/s].
     gauge_quantum : float
@@ -226,7 +232,7 @@ def identify(record: Record) -> Law | None:
     Parameters
     ----------
     record : Record
-        Of a pool; days to fit to, nothing else.
+        The days of a pool to fit to.
 
     Returns
     -------
@@ -236,43 +242,57 @@ def identify(record: Record) -> Law | None:
     moved = moves(record)
     if moved.sum() < FEWEST_MOVES:
         return None
-    rows = _Rows.of(moved)
-    command = rows.pick(record.outflow)
-    inflows = np.stack([rows.pick(late(record.inflow, lag)) for lag in range(record.lead + 1)])
+    order = np.argsort(~moved, axis=1, kind="stable")[:, : int(moved.sum(axis=1).max())]
+    there = np.arange(order.shape[1]) < moved.sum(axis=1)[:, None]
+
+    def at_moves(values: Floats) -> Floats:
+        """Values at the moves, NaN after a day's last; shape (days, m)."""
+        return np.where(there, np.take_along_axis(values, order, axis=1), np.nan)
+
+    def levels(tried: list[Aim]) -> tuple[Floats, Floats]:
+        """Deviations [m] and their integrals [m s] at the moves, shape (aims, days, m) each."""
+        errors = [beyond(record, aim, band) for aim, band in tried]
+        return np.stack([at_moves(e) for e in errors]), np.stack(
+            [at_moves(volume(record.time, e)) for e in errors]
+        )
+
+    command = at_moves(record.outflow)
+    inflows = np.stack([at_moves(lagged(record.inflow, lag)) for lag in range(record.lead + 1)])
     quantum = step_of(record.outflow[record.used])
     noise = _noise(command - inflows[0], quantum, None)
-    aims = _Aims.of([(aim, band) for aim in set_points(record) for band in BANDS], record, rows)
+    tried: list[Aim] = [(aim, band) for aim in set_points(record) for band in BANDS]
+    level, trimmed = levels(tried)
     weights = np.ones(record.days)
     for _ in range(ROUNDS):
-        fit = _least_squares(command, inflows, aims, noise, weights)
-        left = command - fit.value(inflows, aims)
+        lag, best, (q, g, i) = _least_squares(command, inflows, level, trimmed, tried, noise, weights)
+        left = command - (q * inflows[lag] + g * level[best] + i * trimmed[best])
         noise = _noise(left, quantum, noise)
         weights = day_weights(noise.whiten(left))
     for step in FINER:
-        aim, band = aims.tried[fit.aim]
-        near = [
+        aim, band = tried[best]
+        tried = [
             (replace(aim, level=aim.level + i * step), max(band + j * step, 0.0))
             for i in (-1, 0, 1)
             for j in (-1, 0, 1)
         ]
-        aims = _Aims.of(near, record, rows)
-        fit = _least_squares(command, inflows, aims, noise, weights)
-    feedforward, gain, trim = fit.coefficients.tolist()
+        level, trimmed = levels(tried)
+        lag, best, found = _least_squares(command, inflows, level, trimmed, tried, noise, weights)
+    feedforward, gain, trim = found.tolist()
     gain, trim = max(gain, 0.0), max(trim, 0.0)
-    if trim > 0.0:  # what only ever trims is a gain that acts within the shortest time
+    if trim > 0.0:  # pure trimming is a gain that acts within the shortest time
         gain = max(gain, trim * record.sample_time)
-    aim, band = aims.tried[fit.aim]
-    look, notice = looks(record, fit.lag)
+    aim, band = tried[best]
+    look, notice = looks(record, lag)
     return Law(
-        feedforward=feedforward, lag=fit.lag, level_gain=gain,
+        feedforward=feedforward, lag=lag, level_gain=gain,
         trim_time=gain / trim if trim > 0.0 else np.inf, dead_band=band, set_point=aim, look=look,
         notice=notice, quantum=quantum, lowest=lowest_of(record.outflow[record.used]),
         gauge_quantum=step_of(record.output[record.used]),
     )  # fmt: skip
 
 
-def judged(law: Law, record: Record) -> Operators:
-    """The law with what it explains on other days: of the changes of the outflow within an hour.
+def validate(law: Law, record: Record) -> Operators:
+    """The law with the share of the outflow's changes within an hour that it explains on other days.
 
     Parameters
     ----------
@@ -282,7 +302,7 @@ def judged(law: Law, record: Record) -> Operators:
 
     Notes
     -----
-    A change is from the move that was in force an hour before to a move: when they look is their own.
+    A change is from the move in force an hour before to a move: the times of looks are not predicted.
     """
     n = max(round(HOUR / record.sample_time), 1)
     last = last_move(record)
@@ -293,12 +313,11 @@ def judged(law: Law, record: Record) -> Operators:
         held = np.take_along_axis(values, last, axis=1)
         return np.asarray((held[:, n:] - held[:, :-n])[pairs])
 
-    asked = change(record.outflow)
-    by_inflow = law.feedforward * change(late(record.inflow, law.lag))
-    by_level = law.level_gain * (change(e) + change(_volume(e, record)) / law.trim_time)
+    seen = change(record.outflow)
+    by_inflow = law.feedforward * change(lagged(record.inflow, law.lag))
+    by_level = law.level_gain * (change(e) + change(volume(record.time, e)) / law.trim_time)
     total, left, plain = (
-        float(np.mean(x**2)) if x.size else 0.0
-        for x in (asked, asked - by_inflow - by_level, asked - by_inflow)
+        float(np.mean(x**2)) if x.size else 0.0 for x in (seen, seen - by_inflow - by_level, seen - by_inflow)
     )
     return Operators(
         feedforward=law.feedforward, lag_s=law.lag * record.sample_time, level_gain=law.level_gain,
@@ -317,64 +336,16 @@ def beyond(record: Record, aim: SetPoint, band: float) -> Floats:
     return np.where(np.isfinite(off), np.copysign(np.maximum(np.abs(off) - band, 0.0), off), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Moves of each day, put next to each other: `index` (days, m) into a row, and which are there."""
-
-    index: NDArray[np.intp]
-    there: Bools
-
-    @classmethod
-    def of(cls, moved: Bools) -> "_Rows":
-        order = np.argsort(~moved, axis=1, kind="stable")
-        m = int(moved.sum(axis=1).max())
-        return cls(order[:, :m], np.arange(m) < moved.sum(axis=1)[:, None])
-
-    def pick(self, values: Floats) -> Floats:
-        """Values at the moves, NaN after a day's last; shape (days, m)."""
-        return np.where(self.there, np.take_along_axis(values, self.index, axis=1), np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class _Aims:
-    """Set points and dead-bands to try, and what each makes of the level at the moves.
-
-    `levels` and `trims` have the shape (aims, days, m): deviations [m], and their integrals [m s].
-    """
-
-    tried: list[tuple[SetPoint, float]]
-    levels: Floats
-    trims: Floats
-
-    @classmethod
-    def of(cls, tried: list[tuple[SetPoint, float]], record: Record, rows: _Rows) -> "_Aims":
-        errors = [beyond(record, aim, band) for aim, band in tried]
-        return cls(
-            tried,
-            np.stack([rows.pick(e) for e in errors]),
-            np.stack([rows.pick(_volume(e, record)) for e in errors]),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    lag: int
-    aim: int
-    coefficients: Floats
-
-    def value(self, inflows: Floats, aims: _Aims) -> Floats:
-        """The command at the moves, less its constant."""
-        q, g, i = self.coefficients
-        return np.asarray(q * inflows[self.lag] + g * aims.levels[self.aim] + i * aims.trims[self.aim])
-
-
-def _least_squares(command: Floats, inflows: Floats, aims: _Aims, noise: NoiseModel, weights: Floats) -> _Fit:
-    """Whitened least squares for each lag and each aim with its band; the pair that leaves least."""
-    white = noise.whiten(np.concatenate([command[None], inflows, aims.levels, aims.trims]), like=command)
+def _least_squares(
+    command: Floats, inflows: Floats, levels: Floats, trims: Floats, tried: list[Aim], noise: NoiseModel,
+    weights: Floats,
+) -> tuple[int, int, Floats]:  # fmt: skip
+    """Lag, aim and coefficients (3,) of the least whitened squares over all lags and aims."""
+    white = noise.whiten(np.concatenate([command[None], inflows, levels, trims]), like=command)
     white = (white * np.sqrt(weights)[:, None]).reshape(len(white), -1)
     G = white @ white.T
-    n, m = len(inflows), len(aims.levels)
-    best, least = _Fit(0, 0, np.zeros(3)), np.inf
+    n, m = len(inflows), len(levels)
+    best, least = (0, 0, np.zeros(3)), np.inf
     for lag in range(n):
         for aim in range(m):
             at = [1 + lag, 1 + n + aim, 1 + n + m + aim]
@@ -382,26 +353,19 @@ def _least_squares(command: Floats, inflows: Floats, aims: _Aims, noise: NoiseMo
             scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
             found = np.linalg.lstsq(S / np.outer(scale, scale), G[at, 0] / scale, rcond=1e-10)[0] / scale
             left = G[0, 0] - float(found @ G[at, 0])
-            left += SURE**2 if aims.tried[aim][0].slope else 0.0
+            left += SURE**2 if tried[aim][0].slope else 0.0
             if left < least:
-                best, least = _Fit(lag, aim, found), left
+                best, least = (lag, aim, found), left
     return best
 
 
 def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseModel:
-    """White and walk and slow drift, in moves for time; the area is one, so that a drift is a rate."""
+    """White noise, walk and slow drift with moves as time; an area of 1 makes the drift a rate."""
     try:
         return fit_noise(
             residual, 1.0, 1.0, gauge_floor=quantum / np.sqrt(12.0), starts=() if start is None else (start,),
             alone=start is not None,
         )  # fmt: skip
-    except RividError:  # nothing is left: the law is exact
+    except RividError:  # the law is exact
         floor = max(quantum, 1e-6)
         return NoiseModel(floor, floor, 0.0, 100.0, 0.0, 100.0, 1.0, 1.0) if start is None else start
-
-
-def _volume(values: Floats, record: Record) -> Floats:
-    """Integral over time from the row's first sample, each value held to the next; shape (days, n)."""
-    passed = np.zeros_like(values)
-    np.cumsum(values[:, :-1] * np.diff(record.time, axis=1), axis=1, out=passed[:, 1:])
-    return passed

@@ -1,7 +1,16 @@
 """Dates with and without an effect: exact penalised segmentation of one score a day.
 
-Optimal partitioning (Jackson et al. 2005, IEEE Signal Processing Letters 12): the best segments of the first
-t days are the best of the first s, and [s, t), for some s.
+Day d has a score g_d, of variance q_d (its information) where nothing acts; a segment [a, b) in which the
+effect has a size of its own gains
+
+    G(a, b) = (g_a + ... + g_{b-1})^2 / (2 (q_a + ... + q_{b-1}))    [nats],
+
+the Gaussian log-likelihood with known variances. Optimal partitioning (Jackson et al. 2005, IEEE Signal
+Processing Letters 12) takes the segments with the largest sum of G less a penalty each. Days of a block are
+correlated, and the nominal variance of the scores may be wrong: both are one factor, the inflation, estimated
+from differences of neighbouring blocks, in which a lasting effect cancels. The penalty is that factor times a
+limit from simulated days. The ends of a window inside the season have a price of their own: otherwise an
+effect that is always present would lose its first days whenever these were quiet.
 """
 
 from collections.abc import Iterator
@@ -28,7 +37,7 @@ def partition(
     shortest: int = 1,
     edge: float = 0.0,
 ) -> tuple[Ints, Bools, float]:
-    """The best segments, by exact dynamic programming over the day on which the last one begins.
+    """The best segments, by exact dynamic programming over the first day of the last one.
 
     Parameters
     ----------
@@ -37,14 +46,14 @@ def partition(
     penalty : float
         Price of a window (`rest` "zero") or of a change (`rest` "free") [nats].
     rest : {"zero", "free"}
-        "zero": days outside windows have no effect, and windows have any size. "free": all days have one, and
-        it changes.
+        "zero": days outside windows have no effect, and windows have any size. "free": the effect is always
+        present, and its size changes.
     sign : {-1, 0, 1}
         Sign that sizes must have; 0 for any.
     shortest : int
         Days of the shortest segment with an effect.
     edge : float
-        Price of each end of a window inside the season, beside the window's own [nats].
+        Price of each end of a window inside the season, in addition to the penalty [nats].
 
     Returns
     -------
@@ -102,11 +111,11 @@ def inside(t: int, n: int, shortest: int) -> Floats:
 
 
 MOST_SEGMENTS = 4
-"""Segments up to which simulated days without a change are searched for one, where the rest is free."""
+"""Largest number of segments in the search for changes on simulated days without one."""
 
 EDGE = 3.68
-"""Drop of the log-likelihood that holds a change date with 95 % [nats] (Hansen 2000, Econometrica 68); also
-the price of a window's end."""
+"""Price of a window's end inside the season [nats]: the drop of the log-likelihood that holds a change date
+with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +126,6 @@ class Segments:
     ----------
     bounds : ndarray of int, shape (k + 1,)
         First day of each segment, and the number of days.
-    earliest, latest : ndarray of int, shape (k - 1,)
-        Where the first day of each segment but the first may lie, each with about 95 %.
     size, size_se : ndarray, shape (k,)
         Score by information [unit of the effect] and its standard error, inflation included; 0 and 0 where
         the effect is off.
@@ -126,21 +133,13 @@ class Segments:
         Whether the effect is there; where the rest is free, all are.
     gain : float
         Over no window or no change, penalties paid [nats, by nominal variances].
-    penalty : float
-        Price of a window without its ends, or of a change [nats].
-    inflation : float
-        Variance of a block's score over its nominal one.
     """
 
     bounds: Ints
-    earliest: Ints
-    latest: Ints
     size: Floats
     size_se: Floats
     on: Bools
     gain: float
-    penalty: float
-    inflation: float
 
     @property
     def mask(self) -> Bools:
@@ -151,12 +150,6 @@ class Segments:
     def found(self) -> bool:
         """Whether there is a window or a change at all."""
         return len(self.bounds) > 2 or bool(self.on[0] and self.gain > 0.0)
-
-    @property
-    def windows(self) -> tuple[tuple[int, int], ...]:
-        """First and last day of each segment with the effect."""
-        ends = zip(self.bounds[:-1], self.bounds[1:], self.on, strict=True)
-        return tuple((int(a), int(b) - 1) for a, b, on in ends if on)
 
 
 def segment(
@@ -171,18 +164,18 @@ def segment(
     draws: int = 499,
     seed: int = 0,
 ) -> Segments:
-    """Cut days where an effect begins, ends or changes; seasons without one are left whole but for `level`.
+    """Cut days where an effect begins, ends or changes.
 
     Parameters
     ----------
     score, information : array_like, shape (days,)
-        g and q, as above: of a candidate's whitened column x and residual r, x'r and x'x of each day.
+        g and q: of a candidate's whitened column x and residual r, x'r and x'x of each day.
     blocks : array_like of int, shape (days,)
-        Block of each day; the days of one are correlated, blocks hardly.
+        Block of each day; days of one block are correlated, blocks hardly.
     rest, sign, shortest
         As for :func:`partition`.
     level : float
-        Share of seasons with nothing in them that are cut all the same.
+        Share of seasons without an effect that are cut nevertheless.
     draws, seed : int
         Simulated seasons without an effect, and their seed.
 
@@ -206,28 +199,26 @@ def segment(
     rng = np.random.default_rng(seed)
     shared = rng.standard_normal((draws, int(block.max()) + 1))[:, block]
     quiet = np.sqrt(q) * (np.sqrt(rho) * shared + np.sqrt(1.0 - rho) * rng.standard_normal((draws, len(g))))
-    # By its own inflation, as the data are: what the estimate of the factor adds is in the limit.
+    # Each draw by its own inflation, as the data are, so that the limit contains the error of that estimate.
     edge = EDGE if rest == "zero" else 0.0
-    worst = np.sort(_dearest(quiet, q, rest, sign, shortest, edge, block_inflation(quiet, q, block)[0]))
+    worst = np.sort(_limits(quiet, q, rest, sign, shortest, edge, block_inflation(quiet, q, block)[0]))
     rank = max(1, int(level * (draws + 1)))  # this one from the top is exceeded at `level`, exactly
     penalty = c * float(worst[-rank])
     bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge * c)
     total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
     size = np.where(on & (total_q > 0), total_g / np.where(total_q > 0, total_q, 1.0), 0.0)
     se = np.where(on & (total_q > 0), np.sqrt(c / np.where(total_q > 0, total_q, 1.0)), 0.0)
-    edges = [_edge(g, q, bounds, on, i, sign, EDGE * c) for i in range(1, len(bounds) - 1)]
-    earliest, latest = np.array(edges, np.int64).reshape(-1, 2).T
-    return Segments(bounds, earliest, latest, size, se, on, gain, penalty, c)
+    return Segments(bounds, size, se, on, gain)
 
 
-def _dearest(
+def _limits(
     g: Floats, q: Floats, rest: Rest, sign: int, shortest: int, edge: float, inflation: Floats
 ) -> Floats:
     """The lowest penalty at which each draw (draws, days) is left whole [nats over its inflation].
 
-    Several windows gain at most their number times the best one's, so that one decides. Changes do not
-    add up that way: a bump takes two, and neither may pay alone; so the best gain for each number of changes
-    is divided by it.
+    Several windows gain at most their number times the best one's, so that one decides. Changes are not
+    additive in that way: a temporary shift takes two, and neither may pay alone; so the best gain for each
+    number of changes is divided by it.
     """
     draws, n = g.shape
     scaled = g / np.sqrt(inflation)[:, None]
@@ -246,18 +237,3 @@ def _dearest(
                 best[k, :, t] = (best[k - 1, :, : t - shortest + 1] + gain[:, : t - shortest + 1]).max(1)
     changes = np.arange(1, MOST_SEGMENTS)[:, None]
     return np.asarray(np.maximum(((best[1:, :, n] - best[0, :, n]) / changes).max(0), 0.0))
-
-
-def _edge(g: Floats, q: Floats, bounds: Ints, on: Bools, i: int, sign: int, drop: float) -> tuple[int, int]:
-    """First and last position of one bound that costs less than `drop`, its neighbours where they are."""
-    a, b = int(bounds[i - 1]), int(bounds[i + 1])
-
-    def worth(score: Floats, information: Floats) -> Floats:
-        total = np.maximum(sign * np.cumsum(score), 0.0) if sign else np.cumsum(score)
-        known = np.cumsum(information)
-        return np.where(known > 0.0, total**2 / np.where(known > 0.0, 2.0 * known, 1.0), 0.0)
-
-    left = worth(g[a:b], q[a:b])[:-1] * on[i - 1]
-    right = worth(g[a:b][::-1], q[a:b][::-1])[::-1][1:] * on[i]
-    near = np.flatnonzero(left + right >= (left + right)[bounds[i] - a - 1] - drop)
-    return a + 1 + int(near[0]), a + 1 + int(near[-1])

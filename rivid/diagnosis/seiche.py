@@ -1,12 +1,12 @@
-"""A seiche: a swing of the gauge whose phase wanders, found in the spectrum of the innovations.
+"""A seiche: an oscillation of the gauge with a wandering phase, found in the spectrum of the innovations.
 
-The innovations of a right model are white. A damped oscillation that noise keeps alive adds to their spectrum
-that of an autoregression of second order, seen through the whitening filter. Its period, damping and size are
-fitted to the days that fit by Whittle's likelihood and tried on those that select.
+The innovations of a correct model are white. A damped oscillation driven by noise adds the spectrum of an
+autoregression of second order, seen through the whitening filter. Its period, damping and size are fitted to
+the fitting days by Whittle's likelihood and confirmed on the selecting days.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -18,64 +18,28 @@ from rivid.effects import Effect
 from rivid.types import Bools, Floats
 
 SHORTEST, LONGEST = 8, 0.25
-"""Period: samples at least, and days at most."""
+"""Least period [samples] and largest one [days]."""
 LEAST_DAMPING = 5e-5
-"""[1/s]. A slower fading is no wider than a day can resolve: a steady swing, of a machine, not of water."""
+"""[1/s]. Weaker damping is not resolved within a day: a steady oscillation, of a machine."""
 SLOWEST = 1e-6
+"""Least damping that the fit tries [1/s]."""
 BAND = 2.5
 """Frequencies within this factor of the peak are fitted."""
 WIDEST = 0.7
-"""Damping times period at most: a wider hump is no swing."""
+"""Largest damping times period: a wider peak is no oscillation."""
 LEAST_CONTRAST = 4.0
-"""A lower hump is what a poor response leaves."""
+"""Least power at the peak over that without a seiche: a poor response leaves less."""
 PRESENT = 0.8
-"""Share of the days on which a seiche is seen."""
+"""Least share of the days that a seiche gains on."""
 SMALLEST = 0.002
 """Amplitude [m]."""
-
-
-@dataclass(frozen=True)
-class Swing:
-    """A fitted seiche.
-
-    Attributes
-    ----------
-    period : float
-        [s].
-    damping : float
-        [1/s].
-    amplitude : float
-        [m].
-    spreads : ndarray, shape (3,)
-        Standard errors of their logarithms.
-    gains : ndarray, shape (days,)
-        Log-likelihood gained on each day [nats].
-    tried : int
-        At how many periods it was looked for.
-    contrast : float
-        Power at the peak over what is there without it.
-    """
-
-    period: float
-    damping: float
-    amplitude: float
-    spreads: Floats
-    gains: Floats
-    tried: int
-    contrast: float
+FITTED = ("period", "damping", "amplitude")
 
 
 def periodograms(innovations: Floats, used: Bools) -> Floats:
-    """Of each day, at the Fourier frequencies of a row but 0 and the highest, 1 on average where white.
+    """Periodogram of each day, shape (days, (n - 1) // 2), 1 on average where white.
 
-    Parameters
-    ----------
-    innovations : ndarray, shape (days, n)
-    used : ndarray of bool, shape (days, n)
-
-    Returns
-    -------
-    ndarray, shape (days, (n - 1) // 2)
+    At the Fourier frequencies of a row but 0 and the highest; both arguments have the shape (days, n).
     """
     there = np.asarray(used, float)
     many = np.maximum(there.sum(axis=1, keepdims=True), 1.0)
@@ -100,8 +64,10 @@ def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
     return np.asarray(law.innovation**2 / np.abs(1.0 - a1 * turn - a2 * turn**2) ** 2)
 
 
-def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int) -> Swing:
-    """The swing that explains the periodograms of some days best.
+def fit_seiche(
+    power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int
+) -> tuple[Effect, Floats, Floats, int, float]:
+    """The seiche that explains the periodograms of some days best.
 
     Parameters
     ----------
@@ -110,7 +76,7 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
     gain : ndarray, shape (m,)
         From :func:`through_filter`.
     fit : ndarray of bool, shape (days,)
-        Days that it is fitted to.
+        Days to fit.
     effect : type
         The catalogue's seiche.
     T_s : float
@@ -118,11 +84,23 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
     n : int
         Samples a row.
 
+    Returns
+    -------
+    seiche : Effect
+    spreads : ndarray, shape (3,)
+        Standard errors of the logarithms of :data:`FITTED`.
+    gains : ndarray, shape (days,)
+        Log-likelihood gained on each day [nats].
+    tried : int
+        Number of periods searched.
+    contrast : float
+        Power at the peak over that without the seiche.
+
     Notes
     -----
     Whittle (1953), in a band of :data:`BAND` about the highest peak: the gain of a day is
     ``sum_f [I_f (1/S0_f - 1/S_f) - ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power
-    of f alone: a noise model that has no swing bends all around one.
+    of f alone.
     """
     mean = power[fit].mean(axis=0)
     order = np.arange(1, len(mean) + 1)
@@ -135,14 +113,13 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
         return np.asarray(np.exp(p[0] + p[1] * away))
 
     def spectra(p: Floats) -> Floats:
-        period, damping, amplitude = limited(p)
-        at = effect.from_table({"period": period, "damping": damping, "amplitude": amplitude})
-        return np.asarray(white(p[3:]) + (gain * spectrum_of(at, n, T_s))[band])
+        return np.asarray(white(p[3:]) + (gain * spectrum_of(at(p), n, T_s))[band])
 
-    def limited(p: Floats) -> tuple[float, float, float]:
+    def at(p: Floats) -> Effect:
         period = float(np.exp(np.clip(p[0], np.log(0.8 * n * T_s / peak), np.log(1.25 * n * T_s / peak))))
         damping = float(np.exp(np.clip(p[1], np.log(SLOWEST), np.log(WIDEST / period))))
-        return period, damping, float(np.exp(np.clip(p[2], -14.0, 1.0)))
+        amplitude = float(np.exp(np.clip(p[2], -14.0, 1.0)))
+        return effect.from_table({"period": period, "damping": damping, "amplitude": amplitude})
 
     def cost(S: Floats) -> float:
         return float((seen / S + np.log(S)).sum())
@@ -157,13 +134,8 @@ def find_swing(power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
     days = int(fit.sum())
-    return Swing(
-        *limited(p),
-        _spreads(lambda q: days * cost(spectra(q)), p)[:3],
-        gains,
-        tried,
-        float((S / white(p[3:])).max()),
-    )
+    spreads = _spreads(lambda q: days * cost(spectra(q)), p)[:3]
+    return at(p), spreads, gains, tried, float((S / white(p[3:])).max())
 
 
 def _lowest(cost: Callable[[Floats], float], start: Floats) -> tuple[Floats, float]:
@@ -185,7 +157,7 @@ def _spreads(cost: Callable[[Floats], float], p: Floats) -> Floats:
 
 
 def _highest(mean: Floats, periods: Floats, shortest: float, longest: float) -> tuple[float, int]:
-    """Period of the highest peak above its surroundings, and among how many it was looked for."""
+    """Period of the highest peak above its surroundings, and the number of periods searched."""
     smooth = np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
     able = np.flatnonzero((periods >= shortest) & (periods <= longest))
     around = [np.median(mean[max(k // 2, k - 60) : min(2 * k + 2, k + 61)]) for k in able]
@@ -194,10 +166,10 @@ def _highest(mean: Floats, periods: Floats, shortest: float, longest: float) -> 
 
 
 def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
-    """The seiche as a proposal; None where the swing is small, too wide, or as steady as a machine's.
+    """The seiche as a proposal; None where it is small, too wide, or too steady.
 
-    A swing of the outflow looks the same where the gauge stands at the dam; but what a governor does is
-    either regular, and refused here, or ends when the gates are held: the answer says so.
+    An oscillation of the outflow looks the same where the gauge is at the dam, but that of a governor is
+    either regular, and refused here, or ends when the gates are held.
     """
     record = model.record
     day = slice(record.lead, None)
@@ -208,30 +180,25 @@ def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal 
     power = periodograms(innovations, used)
     gain = through_filter(before.noise, n)
     split = model.split
-    swing = find_swing(power, gain, split.fit & whole, effect, record.sample_time, n)
-    if swing.damping < LEAST_DAMPING or swing.damping > 0.99 * WIDEST / swing.period:
+    made, spreads, gains, tried, contrast = fit_seiche(
+        power, gain, split.fit & whole, effect, record.sample_time, n
+    )
+    period, damping, amplitude = (float(getattr(made, name)) for name in FITTED)
+    if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
         return None
-    if swing.amplitude < SMALLEST or swing.contrast < LEAST_CONTRAST:
+    if amplitude < SMALLEST or contrast < LEAST_CONTRAST:
         return None
-    gains = np.where(whole, swing.gains, 0.0)
+    gains = np.where(whole, gains, 0.0)
     if (gains[whole & (split.fit | split.select)] > 0.0).mean() < PRESENT:
-        return None  # a clock or a gate that is wrong for a while rings as well
-    after = _with(before, gains)
+        return None  # a temporary fault of a clock or a gate gives oscillations as well
+    after = replace(before, likelihood=before.likelihood + gains)
     quiet = np.zeros(record.days)
     fit, select, t, _, blocks = compared(model, before, after, quiet, quiet + 1.0)
-    made = effect.from_table(
-        {"period": swing.period, "damping": swing.damping, "amplitude": swing.amplitude}
-    )  # fmt: skip
-    chance = min(swing.tried * float(np.exp(-max(fit, 0.0))), 1.0)
+    chance = min(tried * float(np.exp(-max(fit, 0.0))), 1.0)
     return Proposal(
         effect.name, "swing", made, (), (None, None), chance, after, np.empty((0, *record.time.shape)), fit,
         select, t, np.zeros(len(before.errors.squares)), blocks, level_noise=True, gains=gains,
         spreads={
-            name: float(getattr(swing, name) * spread)
-            for name, spread in zip(("period", "damping", "amplitude"), swing.spreads, strict=True)
+            name: float(getattr(made, name) * spread) for name, spread in zip(FITTED, spreads, strict=True)
         },
     )  # fmt: skip
-
-
-def _with(before: Evaluation, gains: Floats) -> Evaluation:
-    return replace(before, likelihood=before.likelihood + gains)

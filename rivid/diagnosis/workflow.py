@@ -25,7 +25,7 @@ from rivid.diagnosis.deciding.trying import (
     rivals,
     worth_trying,
 )
-from rivid.diagnosis.events import happenings
+from rivid.diagnosis.events import event_proposals
 from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
 from rivid.diagnosis.model.adding import added, dropped, echoes, patched, recoded, varied
 from rivid.diagnosis.response.base import Response, kernels_of
@@ -217,7 +217,7 @@ class _Search:
             r.choice and r.choice.proposal.events and r.choice.proposal.effect.repeatable for r in self.rounds
         )
         names = self._names()
-        found += happenings(self.linear, self.evaluation, self.classes, self.kernels, names, pulses)
+        found += event_proposals(self.linear, self.evaluation, self.classes, self.kernels, names, pulses)
         found = [p for p in found if not echoes(p, model.effects, self.record)]
         return sorted(found, key=lambda p: -p.gain_select)
 

@@ -6,12 +6,11 @@ The state is (x, w, s): level error, unknown inflow, level-type noise. A sample 
 
 w and s stationary from the first sample on. x starts diffuse, exactly: the first sample that is there sets
 x = z - s - e, counts nothing, and its innovation is 0 (Durbin and Koopman, Time series analysis by state
-space methods, ch. 5). Gains depend on which samples are there, not on what they read: days with the same
+space methods, ch. 5). Gains depend on which samples are present, not on their values: days with the same
 gaps share them.
 
-A sample waits for the one before it, a day for no other. So the innermost loops of all that is compiled here,
-in `kalman_days.py` and in `kalman_smoother.py` go over what does not wait: days, patterns of gaps, systems.
-Importing any of the three loads numba.
+A sample depends on the one before it, a day on no other. So the innermost loops of all that is compiled here
+go over days, patterns of gaps, or systems. Importing this module loads numba.
 """
 
 from typing import NamedTuple
@@ -27,7 +26,7 @@ from rivid.types import Bools, Floats, Ints
 class System(NamedTuple):
     """The matrices' entries: c [s/m2], memories phi and psi a sample, variances of v, w, s and e.
 
-    `diffuse` is whether nothing is known of x at the start.
+    `diffuse`: whether x is unknown at the start.
     """
 
     c: float
@@ -73,32 +72,20 @@ def gather(residual: ArrayLike) -> Days:
     return Days(values, pattern, there[first])
 
 
-class Lanes(NamedTuple):
-    """Days side by side, those with the same gaps as neighbours.
+def lanes(pattern: Ints, patterns: Bools) -> tuple[Ints, Ints, Bools]:
+    """Put days in lanes, those with the same gaps next to each other.
 
-    Attributes
-    ----------
+    `pattern` (days,) is the index of each day's row in `patterns` (k, n); where nearly all days differ, each
+    counts as a pattern.
+
+    Returns
+    -------
     order : ndarray of int, shape (days,)
-        Which day stands at each place.
+        Day at each place.
     ends : ndarray of int, shape (m + 1,)
-        Places at which each pattern of gaps begins, and the number of days.
+        First place of each pattern of gaps, and the number of days.
     there : ndarray of bool, shape (n, m)
-        Which samples are there.
-    """
-
-    order: Ints
-    ends: Ints
-    there: Bools
-
-
-def lanes(pattern: Ints, patterns: Bools) -> Lanes:
-    """Put days side by side.
-
-    Parameters
-    ----------
-    pattern : ndarray of int, shape (days,)
-    patterns : ndarray of bool, shape (k, n)
-        One that no day has is left out; where nearly all are different, each day counts as a pattern.
+        Which samples are present.
     """
     days = len(pattern)
     order = np.argsort(pattern, kind="stable")
@@ -106,7 +93,7 @@ def lanes(pattern: Ints, patterns: Bools) -> Lanes:
     if 2 * len(kept) > days:
         order, kept, first = np.arange(days), pattern, np.arange(days)
     ends = np.append(first, days).astype(np.int64)
-    return Lanes(order.astype(np.int64), ends, np.ascontiguousarray(patterns[kept].T))
+    return order.astype(np.int64), ends, np.ascontiguousarray(patterns[kept].T)
 
 
 @njit(cache=True, error_model="numpy")
@@ -120,7 +107,7 @@ def gains(there: Bools, systems: Floats, diffuse: bool, keep: bool) -> tuple[Flo
         The first seven numbers of a :class:`System` each.
     diffuse : bool
     keep : bool
-        Whether the filtered covariances are wanted.
+        Whether to return the filtered covariances.
 
     Returns
     -------
@@ -182,7 +169,7 @@ def log_likelihoods(values: Floats, ends: Ints, there: Bools, systems: Floats, d
     Parameters
     ----------
     values : ndarray, shape (n, days)
-        0 where a sample is missing; days as :class:`rivid.diagnosis.noise.kalman.Lanes` puts them.
+        0 where a sample is missing; days in the order of :func:`lanes`.
     ends, there
         Of the lanes.
     systems : ndarray, shape (q, 7)
@@ -340,7 +327,7 @@ def filtered(Z: Floats, pattern: Ints, K: Floats, m: System) -> tuple[Floats, Fl
     pattern : ndarray of int, shape (days,)
         The lane of K for each day.
     K : ndarray, shape (3, n, lanes)
-        From :func:`rivid.diagnosis.noise.kalman.gains`.
+        From :func:`gains`.
     m : System
 
     Returns
@@ -384,7 +371,7 @@ def smoothed(
     pattern : ndarray of int, shape (days,)
     there : ndarray of bool, shape (n, lanes)
     K, S, P
-        From :func:`rivid.diagnosis.noise.kalman.gains`.
+        From :func:`gains`.
     m : System
     """
     (days, n), many = v.shape, there.shape[1]
@@ -429,7 +416,7 @@ def _means(
 
 @njit(cache=True, error_model="numpy")
 def _variances(out: Floats, first: int, K: Floats, S: Floats, P: Floats, m: System) -> None:
-    """Their variances (n, 3), which the gaps alone decide."""
+    """Their variances (n, 3), which depend on the gaps alone."""
     n = len(S)
     if first == n:
         out[:, 0], out[:, 1], out[:, 2] = np.nan, m.inflow, m.level

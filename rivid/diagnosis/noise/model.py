@@ -1,13 +1,13 @@
-"""The noise of a simulated reach: unknown inflow, random walk, gauge noise and wind, day by day.
+"""The noise of a simulated reach: unknown inflow, random walk, gauge noise and wind, day by day; its fit.
 
 The residual is z = measured level - simulated level. Each day is a fresh start, and at sample k
 
     z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
 
 w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
-level error, e white gauge noise; nothing is known of x_0. For a river reach, whose output is a discharge,
-there is no A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so
-that a constant inflow stays a thing to find.
+level error, e white gauge noise; x_0 is unknown. For a river reach, whose output is a discharge, there is no
+A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so that a
+constant inflow remains to be found. The fit starts from several models: one start can end in a local optimum.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -26,7 +26,7 @@ Number = float | Floats
 
 
 class Smoothed(NamedTuple):
-    """What a whole day says of the hidden parts; arrays of shape (days, n).
+    """Estimates of the hidden parts from whole days; arrays of shape (days, n).
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class NoiseModel:
     Raises
     ------
     RividError
-        Where a number makes no sense.
+        Where a value is out of range.
     """
 
     gauge_sd: float
@@ -157,14 +157,14 @@ class NoiseModel:
         residual : array_like, shape (days, n)
             [m]; NaN is missing. Rows may be longer than a day where days continue.
         horizon : int
-            [samples]; w and s decay over it as their memories say.
+            [samples]; w and s decay over it by their memories.
         every, first : int
             Origins are the samples first, first + every, ... with a target in the row.
 
         Returns
         -------
         ndarray, shape (days, origins)
-            NaN where the target is missing, or nothing was read up to the origin.
+            NaN where the target is missing, or no sample precedes the origin.
         """
         from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
@@ -216,16 +216,16 @@ class NoiseModel:
         return x + memory(self.level_sd, m.psi) + rng.normal(0.0, self.gauge_sd, (days, n))
 
     def system(self) -> "System":
-        """What the filter is made of."""
+        """Entries of the filter's matrices."""
         from rivid.diagnosis.noise.kalman import System
 
-        told = entries(*(getattr(self, f.name) for f in fields(self)))
-        c, phi, psi, walk, inflow, level, gauge = (float(entry) for entry in told)
+        numbers = entries(*(getattr(self, f.name) for f in fields(self)))
+        c, phi, psi, walk, inflow, level, gauge = (float(number) for number in numbers)
         return System(c, phi, psi, walk, inflow, level, gauge, self.diffuse)
 
     @property
     def diffuse(self) -> bool:
-        """Whether nothing is known of where a day starts."""
+        """Whether the start of a day is unknown."""
         return self.surface_area is not None
 
 
@@ -246,7 +246,7 @@ def entries(
 
 
 WALK_LIMIT = 1e-3
-"""Largest level random walk beside a level-type noise [m per sample]: a freer one swallows the wind."""
+"""Largest random walk with a level-type noise [m per sample]: a larger one absorbs the wind."""
 
 
 class Limits(NamedTuple):
@@ -263,7 +263,7 @@ class Limits(NamedTuple):
         return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
 
     def systems(self, points: Floats) -> Floats:
-        """What the filters of many models (q, f) are made of, shape (q, 7)."""
+        """Entries of the filters of many models (q, f), shape (q, 7)."""
         numbers = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
         numbers |= dict(zip(self.free, np.exp(points).T, strict=True))
         return np.stack(np.broadcast_arrays(*entries(**numbers)), axis=1)
@@ -278,11 +278,11 @@ def limits_of(
     walk_limit: float | None,
     memory_floor: float | None,
 ) -> Limits:
-    """Limits by how much a sample usually changes; arguments as of the fit."""
+    """Limits from the usual change of a sample; arguments as of the fit."""
     there, n = days.there, days.values.shape[1]
     both = there[:, 1:] & there[:, :-1]
     scale = float(np.sqrt(np.mean(np.diff(days.values, axis=1)[both] ** 2) / 2.0))
-    longest = 10.0 * n * T  # a day cannot tell a longer memory from an endless one
+    longest = 10.0 * n * T  # a longer memory is infinite within a day
     most_walk = min(10.0 * scale, walk_limit or (WALK_LIMIT if level else np.inf))
     bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
     if A is not None:
@@ -298,7 +298,7 @@ def limits_of(
 
 
 def usual_starts(limits: Limits, pool: bool, level: bool) -> tuple[NoiseModel, ...]:
-    """Weak and lasting, strong and short, or hardly any unknown inflow; with and without much wind."""
+    """Weak and lasting, strong and short, or hardly any unknown inflow; with and without wind."""
     z, rest = limits.scale, limits.model
     T, A = rest.sample_time, rest.surface_area
     if not pool or A is None:
@@ -310,7 +310,7 @@ def usual_starts(limits: Limits, pool: bool, level: bool) -> tuple[NoiseModel, .
     walk = replace(rest, gauge_sd=0.5 * z, walk_sd=0.3 * z, inflow_sd=0.01 * w, inflow_memory=600.0 * T)
     if not level:
         return weak, short, walk
-    return tuple(  # slow levels are w's or s's doing: the likelihood has a hill for either
+    return tuple(  # slow levels come from w or from s: the likelihood has a maximum for either
         replace(start, walk_sd=walk * z, level_sd=size * z, level_memory=last * T)
         for start in (weak, short)
         for size, last in ((3.0, 80.0), (1.0, 10.0))
@@ -319,7 +319,7 @@ def usual_starts(limits: Limits, pool: bool, level: bool) -> tuple[NoiseModel, .
 
 
 FEWEST_BLOCKS = 8
-"""Blocks below which the inflation is a guess."""
+"""Fewest blocks for an estimate of the inflation."""
 
 KEPT = 0.75
 """Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
@@ -333,16 +333,7 @@ def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integ
 
     From differences of means, of neighbouring blocks and of days within a block, without the largest quarter
     of their squares: an effect that lasts for many blocks cancels, and the ends of its dates are left out.
-
-    Parameters
-    ----------
-    score : ndarray, shape (draws, days)
-    information : ndarray, shape (days,)
-    blocks : ndarray of int, shape (days,)
-
-    Returns
-    -------
-    inflation, correlation : ndarray, shape (draws,)
+    Arguments: score (draws, days), information (days,) and blocks (days,); returns two arrays (draws,).
     """
     used = information > 0.0
     g, q = score[:, used], information[used]
@@ -355,7 +346,7 @@ def block_inflation(score: Floats, information: Floats, blocks: NDArray[np.integ
     within = _squares(g, q, same)
     days = len(q) / len(first)
     rho = (inflation - within) / np.maximum(inflation + (days - 1.0) * within, 1e-300)
-    # Days of a block are not against each other: a smaller factor than that of days alone is chance.
+    # Days of a block do not cancel each other: a smaller factor than that of days alone is chance.
     return np.maximum(inflation, within), np.clip(rho, 0.0, 0.95)
 
 
@@ -377,19 +368,10 @@ STEP = 1e-4
 
 
 def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
-    """Weights of days, 1 for most, less for a day far noisier than the median.
+    """Weights of days, shape (days,): 1 for most, less for a day far noisier than the median.
 
-    Parameters
-    ----------
-    whitened : array_like, shape (days, n)
-        Whitened residual; exact zeros are samples that do not count.
-    limit : float
-        A day's mean square may be this many times the median's.
-
-    Returns
-    -------
-    ndarray, shape (days,)
-        min(1, limit x median / mean square); 0 for a day without samples.
+    min(1, limit x median / mean square) of whitened residuals (days, n), whose exact zeros are unused
+    not count; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)
     count = (r != 0.0).sum(1)
@@ -421,7 +403,7 @@ def fit_noise(
     Parameters
     ----------
     residual : array_like, shape (days, n)
-        [m]; NaN is missing. For a river reach [m3/s].
+        [m], of a river reach [m3/s]; NaN is missing.
     sample_time, surface_area : float
         T_s [s] and A [m2]; A is None for a river reach.
     weights : array_like, shape (days,), optional
@@ -431,14 +413,13 @@ def fit_noise(
     gauge_floor : float
         Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
     walk_limit : float, optional
-        Upper limit of walk_sd [m per sample]; default none, or
-        :data:`rivid.diagnosis.noise.model.WALK_LIMIT` with `level`.
+        Upper limit of walk_sd [m per sample]; default none, or :data:`WALK_LIMIT` with `level`.
     memory_floor : float, optional
         Lower limit of w's memory [s]; default ten samples.
     starts : tuple of NoiseModel
-        Further starts, say the model of the last round.
+        Further starts.
     alone : bool
-        Begin at `starts` only: quicker, where they are near.
+        Start at `starts` only: faster, where they are near.
 
     Raises
     ------
@@ -450,22 +431,21 @@ def fit_noise(
     days = gather(residual)
     both = days.there[:, 1:] & days.there[:, :-1]
     if not np.diff(days.values, axis=1)[both].any():
-        raise RividError("residual has no day that moves: nothing to fit a noise to; check the logs")
+        raise RividError("residual has no day that moves: expected a residual that varies; check the logs")
     limits = limits_of(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
     usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
-    begin = usual + starts
     if weights is not None:
         given = np.asarray(weights, float)
         if given.shape != (len(days.values),) or not (given >= 0.0).all() or not given.any():
             raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(days, given, begin, limits)
-    model = _climb(days, np.ones(len(days.values)), begin, limits)
+        return _climb(days, given, usual + starts, limits)
+    model = _climb(days, np.ones(len(days.values)), usual + starts, limits)
     w = day_weights(model.whiten(residual))
     return model if (w == 1.0).all() else _climb(days, w, (model,), limits)
 
 
 def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits: Limits) -> NoiseModel:
-    """The likeliest model that the starts lead to."""
+    """The model of greatest likelihood from all starts."""
     from scipy.optimize import minimize
 
     from rivid.diagnosis.noise.kalman import lanes, log_likelihoods

@@ -1,4 +1,4 @@
-"""What a calibrated reach response is: free parameters, and the output that it gives for the logs.
+"""A calibrated reach response: its free parameters, its output for the logs, and the flows behind the logs.
 
 An effect is sought in the difference of two outputs, so an output must not drift away from the measurement:
 a volume error of one hour would stay for ever. :meth:`Response.baseline` is therefore linearised about the
@@ -6,12 +6,13 @@ observed course, while :meth:`Response.simulate` runs free.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Protocol, Self, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
 from rivid.errors import RividError
@@ -43,9 +44,9 @@ class FreeParameter:
     Attributes
     ----------
     name, unit : str
-        As people know it; the unit is that of :attr:`natural`.
+        The unit is that of :attr:`natural`.
     value : float
-        Where it is: its logarithm where `log`, else itself.
+        Its logarithm where `log`, else itself.
     mean, sd : float
         Gaussian prior.
     low, high : float
@@ -112,7 +113,7 @@ class Response(Protocol):
         ...
 
     def settled(self, record: Record) -> Self:
-        """The same model with what is not continuous, such as lags in samples, where its values put it."""
+        """The same model with its discrete parts, such as lags in samples, set from its parameters."""
         ...
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
@@ -178,7 +179,7 @@ def start_level(output: Floats, otherwise: float) -> Floats:
 
 
 def gauge_of(record: Record, changes: Changes) -> Floats:
-    """What the gauge gives above the water, shape (days, n)."""
+    """Reading of the gauge less the water level, shape (days, n)."""
     try:
         return np.broadcast_to(np.asarray(changes.gauge, float), record.time.shape)
     except ValueError:
@@ -188,7 +189,7 @@ def gauge_of(record: Record, changes: Changes) -> Floats:
 
 
 def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
-    """A nudged level with all that the nudge has added taken away again.
+    """A nudged level less the volume that the nudge has added.
 
     Parameters
     ----------
@@ -202,18 +203,18 @@ def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RealFlows:
-    """What really flows.
+    """The real flows, after all changes of the logged ones.
 
     Attributes
     ----------
     inflow, outflow : ndarray, shape (days, n)
         Through the dams, means of the samples [m3/s].
     added : tuple of AddedFlow
-        Beside them; what leaks and ponds take is negative.
+        Further flows; those lost to leaks and ponds are negative.
     storage : ndarray, shape (days, n)
         Water surface over the usual one [-].
     gauge : ndarray, shape (days, n)
-        What the gauge gives above the water.
+        Reading of the gauge less the water level.
     """
 
     inflow: Floats
@@ -224,7 +225,7 @@ class RealFlows:
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
-    """The flows that changes make of the logs.
+    """The real flows of a record under changes.
 
     Parameters
     ----------
@@ -234,8 +235,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
     Raises
     ------
     RividError
-        Where a river reach is given changes of a level, an outflow or a volume, which it has not; or arrays
-        do not fit the record.
+        Where changes of a level, an outflow or a volume are given for a river reach, or arrays do not fit.
     """
     shape = record.time.shape
     inflow = record.inflow if changes.inflow is None else on_grid("the real inflow", changes.inflow, shape)
@@ -269,6 +269,34 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
     return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
 
 
+def lagged(values: Floats, lag: int) -> Floats:
+    """Values some samples before; a row's first holds before it."""
+    if lag == 0:
+        return values
+    return np.concatenate([np.repeat(values[:, :1], lag, axis=1), values[:, :-lag]], axis=1)
+
+
+def leaky(flow: Floats, sample_time: float, memory: float) -> Floats:
+    """Leaky mean of a flow over a memory [s], from the row's first value."""
+    keep = math.exp(-sample_time / memory)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], flow, axis=1, zi=keep * flow[:, :1])[0])
+
+
+def cut(changes: Changes, shape: tuple[int, int], part: Any) -> Changes:
+    """Changes on a part of the grid: `part` is an index of it that keeps whole rows or samples."""
+
+    def of(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value if value.size == 1 else np.broadcast_to(value, shape)[part]
+        if isinstance(value, tuple):
+            return tuple(of(each) for each in value)
+        if is_dataclass(value) and not isinstance(value, type):
+            return replace(value, **{f.name: of(getattr(value, f.name)) for f in fields(value)})
+        return value
+
+    return cast(Changes, of(changes))
+
+
 def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
     """An output without gaps, straight lines across them, shape (days, n); `otherwise` on an empty row."""
     whole = output.copy()
@@ -296,11 +324,11 @@ def volume_before(time: Floats, flow: Floats, delay: ArrayLike) -> Floats:
         How much earlier [s]; not negative.
     """
     passed = volume(time, flow)
-    asked = time - np.asarray(delay, float)
+    earlier = time - np.asarray(delay, float)
     moved = np.empty_like(passed)
     for row in range(len(time)):
-        moved[row] = np.interp(asked[row], time[row], passed[row])
-    return np.asarray(moved + flow[:, :1] * np.minimum(asked - time[:, :1], 0.0))
+        moved[row] = np.interp(earlier[row], time[row], passed[row])
+    return np.asarray(moved + flow[:, :1] * np.minimum(earlier - time[:, :1], 0.0))
 
 
 def mean_before(time: Floats, passed: Floats) -> Floats:

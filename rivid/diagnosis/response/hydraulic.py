@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
+    cut,
     gauge_of,
+    lagged,
     placed,
     slopes_by_differences,
     start_level,
@@ -26,63 +28,32 @@ Run = Callable[[Record, Changes], Floats]
 
 
 def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
-    """All rows of a run, each until the water cannot follow the logs.
+    """All rows of a run (days, n), each until the water cannot follow the logs and NaN from there on.
 
-    Parameters
-    ----------
-    run : callable
-        Record and changes to an output (days, n); rows know nothing of each other. It raises RividError
-        where any row fails.
-    record : Record
-    changes : Changes
-
-    Returns
-    -------
-    ndarray, shape (days, n)
-        NaN after the last sample that a row can be simulated to.
+    `run` maps record and changes to an output (days, n); it raises RividError where any row fails.
     """
     try:
         return run(record, changes)
     except RividError:
         pass
-    output = np.full(record.time.shape, np.nan)
+    shape = record.time.shape
+    output = np.full(shape, np.nan)
     for row in range(record.days):
-        done, failed = 0, record.time.shape[1] + 1
+        done, failed = 0, shape[1] + 1
         end = failed - 1  # most rows go all the way
         while failed - done > 1:
+            part = np.s_[row : row + 1, :end]
+            few = replace(
+                record, dates=record.dates[row : row + 1], time=record.time[part], inflow=record.inflow[part],
+                outflow=record.outflow[part], output=record.output[part], used=record.used[part],
+            )  # fmt: skip
             try:
-                output[row, :end] = run(*part_of(record, changes, row, end))[0]
+                output[row, :end] = run(few, cut(changes, shape, part))[0]
                 done = end
             except RividError:
                 failed = end
             end = (done + failed) // 2
     return output
-
-
-def part_of(record: Record, changes: Changes, row: int, n: int) -> tuple[Record, Changes]:
-    """The first n samples of a row, and what changes on them."""
-    shape = record.time.shape
-
-    def cut(values: Floats) -> Floats:
-        return np.broadcast_to(values, shape)[row : row + 1, :n]
-
-    gate = changes.gate
-    part = replace(
-        record, dates=record.dates[row : row + 1], time=cut(record.time), inflow=cut(record.inflow),
-        outflow=cut(record.outflow), output=cut(record.output), used=record.used[row : row + 1, :n],
-    )  # fmt: skip
-    return part, replace(
-        changes,
-        inflow=None if changes.inflow is None else cut(changes.inflow),
-        gate=replace(
-            gate, dead_band=cut(gate.dead_band), rate=cut(gate.rate), lag=cut(gate.lag),
-            factor=cut(gate.factor), head=cut(gate.head),
-        ),
-        added=tuple(replace(each, flow=cut(each.flow)) for each in changes.added),
-        leaks=tuple(replace(each, loss=cut(each.loss)) for each in changes.leaks),
-        ponds=tuple(replace(each, exchange=cut(each.exchange)) for each in changes.ponds),
-        gauge=cut(changes.gauge),
-    )  # fmt: skip
 
 
 SHAPE = ("length", "width", "depth", "fall", "manning")
@@ -160,7 +131,7 @@ class HydraulicResponse:
         cells: int = 32,
         gate_time: float = 30.0,
     ) -> "HydraulicResponse":
-        """From what a configuration knows.
+        """From the configured geometry.
 
         Parameters
         ----------
@@ -175,13 +146,13 @@ class HydraulicResponse:
         manning : float
             Manning's n [s/m^(1/3)].
         length_sd, width_sd, depth_sd, manning_sd : float
-            How well they are known, as shares.
+            Relative uncertainties.
         width_modes, bed_modes : int
             Modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed.
         corrections : bool
             Whether the first lags of the outflow and those about the inflow's arrival are corrected.
         cells : int
-            Cells of the channel; with 24, the scheme's own dispersion already asks for corrections.
+            Cells of the channel; with 24 the scheme's own dispersion needs corrections.
         gate_time : float
             [s].
 
@@ -235,7 +206,7 @@ class HydraulicResponse:
         return replace(self, parameters=placed(self.parameters, vector))
 
     def settled(self, record: Record) -> "HydraulicResponse":
-        """With the corrections of the inflow where its waves arrive now; those that move begin anew."""
+        """With the corrections of the inflow at its present arrival; those that move start at zero."""
         if not self.inflow_lags:
             return self
         lags = self._arrival_lags(record.sample_time, record.usual_flow)
@@ -257,7 +228,7 @@ class HydraulicResponse:
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] of rows that run free from their first readings, shape (days, n).
 
-        NaN from where a row's water cannot follow the logs: where much is missing, an open loop runs dry.
+        NaN from where a row cannot follow the logs: without the missing water an open loop can run dry.
         """
         return as_far_as_it_goes(self._free, record, changes)
 
@@ -304,8 +275,8 @@ class HydraulicResponse:
         """Lagged flows less their first values, shape (corrections, days, n) [m3/s]."""
         inflow = record.inflow if changes.inflow is None else changes.inflow
         return np.stack(
-            [_lagged(outflow, lag) for lag in self.outflow_lags]
-            + [_lagged(inflow, lag) for lag in self.inflow_lags]
+            [lagged(outflow, lag) - outflow[:, :1] for lag in self.outflow_lags]
+            + [lagged(inflow, lag) - inflow[:, :1] for lag in self.inflow_lags]
         )
 
     def _arrival_lags(self, sample_time: float, flow: float) -> tuple[int, ...]:
@@ -336,11 +307,3 @@ class HydraulicResponse:
 
 def _times(scale: float, sd: float, low: float, high: float) -> tuple[float, float, float]:
     return sd * scale, low * scale, high * scale
-
-
-def _lagged(flow: Floats, lag: int) -> Floats:
-    """A flow as it was some samples before, less the row's first; that holds before it."""
-    first = flow[:, :1]
-    moved = np.zeros_like(flow)
-    moved[:, lag:] = flow[:, : flow.shape[1] - lag] - first
-    return moved

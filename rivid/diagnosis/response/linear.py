@@ -11,12 +11,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
     RealFlows,
+    lagged,
+    leaky,
     mean_before,
     placed,
     real_flows,
@@ -81,7 +82,7 @@ class LinearPool:
         delay_sd: float = 0.2,
         gain_sd: float = 0.1,
     ) -> "LinearPool":
-        """From what a configuration knows.
+        """From the configured geometry.
 
         Parameters
         ----------
@@ -91,7 +92,7 @@ class LinearPool:
         surface_area, delay : float
             A [m2] and tau [s].
         area_sd, delay_sd, gain_sd : float
-            How well they and the gain 1 are known, as shares.
+            Relative uncertainties of these and of the gain 1.
 
         Raises
         ------
@@ -172,8 +173,8 @@ class LinearPool:
         came = gain * volume_before(time, flows.inflow, delay)
         came -= came[:, :1]
         for part in flows.added:
-            beside = volume_before(time, part.flow, (1.0 - part.place) * delay)
-            came += beside - beside[:, :1]
+            further = volume_before(time, part.flow, (1.0 - part.place) * delay)
+            came += further - further[:, :1]
         stored = came - volume(time, flows.outflow)
         rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
         level = np.cumsum(rise, axis=1) / area
@@ -197,10 +198,10 @@ class LinearPool:
             outflow = outflow - part.place * part.flow
         delay = self.parameters[1].natural
         late = mean_before(record.time, volume_before(record.time, inflow, delay))
-        slow = (_leaky(0.5 * (late + outflow), record.sample_time) - self.flow) / self.flow_range
+        slow = (leaky(0.5 * (late + outflow), record.sample_time, SLOW) - self.flow) / self.flow_range
         plain = np.stack(
-            [_lagged(inflow - self.flow, lag) for lag in self.lags]
-            + [_lagged(outflow - self.flow, lag) for lag in self.lags]
+            [lagged(inflow - self.flow, lag) for lag in self.lags]
+            + [lagged(outflow - self.flow, lag) for lag in self.lags]
         )
         return np.concatenate([plain, plain * slow])
 
@@ -213,17 +214,6 @@ def _lags(delay: int, lead: int) -> tuple[int, ...]:
     return tuple(lags)
 
 
-def _lagged(flow: Floats, lag: int) -> Floats:
-    """A flow as it was some samples before; the first of a row holds before it."""
-    return np.concatenate([np.repeat(flow[:, :1], lag, axis=1), flow[:, :-lag]], axis=1)
-
-
 def _before(values: Floats) -> Floats:
     """Values of the sample before each."""
     return np.concatenate([values[:, :1], values[:, :-1]], axis=1)
-
-
-def _leaky(flow: Floats, sample_time: float) -> Floats:
-    """Leaky mean of a flow over :data:`SLOW`, from the row's first value."""
-    keep = math.exp(-sample_time / SLOW)
-    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], flow, axis=1, zi=keep * flow[:, :1])[0])

@@ -93,10 +93,8 @@ def proposals(
     found = scan(
         r[rows], nuisance[:, rows], candidates, blocks=blocks[rows], weights=before.weights[rows],
         flips=flips, seed=seed,
-    ).found  # fmt: skip
-    p_family = [
-        min(f.p_family for f, k in zip(found, whose, strict=True) if k == i) for i in range(len(trials))
-    ]
+    )  # fmt: skip
+    p_family = [float(found[np.array(whose) == i].min()) for i in range(len(trials))]
     result = []
     free_of = _projected(r, nuisance, split.fit | split.select)
     dated, blocks_of = len(trials), split.block[rows]
