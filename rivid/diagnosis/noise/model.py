@@ -371,7 +371,7 @@ def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
     """Weights of days, shape (days,): 1 for most, less for a day far noisier than the median.
 
     min(1, limit x median / mean square) of whitened residuals (days, n), whose exact zeros are unused
-    not count; 0 for a day without samples.
+    samples; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)
     count = (r != 0.0).sum(1)
