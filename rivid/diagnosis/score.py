@@ -30,9 +30,6 @@ from rivid.effects import Dates
 from rivid.errors import RividError
 from rivid.types import Floats, Ints
 
-<<<<<<< HEAD
-=======
-Dates = Literal["all", "from", "until", "between"]
 FEWEST_BLOCKS = 4
 """A window counts if it holds days of this many blocks."""
 LEAST_LEFT = 0.02
@@ -48,7 +45,6 @@ CHUNK = 500_000
 FLIPS = 4_999
 """Sign flips: the smallest p is 1 / 5,000."""
 
->>>>>>> 73590bf (Diagnosis: p-values and limits alone where tables were made; fewer types, plain words)
 
 @dataclass(frozen=True)
 class Candidate:
