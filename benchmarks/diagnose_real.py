@@ -20,7 +20,7 @@ from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of
 from rivid.diagnosis.data import Floats, Record, read_record
 from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.result import closed_share
-from rivid.diagnosis.study import Study
+from rivid.diagnosis.selection import Study
 from rivid.diagnosis.workflow import TRIM, look
 from rivid.report.diagnosis import write_diagnosis
 

@@ -122,7 +122,7 @@ def days_for_blocks() -> Iterator[None]:
 
     with (
         patch("rivid.diagnosis.workflow.split", dealt),
-        patch("rivid.diagnosis.search.propose.flip_blocks", flipped),
+        patch("rivid.diagnosis.candidates.flip_blocks", flipped),
     ):
         yield
 

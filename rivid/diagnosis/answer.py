@@ -9,8 +9,6 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.deciding.breakers import breaker
-from rivid.diagnosis.deciding.verdict import verdict_of
 from rivid.diagnosis.fit import HOURS, DayErrors, Evaluation, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
@@ -25,13 +23,14 @@ from rivid.diagnosis.result import (
     Where,
     closed_share,
 )
+from rivid.diagnosis.selection import breaker, verdict_of
 from rivid.diagnosis.spectrum import spectrum
 from rivid.effects import Effect
 from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.fit import Model
-    from rivid.diagnosis.study import Round, Study
+    from rivid.diagnosis.selection import Round, Study
 
 
 @dataclass(frozen=True, eq=False)

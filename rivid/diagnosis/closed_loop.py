@@ -26,7 +26,7 @@ from rivid.types import Floats
 
 if TYPE_CHECKING:
     from rivid.diagnosis.fit import Model
-    from rivid.diagnosis.study import Study
+    from rivid.diagnosis.selection import Study
 
 
 TURNS = 6

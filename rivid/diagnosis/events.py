@@ -22,10 +22,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rivid.diagnosis.candidates import Proposal, compared
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.fit import Evaluation, Linear, evaluate
 from rivid.diagnosis.noise.model import WALK_LIMIT
-from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Effect
 from rivid.errors import RividError

@@ -11,7 +11,7 @@ from rivid.diagnosis.result import Regime
 from rivid.types import Bools, Floats
 
 if TYPE_CHECKING:
-    from rivid.diagnosis.study import Study
+    from rivid.diagnosis.selection import Study
 
 
 STEP = 0.15

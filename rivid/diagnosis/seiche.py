@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
+from rivid.diagnosis.candidates import Proposal, compared
 from rivid.diagnosis.fit import Evaluation, Linear
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.search.proposal import Proposal, compared
 from rivid.effects import Effect
 from rivid.types import Bools, Floats
 

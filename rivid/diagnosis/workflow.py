@@ -9,31 +9,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from rivid.diagnosis.answer import Evidence, no_candidates, tell, too_few, too_still
-from rivid.diagnosis.blocks import Split, split
-from rivid.diagnosis.choice import Calibrated, as_candidates, calibrated
-from rivid.diagnosis.data import Record
-from rivid.diagnosis.deciding.guard import guarded
-from rivid.diagnosis.deciding.naming import Choice, choose
-from rivid.diagnosis.deciding.trying import (
+from rivid.diagnosis.adding import (
     MOST_TRIALS,
     Tried,
+    added,
     can_be_tried,
     contradicted,
+    dropped,
+    echoes,
     exchanged,
     in_simulator,
+    patched,
+    recoded,
     rivals,
+    varied,
     worth_trying,
 )
+from rivid.diagnosis.answer import Evidence, no_candidates, tell, too_few, too_still
+from rivid.diagnosis.blocks import Split, split
+from rivid.diagnosis.candidates import Proposal, proposals, trials_of
+from rivid.diagnosis.choice import Calibrated, as_candidates, calibrated
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import event_proposals
 from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
-from rivid.diagnosis.model.adding import added, dropped, echoes, patched, recoded, varied
 from rivid.diagnosis.response.base import Response, kernels_of
 from rivid.diagnosis.result import Diagnosis
-from rivid.diagnosis.search.proposal import Proposal
-from rivid.diagnosis.search.propose import proposals
-from rivid.diagnosis.search.trials import trials_of
-from rivid.diagnosis.study import Round, Study
+from rivid.diagnosis.selection import Choice, Round, Study, choose, guarded
 from rivid.effects import LEVEL_NOISES, Effect, Trial
 from rivid.types import Floats
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.blocks import split
+from rivid.diagnosis.candidates import Proposal
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.response.linear import LinearPool
-from rivid.diagnosis.search.proposal import Proposal
 from rivid.effects import CATALOGUE
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario

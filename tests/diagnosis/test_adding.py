@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.deciding.naming import Choice
+from rivid.diagnosis.adding import dropped, patched
+from rivid.diagnosis.candidates import Proposal
 from rivid.diagnosis.fit import calibrate, evaluate
-from rivid.diagnosis.model.adding import dropped, patched
-from rivid.diagnosis.search.proposal import Proposal
-from rivid.diagnosis.study import Round
+from rivid.diagnosis.selection import Choice, Round
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, season
 

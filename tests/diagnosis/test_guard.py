@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.deciding.guard import LEAST, MEMORIES, driven_level, guard, guarded
+from rivid.diagnosis.candidates import proposals
 from rivid.diagnosis.response.base import kernels_of
-from rivid.diagnosis.search.propose import proposals
+from rivid.diagnosis.selection import LEAST, MEMORIES, driven_level, guard, guarded
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, season
 
@@ -59,7 +59,7 @@ def test_a_true_leak_shows_through_the_guard(seed):
 
 def test_people_alone_hardly_ever_pass_the_guard(monkeypatch):
     """Eight empty seasons, where a normal number would exceed the limit in one of fifty."""
-    monkeypatch.setattr("rivid.diagnosis.search.propose.LOOK", 1.1)  # even what is likely chance
+    monkeypatch.setattr("rivid.diagnosis.candidates.LOOK", 1.1)  # even what is likely chance
     seen = []
     for seed in range(10, 18):
         found, model, linear, evaluation = proposal(season(seed))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.deciding.holding import held_share
 from rivid.diagnosis.fit import calibrate, evaluate
+from rivid.diagnosis.selection import held_share
 from rivid.effects import effect_classes
 from tests.diagnosis.pools import fresh, nominal, season
 

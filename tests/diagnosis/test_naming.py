@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.deciding.naming import choose, is_material, stands, tied_with
 from rivid.diagnosis.events import Event, _storms
+from rivid.diagnosis.selection import choose, is_material, stands, tied_with
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, made, season
 

@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.deciding.trying import (
+from rivid.diagnosis.adding import (
     WORTH,
+    added,
     contradicted,
     exchanged,
     in_simulator,
     rivals,
+    stepped,
     worth_trying,
 )
+from rivid.diagnosis.candidates import proposals
 from rivid.diagnosis.fit import calibrate, evaluate
-from rivid.diagnosis.model.adding import added, stepped
 from rivid.diagnosis.response.base import kernels_of
-from rivid.diagnosis.search.propose import proposals
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, made, season
 
@@ -60,7 +61,7 @@ def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
 
         raise RividError("dry")
 
-    monkeypatch.setattr("rivid.diagnosis.deciding.trying.added", broken)
+    monkeypatch.setattr("rivid.diagnosis.adding.added", broken)
     tried = in_simulator(model, linear, evaluation, pool[0], record, quiet)
     assert tried.proposal.gain_select == 0.0 and tried.model is model
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.deciding import verdict
-from rivid.diagnosis.deciding.verdict import HELD, verdict_of
+from rivid.diagnosis import selection as verdict
 from rivid.diagnosis.fit import DayErrors, limited
 from rivid.diagnosis.result import Gap, Unknown, Where
+from rivid.diagnosis.selection import HELD, verdict_of
 
 DAYS = 20
 SELECT, SEALED = np.arange(DAYS) % 4 == 2, np.arange(DAYS) % 4 == 3

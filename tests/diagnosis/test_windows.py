@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rivid.diagnosis.search.windows import Span, best_dates, best_span, chance_of, combined
+from rivid.diagnosis.candidates import Span, best_dates, best_span, chance_of, combined
 
 
 def gains(score, information, sign=0):

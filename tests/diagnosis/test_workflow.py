@@ -12,9 +12,9 @@ from click.testing import CliRunner
 from rivid.cli.diagnose import command
 from rivid.config import Config, load_config
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.deciding.breakers import USUAL, breaker
 from rivid.diagnosis.model.augmented import read_effects
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.selection import USUAL, breaker
 from rivid.diagnosis.workflow import diagnose
 from rivid.effects import CATALOGUE, effect_classes
 from rivid.errors import ConfigError, NoDataError

@@ -7,8 +7,8 @@ import pytest
 import rivid
 from rivid.cli import cli
 from rivid.config import load_config
-from rivid.diagnosis.deciding.breakers import breaker
-from rivid.diagnosis.search.trials import columns_of, trials_of
+from rivid.diagnosis.candidates import columns_of, trials_of
+from rivid.diagnosis.selection import breaker
 from rivid.effects import CATALOGUE, build, effect_classes
 from rivid.errors import ConfigError
 from tests.diagnosis import pools

@@ -9,8 +9,8 @@ from benchmarks.exam.mutations import FIXED, MUTATIONS, noticed, told
 from benchmarks.exam.naive import named_by_regression
 from benchmarks.exam.planting import sealed
 from rivid.diagnosis import answer as telling
+from rivid.diagnosis import candidates as propose
 from rivid.diagnosis import workflow
-from rivid.diagnosis.search import propose
 from rivid.effects import CATALOGUE
 
 BY_NAME = {case.name: case for case in cases()}

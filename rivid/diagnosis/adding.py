@@ -1,19 +1,19 @@
 """A named effect in the simulator: added, refitted, its events coded again, dropped when it is needless."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rivid.diagnosis.candidates import Proposal, Window, compared
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.deciding.naming import Choice
 from rivid.diagnosis.events import as_effect, kind_of, search
 from rivid.diagnosis.fit import Evaluation, Linear, Model, calibrate, evaluate, limited, residual_of
 from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import vector_of
-from rivid.diagnosis.search.proposal import Proposal
-from rivid.diagnosis.study import Round
+from rivid.diagnosis.selection import LEVEL, Choice, Round
 from rivid.effects import Effect
+from rivid.errors import RividError
 from rivid.types import Floats
 
 MOST_STEPS = 40
@@ -213,3 +213,122 @@ def patched(rounds: Sequence[Round]) -> bool:
     chosen = [r.choice.proposal for r in rounds if r.choice is not None]
     daily = [p for p in chosen if p.effect.repeatable and p.window[0] is None and p.window[1] is not None]
     return len(daily) >= 2
+
+
+MOST_TRIALS = 5
+"""A round tries so many proposals in the simulator."""
+RIVALS, NEAR = 2, 0.7
+"""So many rivals are tried beside a proposal; of other families' those that gain this share of it."""
+NEAR_ABSORBED = 0.15
+"""The same, between effects that a response can take upon itself."""
+CONFIRMED = 0.1
+"""Share of its gain a fitting day that a selecting day does not even reach where a name is contradicted."""
+AGAINST = 2.0
+"""t of the loss on the selecting blocks from which they speak against what the fitting days show."""
+DOUBT = 0.05
+"""Level at which something may be said not to hold."""
+WORTH = 40.0
+"""What a proposal that does not stand must gain to be tried all the same [nats]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A proposal in the simulator.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        With the gains, the likelihood and the noise of the fit.
+    model : Model
+    linear : Linear
+    after : Evaluation
+    """
+
+    proposal: Proposal
+    model: Model
+    linear: Linear
+    after: Evaluation
+
+
+def in_simulator(
+    model: Model,
+    linear: Linear,
+    before: Evaluation,
+    proposal: Proposal,
+    fit: Record,
+    report: Callable[[str], None],
+) -> Tried:
+    """Fit the model with a proposal in it, and measure the proposal anew.
+
+    A proposal whose reach cannot be simulated gains nothing.
+    """
+    report(f"trying {proposal.name}")
+    try:
+        larger, spreads = added(model, proposal, fit, report)
+        about = larger.linear(linear.record, linear.split)
+    except RividError:
+        return Tried(replace(proposal, gain_fit=0.0, gain_select=0.0), model, linear, before)
+    after = evaluate(about)
+    active = np.abs(proposal.columns).max(axis=(0, 2))
+    gain, select, t, better, blocks = compared(linear, before, after, np.zeros(linear.record.days), active)
+    told = replace(
+        after,
+        coefficients=proposal.evaluation.coefficients,
+        standard_errors=proposal.evaluation.standard_errors,
+    )
+    measured = replace(
+        proposal, evaluation=told, gain_fit=gain, gain_select=select, t=t, improvement=better, blocks=blocks,
+        spreads=spreads,
+    )  # fmt: skip
+    return Tried(measured, larger, about, after)
+
+
+def can_be_tried(proposal: Proposal) -> bool:
+    """Whether a proposal has a place in the simulator; events are coded again there, noises are none."""
+    return proposal.events is None and not proposal.level_noise and len(proposal.columns) > 0
+
+
+def rivals(proposal: Proposal, pool: list[Proposal]) -> list[Proposal]:
+    """Those of other names that might turn out better once in the simulator, best first."""
+    found: dict[str, Proposal] = {}
+    for other in sorted(pool, key=lambda p: -p.gain_select):
+        both = proposal.effect.absorbed_by_response and other.effect.absorbed_by_response
+        share = NEAR_ABSORBED if both else NEAR
+        near = other.gain_select >= share * proposal.gain_select
+        if near and other.name != proposal.name and can_be_tried(other):
+            found.setdefault(other.name, other)
+    return list(found.values())[:RIVALS]
+
+
+def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> list[Proposal]:
+    """Of proposals none of which stands, those that are no chance and gain a lot: best first."""
+    able = [
+        p for p in pool
+        if can_be_tried(p) and p.name not in taken and not p.effect.absorbed_by_response
+        and p.p_value <= LEVEL / 2**count and p.gain_fit > 0 and p.gain_fit + p.gain_select > WORTH
+    ]  # fmt: skip
+    found: dict[tuple[str, Window], Proposal] = {}
+    for p in sorted(able, key=lambda p: -(p.gain_fit + p.gain_select)):
+        found.setdefault((p.name, p.window), p)
+    names = list(dict.fromkeys(name for name, _ in found))[:RIVALS]
+    return [p for (name, _), p in found.items() if name in names]
+
+
+def exchanged(pool: list[Proposal], old: Proposal, new: Proposal) -> list[Proposal]:
+    """The pool with a proposal as it turned out; what else its name was tried at in its window is gone."""
+    return [new, *(p for p in pool if p.name != old.name or p.window != old.window)]
+
+
+def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
+    """The proposal that gains most where it was fitted, and not where it was to be confirmed.
+
+    What a poor response lacks of a wave is not asked: it comes and goes with the flow. The test of the whole
+    season is blunter here than for a name, as half of the season speaks against it.
+    """
+    share = CONFIRMED * float(model.split.select.sum() / model.split.fit.sum())
+    found = [
+        p for p in pool
+        if can_be_tried(p) and not p.effect.absorbed_by_response and p.p_value <= DOUBT
+        and p.gain_fit > WORTH and p.gain_select < share * p.gain_fit and p.t < -AGAINST
+    ]  # fmt: skip
+    return max(found, key=lambda p: p.gain_fit, default=None)

@@ -1,1 +1,0 @@
-"""What may be named, what is tied with it, and whether it holds."""

@@ -1,1 +1,0 @@
-"""What might be missing: effects as columns, events, noises, windows."""
