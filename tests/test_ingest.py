@@ -7,6 +7,9 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
 import pytest
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
@@ -16,8 +19,7 @@ from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, DataError, RividError
 from rivid.logs.catalog import find_days
-from rivid.logs.ingest import work
-from rivid.logs.ingest.work import Wish, ingest
+from rivid.logs.ingest.work import ingest
 from rivid.logs.read import read_window
 
 DAY = dt.date(2008, 3, 10)
@@ -39,9 +41,9 @@ def write(path, rows, head="time,u_Qi,u_Qo,h_L"):
     return path
 
 
-def go(tmp_path, rows, wish=None, head="time,u_Qi,u_Qo,h_L", reach=None, **given):
+def go(tmp_path, rows, options=None, head="time,u_Qi,u_Qo,h_L", reach=None, **given):
     config = parse({"reach": REACH | (reach or {}), "input": given}, Config)
-    return ingest([write(tmp_path / "export.csv", rows, head)], tmp_path / "logs", config, wish)
+    return ingest([write(tmp_path / "export.csv", rows, head)], tmp_path / "logs", config, **options or {})
 
 
 def value(outcome, source="u_Qi"):
@@ -62,21 +64,21 @@ class TestWhatIsThere:
 
     @pytest.mark.parametrize("form", ["csv", "csv.gz", "parquet"])
     def test_a_day_that_differs_stays_unless_forced(self, tmp_path, form):
-        go(tmp_path, wide(192), Wish(format=form))
+        go(tmp_path, wide(192), dict(format=form))
         path = tmp_path / "logs" / f"{DAY}.{form}"
         before = path.read_bytes()
         rows = wide(192)
         rows[5][1] = "333"
-        kept = go(tmp_path, rows, Wish(format=form))
+        kept = go(tmp_path, rows, dict(format=form))
         assert statuses(kept) == ["differs", "identical"] and kept.exit_code == 3
         assert path.read_bytes() == before and "--force" in kept.days[0].reason
         assert value(kept)["dropped"] == {"other log in place": 96}
-        assert statuses(go(tmp_path, rows, Wish(format=form, force=True))) == ["written", "identical"]
+        assert statuses(go(tmp_path, rows, dict(format=form, force=True))) == ["written", "identical"]
         assert path.read_bytes() != before
 
     def test_a_log_of_another_format_is_no_place_for_a_second_one(self, tmp_path):
         go(tmp_path, wide())
-        outcome = go(tmp_path, wide(), Wish(format="parquet", force=True))
+        outcome = go(tmp_path, wide(), dict(format="parquet", force=True))
         assert (
             statuses(outcome) == ["differs"] and "2008-03-10.csv is there already" in outcome.days[0].reason
         )
@@ -87,7 +89,7 @@ class TestWhatIsThere:
         precious = tmp_path / "precious.txt"
         precious.write_text("kept")
         (tmp_path / "logs" / f"{DAY}.csv").symlink_to(precious)
-        assert statuses(go(tmp_path, wide(), Wish(force=True))) == ["differs"]
+        assert statuses(go(tmp_path, wide(), dict(force=True))) == ["differs"]
         assert precious.read_text() == "kept"
 
     def test_an_export_among_the_logs_is_refused(self, tmp_path):
@@ -107,7 +109,7 @@ class TestWhatIsThere:
         with pytest.raises(ConfigError, match="says otherwise: --force"):
             go(tmp_path, wide())
         assert not (tmp_path / "logs").exists()
-        go(tmp_path, wide(), Wish(force=True))
+        go(tmp_path, wide(), dict(force=True))
         assert load_config(tmp_path / "logs_run.toml").reach.sample_time == 900
 
     def test_its_own_configuration_is_brought_up_to_date_without_force(self, tmp_path):
@@ -145,18 +147,18 @@ class TestWhatIsThere:
             go(tmp_path, rows, reach={"name": "lower-river"})
         assert os.listdir(tmp_path / "logs") == [f"{DAY}.csv"]
         assert (tmp_path / "logs_run.toml").read_text() == before
-        forced = go(tmp_path, rows, Wish(force=True), reach={"name": "lower-river"})
+        forced = go(tmp_path, rows, dict(force=True), reach={"name": "lower-river"})
         assert statuses(forced) == ["written", "written"]
         assert load_config(tmp_path / "logs_run.toml").reach.name == "lower-river"
 
     def test_a_dry_run_leaves_its_own_configuration_as_it_is(self, tmp_path):
         go(tmp_path, wide())
         before = (tmp_path / "logs_run.toml").read_text()
-        go(tmp_path, wide(), Wish(dry_run=True), reach={"name": "lower-river"})
+        go(tmp_path, wide(), dict(dry_run=True), reach={"name": "lower-river"})
         assert (tmp_path / "logs_run.toml").read_text() == before
 
     def test_a_dry_run_counts_and_writes_nothing(self, tmp_path):
-        outcome = go(tmp_path, wide(), Wish(dry_run=True))
+        outcome = go(tmp_path, wide(), dict(dry_run=True))
         assert statuses(outcome) == ["written"] and value(outcome)["used"] == 96
         assert os.listdir(tmp_path) == ["export.csv"]
 
@@ -209,17 +211,17 @@ class TestDays:
         assert os.listdir(tmp_path / "logs") == [f"{NEXT}.csv"]
 
     def test_a_day_that_is_not_over_is_unfinished_and_no_failure(self, tmp_path):
-        outcome = go(tmp_path, wide(n=150), Wish(today=NEXT))
+        outcome = go(tmp_path, wide(n=150), dict(today=NEXT))
         assert statuses(outcome) == ["written", "pending"] and outcome.exit_code == 0
         assert value(outcome)["dropped"] == {"unfinished day": 54}
 
     def test_only_days_that_are_asked_for_are_written(self, tmp_path):
-        outcome = go(tmp_path, wide(n=200, start=40), Wish(first=NEXT, last=NEXT))
+        outcome = go(tmp_path, wide(n=200, start=40), dict(first=NEXT, last=NEXT))
         assert statuses(outcome) == ["written"] and outcome.exit_code == 0
         assert value(outcome)["dropped"] == {"not asked for": 104}
 
     def test_no_day_that_is_asked_for_is_no_data(self, tmp_path):
-        assert go(tmp_path, wide(), Wish(first=dt.date(2010, 1, 1))).exit_code == 10
+        assert go(tmp_path, wide(), dict(first=dt.date(2010, 1, 1))).exit_code == 10
 
     def test_a_row_at_the_last_midnight_makes_no_day(self, tmp_path):
         outcome = go(tmp_path, wide(n=97))
@@ -444,12 +446,25 @@ class TestNames:
         with pytest.raises(DataError, match="`rivid ingest` wrote, the configuration stands beside them"):
             read_window(tmp_path / "logs", [source], config)
 
-    def test_flags_of_parquet_logs_are_never_passed_over(self, tmp_path):
-        go(tmp_path, wide(), Wish(format="parquet"))
-        config = parse({"reach": REACH, "input": {"quality": "q", "good": ["G"]}}, Config)
-        (source,) = find_days(tmp_path / "logs", config).days
-        with pytest.raises(DataError, match="flags and zones of Parquet are read by `rivid ingest` only"):
-            read_window(tmp_path / "logs", [source], config)
+    def test_a_parquet_log_with_flags_is_read_like_a_csv_log_with_flags(self, tmp_path):
+        rows = [[*row, "B" if k == 7 else "G"] for k, row in enumerate(wide(96))]
+        (tmp_path / "csv").mkdir()
+        write(tmp_path / "csv" / f"{DAY}.csv", rows, "time,u_Qi,u_Qo,h_L,q")
+        table = pa.csv.read_csv(tmp_path / "csv" / f"{DAY}.csv")
+        (tmp_path / "parquet").mkdir()
+        pa.parquet.write_table(table, tmp_path / "parquet" / f"{DAY}.parquet")
+        given = {"quality": "q", "good": ["G"], "time_zone": "Etc/GMT-1", "max_gap": 3600}
+        config = parse({"reach": REACH, "input": given}, Config)
+        days = [
+            read_window(folder, find_days(folder, config).days, config)
+            for folder in (tmp_path / "csv", tmp_path / "parquet")
+        ]
+        assert days[0].notes == days[1].notes == "3 flagged values dropped"
+        assert days[0].n_filled == days[1].n_filled == 1
+        np.testing.assert_array_equal(days[0].output, days[1].output)
+        config = parse({"reach": REACH, "input": {**given, "quality": "p"}}, Config)
+        with pytest.raises(DataError, match="no column 'p' for quality; nearest is 'q'"):
+            read_window(tmp_path / "parquet", find_days(tmp_path / "parquet", config).days, config)
 
 
 class TestCommand:
@@ -547,14 +562,14 @@ def test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reaso
     path.write_bytes(data.draw(mutated(SEEDS[kind])))
     config = parse({"reach": REACH, "input": HOLD if kind == "long" else {}}, Config)
     try:
-        outcome = ingest([path], tmp_path / "logs", config, Wish(force=True, dry_run=True))
+        outcome = ingest([path], tmp_path / "logs", config, force=True, dry_run=True)
     except RividError as error:
         assert error.exit_code in (1, 2, 10) and "\n" not in str(error)
         return
     for entry in outcome.ledger.to_json()["sources"].values():
         assert entry["read"] == entry["used"] + sum(entry["dropped"].values())
     for file in outcome.ledger.files:
-        assert file.unreadable >= 0
+        assert file["unreadable_rows"] >= 0
 
 
 def test_a_damaged_file_is_no_configuration_fault(tmp_path):
@@ -563,4 +578,4 @@ def test_a_damaged_file_is_no_configuration_fault(tmp_path):
     with pytest.raises(DataError) as caught:
         ingest([path], tmp_path / "logs", parse({"reach": REACH}, Config))
     assert caught.value.exit_code == 1 and not isinstance(caught.value, ConfigError)
-    assert work.SNIFF not in str(caught.value)
+    assert "rivid sniff" not in str(caught.value)

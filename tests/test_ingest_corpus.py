@@ -15,7 +15,7 @@ from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
 from rivid.logs.catalog import find_days
-from rivid.logs.ingest.work import Wish, ingest
+from rivid.logs.ingest.work import ingest
 from rivid.logs.read import read_window
 
 HERE = Path(__file__).parent / "data" / "exports"
@@ -117,7 +117,7 @@ class TestDeclared:
     @pytest.mark.parametrize("form", ["csv.gz", "parquet"])
     def test_all_formats_hold_the_same(self, name, outcome, tmp_path, form):
         config = load_config(HERE / name / "config.toml")
-        other = ingest(files_of(name), tmp_path / "other", config, Wish(format=form))
+        other = ingest(files_of(name), tmp_path / "other", config, format=form)
         assert other.counts == outcome.counts
         read = load_config(other.run_config)
         for a, b in zip(

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.logs.catalog import find_days
-from rivid.logs.ingest.work import Wish, ingest
+from rivid.logs.ingest.work import ingest
 from rivid.logs.read import read_window
 
 ROOT = Path(__file__).parent.parent
@@ -162,7 +162,7 @@ def ingested(name, original, tmp_path, form="csv"):
     paths = [tmp_path / file for file in files]
     for path in paths:
         path.write_bytes(files[path.name])
-    outcome = ingest(paths, tmp_path / "logs", parse({"input": given}, Config), Wish(format=form))
+    outcome = ingest(paths, tmp_path / "logs", parse({"input": given}, Config), format=form)
     assert outcome.exit_code == 0, [day.reason for day in outcome.days]
     return outcome
 

@@ -8,8 +8,7 @@ import numpy as np
 from rivid.check.findings import Finding, list_dates
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.logs.catalog import DaySource, is_day_file
-from rivid.logs.files import DAY, MANY
+from rivid.logs.catalog import DaySource
 from rivid.logs.log import load
 from rivid.logs.spec import MICRO, spec_of
 from rivid.logs.times import local
@@ -45,7 +44,7 @@ class Spacing:
         """Add a day as it is logged; `reason` is why it failed, if it did."""
         part = source.parts[0]
         try:
-            log = load(self.folder / part.path, part.name, self.spec, DAY if is_day_file(part.path) else MANY)
+            log = load(self.folder / part.path, part.name, self.spec)
         except (RividError, OSError, ValueError, MemoryError):
             return
         series = log.of_day(source.date)

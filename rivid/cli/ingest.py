@@ -63,15 +63,18 @@ def command(
 
     from rivid.config import load_config
     from rivid.errors import ConfigError
-    from rivid.logs.ingest.work import Wish, ingest, run_config_beside
+    from rivid.logs.ingest.work import ingest, run_config_of
 
     console = Console(quiet, verbose)
     console.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
     console.phase("starting")
-    target = run_config or run_config_beside(out)
+    target = run_config or run_config_of(out)
     if target.resolve() == config.resolve():
         raise ConfigError(f"{target} is the --config itself: choose another --run-config")
-    wish = Wish(
+    outcome = ingest(
+        exports,
+        out,
+        load_config(config),
         format=form,
         first=first.date() if first else None,
         last=last.date() if last else None,
@@ -80,7 +83,6 @@ def command(
         today=today.date() if today else None,
         run_config=target,
     )
-    outcome = ingest(exports, out, load_config(config), wish)
     console.phase(f"reading, judging and writing {len(outcome.days):,} days")
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))

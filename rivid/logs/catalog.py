@@ -2,7 +2,6 @@
 
 import datetime as dt
 import os
-import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,18 +11,10 @@ from typing import Any
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError
-from rivid.logs.files import DAY, MANY, SUFFIXES, shown, suffix_of
+from rivid.logs.files import DAY, SUFFIXES, is_day_file, shown, suffix_of
 from rivid.logs.log import load
 from rivid.logs.spec import Spec, spec_of
 from rivid.types import ONE_DAY
-
-_DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
-
-
-def is_day_file(path: str) -> bool:
-    """Whether a log's name says that it is of one day."""
-    suffix = suffix_of(path)
-    return suffix is not None and _DAY_NAME.fullmatch(path[: -len(suffix)]) is not None
 
 
 @dataclass(frozen=True)
@@ -275,7 +266,7 @@ def _look(
     if date is None:
         return _split(path, spec, status, settings)
     digest, rows = _hash(path, status.st_size)
-    few = rows <= spec.skip_rows + spec.unit_rows + FEW_ROWS
+    few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
     days = () if spec.latest and few and _is_edge(path, spec, date) else None
     return FileFacts(status.st_size, status.st_mtime_ns, digest, days, settings)
 
@@ -283,7 +274,7 @@ def _look(
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
     """Whether a day's file holds no more than the row at its midnight: an end of the day before."""
     try:
-        log = load(path, shown(path.name), spec, DAY, fresh=True)
+        log = load(path, shown(path.name), spec, fresh=True)
     except DataError:
         return False
     start, end = log.bounds(date)
@@ -292,7 +283,7 @@ def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
 
 def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> FileFacts:
     """The days of a file of many."""
-    log = load(path, shown(path.name), spec, MANY, fresh=True)
+    log = load(path, shown(path.name), spec, fresh=True)
     dates = log.dates()
     days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
     if not days:
@@ -311,13 +302,13 @@ def _date_of(name: str) -> dt.date:
 def _hash(path: Path, size: int) -> tuple[str, int]:
     """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted.
 
-    One beyond the limits is not read for it, as it will not be for its data.
+    One beyond the limit of size is not read: its data will not be either.
     """
     if size > DAY.bytes:
         return sha256(f"too large: {size}".encode()).hexdigest(), size
     try:
         with open(path, "rb", buffering=0) as file:
-            content = file.read(DAY.bytes + 1)
+            content = file.read(size + 1)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
     packed = suffix_of(path.name) != ".csv"

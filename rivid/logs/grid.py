@@ -4,14 +4,11 @@ import datetime as dt
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.errors import DataError
 from rivid.logs.spec import MICRO, Signal, Spec
 from rivid.logs.times import clock
-from rivid.types import Bools, Floats
-
-Micros = NDArray[np.int64]
+from rivid.types import Bools, Floats, Ints
 
 UNLIKE = 0.02
 """Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
@@ -41,7 +38,7 @@ class Grid:
 
     start: int
     end: int
-    times: Micros
+    times: Ints
     zone: dt.tzinfo
     n_days: int
 
@@ -55,12 +52,12 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int 
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    times: Micros = start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64)
+    times: Ints = start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64)
     return Grid(start, end, times, zone, n_days)
 
 
 def on_grid(
-    times: Micros, values: Floats, grid: Grid, signal: Signal, spec: Spec
+    times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec
 ) -> tuple[Floats, Bools | None]:
     """One column on the grid.
 
@@ -104,7 +101,7 @@ def on_grid(
     return samples, filled
 
 
-def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
+def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     """A gap is the time without a value: it begins one interval after the last one before it."""
     spacing = signal.spacing
     ends = np.append(times, grid.end)
@@ -126,7 +123,7 @@ def _refuse_gaps(times: Micros, grid: Grid, signal: Signal, spec: Spec) -> None:
     raise kind(f"{text} ({_limit(spec)})")
 
 
-def refuse_supposed(times: Micros, signal: Signal, spec: Spec) -> None:
+def refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
     """Refuse a column whose stamps were moved by T_s where its intervals are others: it decides d.
 
     Raises
@@ -146,7 +143,7 @@ def _declare(signal: Signal, usual: int) -> str:
     return f"set [input.interval] {signal.name} = {usual / MICRO:g}"
 
 
-def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec: Spec) -> None:
+def refuse_filled(filled: Bools, series: dict[str, tuple[Ints, Floats]], spec: Spec) -> None:
     """Refuse a data set of which too much was bridged.
 
     Raises
@@ -154,9 +151,9 @@ def refuse_filled(filled: Bools, series: dict[str, tuple[Micros, Floats]], spec:
     DataError
     """
     share = float(filled.mean())
-    if share <= spec.max_filled:
+    if share <= spec.input.max_filled:
         return
-    text = f"{share:.0%} of the samples lie in gaps (limit {spec.max_filled:.0%}, [input] max_filled)"
+    text = f"{share:.0%} of the samples lie in gaps (limit {spec.input.max_filled:.0%}, [input] max_filled)"
     steps = {
         signal.name: int(np.median(np.diff(times))) if len(times := series[signal.name][0]) > 1 else 0
         for signal in spec.signals
@@ -178,7 +175,7 @@ def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -
     if finest == 0 or signal.spacing != round(spec.period * MICRO):
         return f"{signal.name} comes every {_span(usual)}: {interval}"
     period = "[reach] sample_time is not set:"
-    if spec.period_said:
+    if spec.period_set:
         period = f"[reach] sample_time = {spec.period:g} s, but"
     if finest:
         every = f"{finest / MICRO:g}"

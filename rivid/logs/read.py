@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, PendingError
-from rivid.logs.catalog import DaySource, Part, is_day_file
-from rivid.logs.files import DAY, MANY, CutError
+from rivid.logs.catalog import DaySource, Part
+from rivid.logs.columns import ColumnError
+from rivid.logs.files import CutError, is_day_file
 from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
-from rivid.logs.header import ColumnError, Micros
 from rivid.logs.log import Log, load
 from rivid.logs.spec import Spec, spec_of
 from rivid.logs.times import LAST_ZONE, clock, day_bounds, local, zone_named
-from rivid.types import Floats
+from rivid.types import Floats, Ints
 
 
 def refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:
@@ -44,14 +43,14 @@ def refuse_shifted(sources: Sequence[DaySource], zones: Sequence[dt.tzinfo]) -> 
             raise DataError(f"{a.date} and {b.date} are not consecutive days")
 
 
-def join(parts: list[tuple[Micros, Floats]]) -> tuple[Micros, Floats]:
+def join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
     """One column of what follows each other."""
     return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
 
 
 def merge(
-    parts: list[tuple[Micros, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
-) -> tuple[Micros, Floats]:
+    parts: list[tuple[Ints, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
+) -> tuple[Ints, Floats]:
     """One column of a day from several files; where they overlap they must agree."""
     times, values = join(parts)
     order = np.argsort(times, kind="stable")
@@ -67,8 +66,7 @@ def merge(
     return times[~repeated], values[~repeated]
 
 
-Micros = NDArray[np.int64]
-Series = dict[str, tuple[Micros, Floats]]
+Series = dict[str, tuple[Ints, Floats]]
 
 
 class ChangedError(DataError):
@@ -147,11 +145,10 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
     """Whether a day's log may be unfinished."""
     if not isinstance(today, dt.datetime):
         return today is not None and source.date >= today
-    zone = zone_named(spec.time_zone) if spec.time_zone else LAST_ZONE
-    for part in source.parts if not spec.time_zone else ():
+    zone = zone_named(spec.input.time_zone) if spec.input.time_zone else LAST_ZONE
+    for part in source.parts if not spec.input.time_zone else ():
         try:
-            limits = DAY if is_day_file(part.path) else MANY
-            zone = load(root / part.path, part.name, spec, limits).zone
+            zone = load(root / part.path, part.name, spec).zone
         except DataError:
             continue  # not a row of it can be read yet
         break
@@ -178,7 +175,7 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
     for at in {0, len(days) // 2, len(days) - 1}:
         part = days[at].parts[0]
         try:
-            load(folder / part.path, part.name, spec, DAY if is_day_file(part.path) else MANY)
+            load(folder / part.path, part.name, spec)
         except ColumnError as error:
             reasons.append(str(error))
         except DataError:
@@ -264,7 +261,7 @@ def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spe
         closed[name] = join([own, (times[new], values[new])]) if new.any() else own
     if any(closed[name] is not series[name] for name in closed):
         for fault in log.faults:
-            if fault.time < end + spec.latest:
+            if fault.at < end + spec.latest:
                 raise DataError(f"{part.name}, {fault.text}")
     return closed
 
@@ -273,7 +270,7 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     """The log of a part: results stand under the digest of what was listed, so nothing else may be read."""
     single = is_day_file(part.path)
     for fresh in (False, True):
-        log = load(root / part.path, part.name, spec, DAY if single else MANY, fresh=fresh)
+        log = load(root / part.path, part.name, spec, fresh=fresh)
         if (log.digest if single else log.digest_of(date)) == part.digest:
             return log
     raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")

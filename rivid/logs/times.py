@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.logs.spec import MICRO
-
-Micros = NDArray[np.int64]
+from rivid.types import Ints
 
 EPOCH = dt.datetime(1970, 1, 1)
 FIRST, LAST = (int((dt.datetime(y, 1, 1) - EPOCH).total_seconds()) * MICRO for y in (1850, 2200))
@@ -61,7 +60,7 @@ def clock(time: int, zone: dt.tzinfo, with_date: bool = False) -> str:
     return f"{moment.date()} {text}" if with_date else text
 
 
-def to_utc(naive: Micros, zone: dt.tzinfo, ambiguous: str) -> tuple[Micros, list[tuple[int, str]]]:
+def to_utc(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tuple[int, str]]]:
     """Times of a local clock as UTC.
 
     Parameters
@@ -83,7 +82,7 @@ def to_utc(naive: Micros, zone: dt.tzinfo, ambiguous: str) -> tuple[Micros, list
     days = np.unique(day)
     edges = np.array([[_offset(int(d) * _DAY, zone), _offset(int(d + 1) * _DAY, zone)] for d in days])
     row = np.searchsorted(days, day)
-    utc: Micros = naive - edges[row, 0]
+    utc: Ints = naive - edges[row, 0]
     refused: list[tuple[int, str]] = []
     for d in days[edges[:, 0] != edges[:, 1]]:
         rows = np.flatnonzero(day == d)
@@ -92,8 +91,8 @@ def to_utc(naive: Micros, zone: dt.tzinfo, ambiguous: str) -> tuple[Micros, list
 
 
 def _change_clocks(
-    naive: Micros,
-    utc: Micros,
+    naive: Ints,
+    utc: Ints,
     rows: NDArray[np.intp],
     zone: dt.tzinfo,
     ambiguous: str,

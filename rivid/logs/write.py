@@ -11,14 +11,12 @@ from typing import Any, Literal
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 from rivid.errors import RividError
-from rivid.logs.header import Micros
 from rivid.logs.spec import MICRO
 from rivid.logs.times import EPOCH
-from rivid.types import Floats
+from rivid.types import Floats, Ints
 
 Format = Literal["csv", "csv.gz", "parquet"]
 Layout = Literal["day", "month"]
@@ -145,7 +143,7 @@ def _names(days: Sequence[Day]) -> tuple[str, ...]:
     return tuple(name for name in COLUMNS if name in first)
 
 
-def _milliseconds(n: int, sample_time: float) -> NDArray[np.int64]:
+def _milliseconds(n: int, sample_time: float) -> Ints:
     """Sample times after midnight [ms]."""
     return np.round(np.arange(n) * (1000.0 * sample_time)).astype(np.int64)
 
@@ -197,7 +195,7 @@ def number_text(x: float) -> str:
     return "" if x != x else repr(x).removesuffix(".0")
 
 
-def rows_as_bytes(times: Micros, columns: Mapping[str, Floats], zone: dt.tzinfo, format: Format) -> bytes:
+def rows_as_bytes(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo, format: Format) -> bytes:
     """A log of these rows.
 
     Parameters
@@ -225,7 +223,7 @@ def rows_as_bytes(times: Micros, columns: Mapping[str, Floats], zone: dt.tzinfo,
     return gzip.compress(text, mtime=0) if format == "csv.gz" else text
 
 
-def clocks_of(times: Micros, zone: dt.tzinfo) -> list[str]:
+def clocks_of(times: Ints, zone: dt.tzinfo) -> list[str]:
     """ISO 8601 with the offset of each moment; fractions of a second only where there are some."""
     offsets = offsets_of(times, zone)
     local = np.datetime64(EPOCH, "us") + (times + offsets * MICRO).astype("timedelta64[us]")
@@ -235,7 +233,7 @@ def clocks_of(times: Micros, zone: dt.tzinfo) -> list[str]:
     return [f"{text}{zones[offset]}" for text, offset in zip(texts.tolist(), offsets.tolist(), strict=True)]
 
 
-def offsets_of(times: Micros, zone: dt.tzinfo) -> Micros:
+def offsets_of(times: Ints, zone: dt.tzinfo) -> Ints:
     """Offsets from UTC [s]; within a day the clock is changed once at most."""
 
     def offset(time: int) -> int:
@@ -249,7 +247,7 @@ def offsets_of(times: Micros, zone: dt.tzinfo) -> Micros:
     return np.array([offset(int(time)) for time in times], np.int64)
 
 
-def _parquet(times: Micros, columns: Mapping[str, Floats], zone: dt.tzinfo) -> bytes:
+def _parquet(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo) -> bytes:
     name = getattr(zone, "key", None) or offset_text(dt.timedelta(seconds=int(offsets_of(times, zone)[0])))
     unit = "us" if (times % 1000).any() else "ms"
     stamp = pa.timestamp(unit, tz=name)

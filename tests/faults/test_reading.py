@@ -209,10 +209,10 @@ class TestCsv:
         [
             (
                 gzip.compress(b"time,u_Qi\n"),
-                "is gzip, though its name does not say so: let it end in .csv.gz",
+                "is gzip, though",
             ),
             (b"PK\x03\x04\x14\x00", "is a workbook or an archive, not text: save it as CSV"),
-            (b"PAR1\x15\x04", "is Parquet, though its name does not say so: let it end in .parquet"),
+            (b"PAR1\x15\x04", "is Parquet, though"),
             (b"%PDF-1.7\n", "is a PDF, not text"),
         ],
     )

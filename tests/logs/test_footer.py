@@ -130,7 +130,7 @@ def test_a_long_table_has_a_footer_too(tmp_path):
     whole = ingest(
         [path], tmp_path / "b", parse({"reach": REACH, "input": {**long, "footer_rows": 2}}, Config)
     )
-    assert whole.exit_code == 0 and whole.ledger.files[0].footers == 2
+    assert whole.exit_code == 0 and whole.ledger.files[0]["footer_lines"] == 2
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-be"])

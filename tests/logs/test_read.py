@@ -25,7 +25,7 @@ def test_quick_and_tolerant_reading_give_the_same_bits(tmp_path, monkeypatch):
     lines = rows()
     lines[40][3] = "NA"
     quick = read(put(tmp_path / "a", lines))
-    monkeypatch.setattr("rivid.logs.arrow.read_fast", lambda *_: None)
+    monkeypatch.setattr("rivid.logs.log.read_fast", lambda *_: None)
     slow = read(put(tmp_path / "b", lines))
     assert (quick.output == slow.output).all() and (quick.inflow == slow.inflow).all()
     assert quick.n_filled == slow.n_filled == 1
@@ -315,7 +315,9 @@ def test_reading_every_day_of_a_file_parses_it_once(tmp_path, monkeypatch):
     folder = put(tmp_path, lines, name="march.csv")
     catalog = find_days(folder, config())
     parsed = []
-    monkeypatch.setattr(log, "_parse", lambda *given, real=log._parse: parsed.append(1) or real(*given))
+    monkeypatch.setattr(
+        log, "read_table", lambda *given, real=log.read_table: parsed.append(1) or real(*given)
+    )
     log._kept.clear()
     settings = config()
     for source in catalog.days:

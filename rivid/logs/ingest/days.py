@@ -1,72 +1,64 @@
-"""From sources to canonical columns: sums, units, stamps, and values that are reported when they change."""
+"""Canonical columns of the sources, and their days: which could `rivid run` use, and why not the others."""
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rivid.errors import DataError
-from rivid.logs.grid import (
-    Grid,
-    TrailingGap,
-    make_grid,
-    on_grid,
-    refuse_filled,
-    refuse_supposed,
-)
-from rivid.logs.header import Micros
+from rivid.logs.columns import Fault
+from rivid.logs.grid import Grid, TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
 from rivid.logs.ingest.series import Fate, Gathered, Series
-from rivid.logs.log import Fault
+from rivid.logs.log import days_of
 from rivid.logs.spec import MICRO, Signal, Spec
-from rivid.logs.times import day_bounds, local
-from rivid.types import Floats, Ints
+from rivid.logs.times import day_bounds
+from rivid.types import ONE_DAY, Floats, Ints
+
+Origins = list[tuple[Series, Ints]]
+"""Rows of sources from which values come."""
 
 
 @dataclass(frozen=True, eq=False)
 class Canonical:
-    """A canonical column, reported regularly.
+    """A canonical column, logged regularly.
 
     Attributes
     ----------
     signal : Signal
     times : ndarray, (n,)
-        From which the values count [us UTC]: the stamp's shift is taken off.
+        From which the values count [us UTC]: the stamp's shift is subtracted.
     values : ndarray, (n,)
         [m3/s] or [m].
     origins : list of (Series, ndarray)
-        Per source: where in it each value comes from.
+        Per source: the row of each value in it.
     """
 
     signal: Signal
-    times: Micros
+    times: Ints
     values: Floats
-    origins: list[tuple[Series, Ints]]
+    origins: Origins
 
     @property
     def judged(self) -> Signal:
-        """The signal as the grid is to judge it."""
+        """The signal for the grid."""
         return self.signal
 
     @property
-    def stamps(self) -> Micros:
-        """Times as they stand in the export, ascending [us UTC]."""
+    def stamps(self) -> Ints:
+        """Times as they are in the export, ascending [us UTC]."""
         return self.times + self.signal.shift
 
-    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Ints]]]:
-        """What belongs to a local day: times, values, and where these come from."""
+    def of_day(self, grid: Grid, early: int) -> tuple[Ints, Floats, Origins]:
+        """Times and values of a local day, and their origins."""
         low, high = self.times.searchsorted((grid.start - early, grid.end - early)).tolist()
-        return (
-            self.times[low:high],
-            self.values[low:high],
-            [(series, rows[low:high]) for series, rows in self.origins],
-        )
+        origins = [(series, rows[low:high]) for series, rows in self.origins]
+        return self.times[low:high], self.values[low:high], origins
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A canonical column whose sources are reported when they change: sampled on the grid, held till then.
+    """A canonical column whose sources are logged when they change: sampled on the grid, held till then.
 
     Attributes
     ----------
@@ -80,28 +72,20 @@ class Held:
     sources: list[Series]
     period: int
 
-    def reports_within(self, grid: Grid) -> list[tuple[Series, Ints]]:
-        """The reports of a local day, sampled or not."""
-        found: list[tuple[Series, Ints]] = []
-        for series in self.sources:
-            low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
-            found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
-        return found
-
     @property
     def judged(self) -> Signal:
-        """On the grid it comes every T_s."""
+        """The signal for the grid, on which it comes every T_s."""
         return replace(self.signal, spacing=self.period, shift=0)
 
     @property
-    def stamps(self) -> Micros:
+    def stamps(self) -> Ints:
         """Times of the reports, ascending [us UTC]."""
         return np.unique(np.concatenate([_reports(series)[0] for series in self.sources]))
 
-    def of_day(self, grid: Grid, early: int) -> tuple[Micros, Floats, list[tuple[Series, Ints]]]:
+    def of_day(self, grid: Grid, early: int) -> tuple[Ints, Floats, Origins]:
         """The samples of a local day, and the reports that they come from."""
         total = np.zeros(len(grid.times))
-        origins: list[tuple[Series, Ints]] = []
+        origins: Origins = []
         for series in self.sources:
             times, rows = _reports(series)
             if not len(rows):
@@ -117,22 +101,23 @@ class Held:
         there = np.isfinite(total)
         return grid.times[there], total[there] * self.signal.factor, origins
 
+    def reports_within(self, grid: Grid) -> Origins:
+        """The reports of a local day, sampled or not."""
+        found: Origins = []
+        for series in self.sources:
+            low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
+            found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
+        return found
 
-def _reports(series: Series) -> tuple[Micros, Ints]:
+
+def _reports(series: Series) -> tuple[Ints, Ints]:
     """Reports in order of time: a flag, sentinel or status ends what was held before."""
     rows = np.flatnonzero((series.fates != Fate.DUPLICATE) & (series.fates != Fate.TIME))
     return series.times[rows], rows
 
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
-    """The canonical columns.
-
-    Parameters
-    ----------
-    series : dict of Series
-        Fates of values that lack a partner in every sum are set.
-    spec : Spec
-    """
+    """The canonical columns; fates of values that lack a partner in every sum are set."""
     matched = {name: np.zeros(len(s.times), bool) for name, s in series.items()}
     columns: list[Canonical | Held] = []
     for signal in spec.signals:
@@ -152,23 +137,13 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
             total = total + part.values[there]
         for part, there in zip(parts, kept, strict=True):
             matched[part.name][there] = True
-        columns.append(
-            Canonical(
-                signal,
-                common - signal.shift,
-                total * signal.factor if signal.factor != 1.0 else total,
-                list(zip(parts, kept, strict=True)),
-            )
-        )
+        values = total * signal.factor if signal.factor != 1.0 else total
+        origins = list(zip(parts, kept, strict=True))
+        columns.append(Canonical(signal, common - signal.shift, values, origins))
     for name, found in matched.items():
         alone = ~found & (series[name].fates == Fate.USED)
         series[name].fates[alone] = Fate.UNMATCHED
     return columns
-
-
-Status = Literal["good", "refused", "pending"]
-Origins = list[tuple[Series, Ints]]
-ONE = dt.timedelta(days=1)
 
 
 @dataclass(eq=False)
@@ -178,7 +153,8 @@ class DayLog:
     Attributes
     ----------
     date : date
-    status : {"good", "refused", "pending"}
+    status : str
+        "good", "refused" or "pending".
     reason : str
         Why it is not good.
     times : ndarray, (n,)
@@ -186,60 +162,61 @@ class DayLog:
     columns : dict of ndarray, (n,)
         Canonical columns; NaN where a row has no value of one.
     origins : list of (Series, ndarray)
-        Which rows of the sources the values come from.
+        Rows of the sources that the values come from.
     unsampled : list of (Series, ndarray)
-        Which reports of the day stand between its samples, or are sampled.
+        Reports of the day, between its samples or sampled.
     n_filled : int
         Samples of the grid that lie in gaps.
     """
 
     date: dt.date
-    status: Status
-    reason: str
-    times: Micros
+    times: Ints
     columns: dict[str, Floats]
-    origins: Origins = field(default_factory=list)
-    unsampled: Origins = field(default_factory=list)
+    origins: Origins
+    unsampled: Origins
+    status: str = "good"
+    reason: str = ""
     n_filled: int = 0
+
+    def settle(self, fate: Fate) -> None:
+        """Set the fate of the day's values."""
+        for series, rows in self.unsampled:
+            series.fates[rows[series.fates[rows] == Fate.OUTSIDE]] = Fate.BETWEEN
+        for series, rows in self.origins:
+            series.fates[rows[series.fates[rows] != Fate.USED]] = (
+                fate  # one held into a second day stays used
+            )
 
 
 def dates_of(columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec) -> list[dt.date]:
-    """Local days that the export says something of, ascending; a row at midnight alone makes no day."""
+    """Local days of which the export has rows, ascending; a row at midnight alone makes no day."""
     stamps = np.unique(np.concatenate([column.stamps for column in columns]))
-    times = [column.times for column in columns if isinstance(column, Canonical)] or [stamps]
-    found = set(_days_of(np.concatenate(times), gathered.zone, spec.tolerance))
+    all_held = all(isinstance(column, Held) for column in columns)
+    times = stamps
+    if not all_held:
+        times = np.concatenate([column.times for column in columns if isinstance(column, Canonical)])
+    found = set(days_of(times, gathered.zone, spec.tolerance))
     if any(isinstance(column, Held) for column in columns):
-        found |= set(_days_of(stamps, gathered.zone, spec.tolerance))
-        if all(isinstance(column, Held) for column in columns):  # nothing may change for a whole day
-            found = {min(found) + k * ONE for k in range((max(found) - min(found)).days + 1)}
+        found |= set(days_of(stamps, gathered.zone, spec.tolerance))
+        if all_held:  # nothing may change for a whole day
+            found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
     longest = max(column.judged.spacing for column in columns)
     kept = []
     for date in sorted(found):
         start, end = (t - spec.tolerance for t in day_bounds(date, gathered.zone))
         first = start + max(2 * spec.tolerance + 1, spec.latest)
         low, high = stamps.searchsorted((first, end))
-        faulty = any(start <= fault.time < end for fault in gathered.faults)
-        throughout = stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
-        held = throughout and all(isinstance(column, Held) for column in columns)
+        faulty = any(start <= fault.at < end for fault in gathered.faults)
+        held = all_held and stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
         if low < high or faulty or held or 2 * longest > end - start:
             kept.append(date)
     return kept
 
 
-def _days_of(times: Micros, zone: dt.tzinfo, early: int) -> list[dt.date]:
-    days, at = [], 0
-    times = np.unique(times) + early
-    while at < len(times):
-        date = local(int(times[at]), zone).date()
-        days.append(date)
-        at = int(times.searchsorted(day_bounds(date, zone)[1]))
-    return days
-
-
 def judge(
     date: dt.date, columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec, today: dt.date
 ) -> DayLog:
-    """One day: its rows, and whether `rivid run` could use them.
+    """The rows of a day, and whether `rivid run` could use them.
 
     Parameters
     ----------
@@ -259,7 +236,7 @@ def judge(
         rows[column.signal.name][times.searchsorted(at)] = values
     origins = [origin for _, _, found in parts for origin in found]
     reports = [r for column in columns if isinstance(column, Held) for r in column.reports_within(grid)]
-    day = DayLog(date, "good", "", times, rows, origins, reports)
+    day = DayLog(date, times, rows, origins, reports)
     faults = _faults_of(gathered.faults, grid, spec)
     if faults:
         more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
@@ -267,24 +244,22 @@ def judge(
         return day
     try:
         day.n_filled = _filled(columns, [(at, values) for at, values, _ in parts], grid, spec)
-    except TrailingGap as error:
-        day.status, day.reason = "pending" if date >= today else "refused", str(error)
     except DataError as error:
-        day.status, day.reason = "refused", str(error)
-    if day.status != "good":
-        day.reason += _advice(columns, parts, grid)
+        unfinished = isinstance(error, TrailingGap) and date >= today
+        day.status = "pending" if unfinished else "refused"
+        day.reason = str(error) + _advice(columns, parts, grid)
     return day
 
 
 def _faults_of(faults: Sequence[Fault], grid: Grid, spec: Spec) -> list[Fault]:
     low, high = grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest
-    return [fault for fault in dict.fromkeys(faults) if low <= fault.time < high]
+    return [fault for fault in dict.fromkeys(faults) if low <= fault.at < high]
 
 
 def _filled(
-    columns: Sequence[Canonical | Held], parts: list[tuple[Micros, Floats]], grid: Grid, spec: Spec
+    columns: Sequence[Canonical | Held], parts: list[tuple[Ints, Floats]], grid: Grid, spec: Spec
 ) -> int:
-    """How many samples lie in gaps; raises as reading the day would."""
+    """Number of samples that lie in gaps; raises as reading the day would."""
     filled = np.zeros(len(grid.times), bool)
     for column, (times, values) in zip(columns, parts, strict=True):
         if column.signal.supposed:
@@ -299,9 +274,9 @@ def _filled(
 
 
 def _advice(
-    columns: Sequence[Canonical | Held], parts: list[tuple[Micros, Floats, Origins]], grid: Grid
+    columns: Sequence[Canonical | Held], parts: list[tuple[Ints, Floats, Origins]], grid: Grid
 ) -> str:
-    """Irregular values may be reported when they change: only the user knows."""
+    """Advice on irregular values, which may be logged when they change: only the user knows."""
     for column, (times, _, _) in zip(columns, parts, strict=True):
         if isinstance(column, Held) or len(times) < 3:
             continue
@@ -314,11 +289,3 @@ def _advice(
                 f"{column.signal.name} to the longest time that a value holds [s] (here at least {longest})"
             )
     return ""
-
-
-def settle(day: DayLog, fate: Fate) -> None:
-    """Enter what became of a day's values."""
-    for series, rows in day.unsampled:
-        series.fates[rows[series.fates[rows] == Fate.OUTSIDE]] = Fate.BETWEEN
-    for series, rows in day.origins:
-        series.fates[rows[series.fates[rows] != Fate.USED]] = fate  # held into a second day: used is used

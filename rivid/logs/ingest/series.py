@@ -1,23 +1,30 @@
-"""The account: of each source, how many values were read, how many are used, and why the others are not."""
+"""All files as one series per source, in UTC and in order; of each value, what became of it."""
 
 import datetime as dt
+import difflib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rivid.input_config import InputConfig
-from rivid.logs.header import Columns, Micros, UndeclaredError
-from rivid.logs.ingest.export import Export
-from rivid.logs.log import Fault, undeclared, zone_of
+from rivid.logs.columns import FLAG, Columns, Fault, Table, UndeclaredError
+from rivid.logs.files import MANY, shown
+from rivid.logs.log import LARGEST, in_utc, logged_twice, read_table, too_large, undeclared, zone_of
+from rivid.logs.sniff.columns import looks_like_flags, stated_unit
 from rivid.logs.spec import Spec
-from rivid.logs.text import FLAG, LARGEST
-from rivid.logs.times import clock, day_bounds, to_utc
-from rivid.types import Floats
+from rivid.logs.times import day_bounds
+from rivid.types import Floats, Ints
+
+EMPTY = frozenset(InputConfig().missing)
+"""Marks that no system writes for a state of its instruments."""
+_Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
+"""A source in one file: name of the file, its columns, and the source's times [us UTC], values and fates."""
 
 
 class Fate(IntEnum):
@@ -54,106 +61,7 @@ WORDS = {
     Fate.STANDING: "other log in place",
     Fate.UNREADABLE: "unreadable row",
 }
-"""Reasons as the table and the JSON call them."""
-
-
-@dataclass
-class FileCount:
-    """What one file held.
-
-    Attributes
-    ----------
-    name : str
-    rows, unreadable : int
-        Of data; and of these, such as cannot be read.
-    comments, headers, empty, footers : int
-        Lines without data.
-    others : Counter
-        Rows of tags that are not asked for.
-    """
-
-    name: str
-    rows: int
-    unreadable: int
-    comments: int
-    headers: int
-    empty: int
-    others: Counter[str]
-    footers: int = 0
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        named = {"file": self.name, "rows": self.rows, "unreadable_rows": self.unreadable}
-        lines = {"comment_lines": self.comments, "repeated_headers": self.headers, "empty_lines": self.empty}
-        lines["footer_lines"] = self.footers
-        return named | lines | {"rows_of_other_tags": dict(self.others)}
-
-
-@dataclass
-class Ledger:
-    """The account of an ingest.
-
-    Attributes
-    ----------
-    sources : dict of Counter
-        Per source, fates of its values; those of rows that cannot be read are counted once per source.
-    unsorted : dict of int
-        Per source, values that stood behind a later one and were sorted; they are not lost.
-    flags : Counter
-        Flags for which values were dropped.
-    files : list of FileCount
-    """
-
-    sources: dict[str, Counter[Fate]] = field(default_factory=dict)
-    unsorted: dict[str, int] = field(default_factory=dict)
-    flags: Counter[str] = field(default_factory=Counter)
-    files: list[FileCount] = field(default_factory=list)
-
-    def count(self, source: str, fates: NDArray[np.int8], unreadable: int, unsorted: int) -> None:
-        """Enter a source."""
-        kinds, counts = np.unique(fates, return_counts=True)
-        entry = Counter({Fate(k): int(n) for k, n in zip(kinds.tolist(), counts.tolist(), strict=True)})
-        entry[Fate.UNREADABLE] += unreadable
-        self.sources[source] = +entry
-        self.unsorted[source] = unsorted
-
-    @property
-    def reasons(self) -> list[Fate]:
-        """Reasons that occur, in their order."""
-        return [fate for fate in WORDS if any(entry[fate] for entry in self.sources.values())]
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it: read = used + all that is dropped."""
-        return {
-            "sources": {
-                name: told(entry) | {"sorted": self.unsorted[name]} for name, entry in self.sources.items()
-            },
-            "flags": dict(self.flags),
-            "files": [file.to_json() for file in self.files],
-        }
-
-    def lines(self) -> Iterable[str]:
-        """As a table."""
-        names = [name[:24] for name in self.sources]
-        widths = [max(len(name), 9) for name in names]
-        yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
-        rows: list[tuple[str, list[int]]] = [("read", [entry.total() for entry in self.sources.values()])]
-        rows += [(WORDS[fate], [entry[fate] for entry in self.sources.values()]) for fate in self.reasons]
-        rows.append(("used", [entry[Fate.USED] for entry in self.sources.values()]))
-        if any(self.unsorted.values()):
-            rows.append(("out of order, sorted", list(self.unsorted.values())))
-        for word, counts in rows:
-            yield "  ".join([f"{word:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
-
-
-def told(entry: Mapping[Fate, int]) -> dict[str, Any]:
-    """One source as JSON can hold it."""
-    dropped = {WORDS[fate]: entry[fate] for fate in WORDS if entry.get(fate)}
-    return {"read": sum(entry.values()), "used": entry.get(Fate.USED, 0), "dropped": dropped}
-
-
-EMPTY = frozenset(InputConfig().missing)
-"""Marks that no system writes for a state of its instruments."""
+"""Reasons for values that are not used, as the table and the JSON name them."""
 
 
 @dataclass(eq=False)
@@ -173,7 +81,7 @@ class Series:
     """
 
     name: str
-    times: Micros
+    times: Ints
     values: Floats
     fates: NDArray[np.int8]
     unsorted: int = 0
@@ -182,69 +90,108 @@ class Series:
 
 @dataclass
 class Gathered:
-    """What all files hold together.
-
-    Attributes
-    ----------
-    zone : tzinfo
-        Of the local days.
-    series : dict of Series
-    faults : list of Fault
-        What makes the day of a time unusable, in order of time.
-    """
+    """The zone of the local days, the series of all files, and the faults of their days in order of time."""
 
     zone: dt.tzinfo
     series: dict[str, Series]
     faults: list[Fault] = field(default_factory=list)
 
 
-@dataclass
-class _Piece:
-    """A source in one file."""
-
-    file: str
-    columns: Columns
-    times: Micros
-    values: Floats
-    fates: NDArray[np.int8]
-
-
-def gather(exports: Sequence[Export], spec: Spec) -> Gathered:
-    """Join the files.
-
-    Parameters
-    ----------
-    exports : sequence of Export
-    spec : Spec
-
-    Returns
-    -------
-    Gathered
+def read_exports(paths: Sequence[Path], spec: Spec) -> list[Table]:
+    """Read all files; what none of them holds is reported before any work.
 
     Raises
     ------
     UndeclaredError
-        Where local days cannot be told, or mean different days in different files.
+        Where they are not as declared; the message gives the key to set.
+    DataError
+        Where a file cannot be read.
     """
-    zone = _one_zone(exports, spec)
+    tables = []
+    for path in dict.fromkeys(paths):
+        table = read_table(path, shown(path.name), spec, MANY, export=True)
+        _refuse_flags(table, spec)
+        _refuse_units(table, spec)
+        tables.append(table)
+    found = {name for table in tables for columns in table.parts for name in columns.numbers}
+    for table in tables:
+        # an export of other tags is no fault; one that was to be read, and of which no row can be, is
+        if table.lacking and (not found or not table.others):
+            raise UndeclaredError(f"{table.name}, {table.lacking}")
+    for signal in spec.signals:
+        for source in signal.sources:
+            if source not in found:
+                unread = {name for table in tables for name in (*table.others, *table.cells)}
+                near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
+                nearest = f"; nearest is {near[0]!r}" if near else ""
+                raise UndeclaredError(
+                    f"no export holds {source!r} for {signal.name}{nearest}: "
+                    f"set [input] {signal.name} to the export's own name"
+                )
+    return tables
+
+
+def _refuse_flags(table: Table, spec: Spec) -> None:
+    """Values that an undeclared flag marks as doubtful would be taken as measured."""
+    read = {*spec.sources, spec.input.value}
+    for column, texts in table.cells.items():
+        if column in spec.input.ignore or not looks_like_flags(column, texts, read):
+            continue
+        few = ", ".join(repr(text[:20]) for text in sorted(texts or ())[:6])
+        more = ", ..." if texts and len(texts) > 6 else ""
+        raise UndeclaredError(
+            f"{table.name}: column {column!r} ({few}{more}) may hold flags or zones: set [input] quality and "
+            f"good, or zone_column; if it is neither, ignore = [{column!r}]"
+        )
+
+
+def _refuse_units(table: Table, spec: Spec) -> None:
+    """A unit that the file states and the configuration does not would be a factor in the values."""
+    present = {name for columns in table.parts for name in columns.numbers}
+    for signal in spec.signals:
+        if signal.name in spec.input.units:
+            continue
+        level = signal.name == "h_L"
+        for source in signal.sources:
+            unit = stated_unit(source, table.units.get(source, ""), level=level)
+            if source in present and unit and unit != ("m" if level else "m3/s"):
+                raise UndeclaredError(
+                    f"{table.name}: {source!r} seems to be in {unit}: set [input.units] "
+                    f'{signal.name} = "{unit}", or to what it is'
+                )
+
+
+def gather(tables: Sequence[Table], spec: Spec) -> Gathered:
+    """Join the files.
+
+    Raises
+    ------
+    UndeclaredError
+        Where the zone of local days is not known, or differs between files.
+    """
+    zone = _one_zone(tables, spec)
     faults: list[Fault] = []
     pieces: dict[str, list[_Piece]] = {source: [] for source in spec.sources}
-    for export in exports:
-        for columns in export.parts:
-            times, wrong = _in_utc(columns, zone, spec, export.name, faults)
+    for table in tables:
+        for columns in table.parts:
+            times, wrong = in_utc(columns, zone, spec)
+            rows = [fault.at for fault in wrong]
+            wrong += _faults(columns, times, spec, zone)
+            # of a row that cannot be read the day is not known: it counts for those of both neighbours
+            wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
+            last = len(times) - 1
+            dated = {(int(times[min(max(f.at, 0), last)]), f"{table.name}, {f.text}", f.cut) for f in wrong}
+            faults += [Fault(*fault) for fault in dated]
             for name in columns.numbers:
-                piece = _piece(name, columns, times, export.name, spec)
-                piece.fates[wrong] = Fate.TIME
+                piece = _piece(name, columns, times, table.name, spec)
+                piece[-1][rows] = Fate.TIME
                 pieces[name].append(piece)
-            _note_faults(columns, times, export.name, spec, zone, faults)
-    series = {name: _join(name, found, spec, zone, faults) for name, found in pieces.items() if found}
+    series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
     return Gathered(zone, series, sorted(faults))
 
 
-def _one_zone(exports: Sequence[Export], spec: Spec) -> dt.tzinfo:
-    zones = {
-        zone_of(columns, spec, export.name): export.name for export in exports for columns in export.parts
-    }
+def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
+    zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
     if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
         one, other = list(zones.values())[:2]
         raise UndeclaredError(
@@ -254,54 +201,32 @@ def _one_zone(exports: Sequence[Export], spec: Spec) -> dt.tzinfo:
     return next(iter(zones))
 
 
-def _in_utc(
-    columns: Columns, zone: dt.tzinfo, spec: Spec, file: str, faults: list[Fault]
-) -> tuple[Micros, list[int]]:
-    """Times in UTC, and the rows whose time does not exist, or occurs twice and may not."""
-    if columns.aware:
-        return columns.times, []
-    times, refused = to_utc(columns.times, zone, spec.ambiguous)
-    faults += [Fault(int(times[r]), f"{file}, {columns.place(r)}: {reason}") for r, reason in refused]
-    return times, [row for row, _ in refused]
-
-
-def _piece(name: str, columns: Columns, times: Micros, file: str, spec: Spec) -> _Piece:
+def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _Piece:
     values = columns.numbers[name]
     fates = np.where(np.isfinite(values), Fate.USED, Fate.MISSING).astype(np.int8)
     for row, text in columns.why.get(name, {}).items():
         fates[row] = Fate.FLAG if text.startswith(FLAG) else Fate.MISSING if text in EMPTY else Fate.STATUS
-    if spec.sentinels:
-        fates[np.isin(values, spec.sentinels)] = Fate.SENTINEL
-    return _Piece(file, columns, times, np.where(fates == Fate.USED, values, np.nan), fates)
+    if spec.input.sentinels:
+        fates[np.isin(values, spec.input.sentinels)] = Fate.SENTINEL
+    return file, columns, times, np.where(fates == Fate.USED, values, np.nan), fates
 
 
-def _note_faults(
-    columns: Columns, times: Micros, file: str, spec: Spec, zone: dt.tzinfo, faults: list[Fault]
-) -> None:
-    """Rows that cannot be read count against the days of both neighbours: their own day is not known."""
-    for row, text, cut in columns.bad:
-        for at in {min(max(row - 1, 0), len(times) - 1), min(row, len(times) - 1)}:
-            faults.append(Fault(int(times[at]), f"{file}, {text}", cut))
-    for row, text, cut in undeclared(columns, times, spec, zone):
-        faults.append(Fault(int(times[row]), f"{file}, {text}", cut))
+def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
+    """Undeclared sentinels and values beyond any river, at their rows."""
+    faults = undeclared(columns, times, spec, zone)
     for signal in spec.signals:
         for source in set(signal.sources) & set(columns.numbers):
-            values = np.abs(columns.numbers[source]) * signal.factor
-            beyond = (values > LARGEST) & ~np.isin(columns.numbers[source], spec.sentinels)
+            values = columns.numbers[source] * signal.factor
+            beyond = (np.abs(values) > LARGEST) & ~np.isin(columns.numbers[source], spec.input.sentinels)
             for row in np.flatnonzero(beyond).tolist():
-                unit = "m" if signal.name == "h_L" else "m3/s"
-                said = f"{source} = {values[row]:.3g} {unit} is beyond any river: check [input.units]"
-                place = f"{file}, {columns.place(int(row))}"
-                faults.append(
-                    Fault(int(times[row]), f"{place}: {said}, or add the value to [input] sentinels")
-                )
+                faults.append(Fault(row, too_large(source, signal, columns, row, abs(float(values[row])))))
+    return faults
 
 
-def _join(name: str, pieces: list[_Piece], spec: Spec, zone: dt.tzinfo, faults: list[Fault]) -> Series:
-    times = np.concatenate([piece.times for piece in pieces])
-    values = np.concatenate([piece.values for piece in pieces])
-    fates = np.concatenate([piece.fates for piece in pieces])
-    unsorted = sum(int((p.times < np.maximum.accumulate(p.times)).sum()) for p in pieces)
+def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
+    _, all_columns, all_times, all_values, all_fates = zip(*pieces, strict=True)
+    times, values, fates = map(np.concatenate, (all_times, all_values, all_fates))
+    unsorted = sum(int((part < np.maximum.accumulate(part)).sum()) for part in all_times)
     order = np.argsort(times, kind="stable")
     times, values, fates = times[order], values[order], fates[order]
     there = np.flatnonzero(fates == Fate.USED)
@@ -309,18 +234,99 @@ def _join(name: str, pieces: list[_Piece], spec: Spec, zone: dt.tzinfo, faults: 
     for at in again.tolist():
         old, new = there[at - 1], there[at]
         if values[old] != values[new]:
-            moment = clock(int(times[new]), zone, with_date=True)
-            said = f"{moment} is logged twice with different {name}: {values[old]:.6g} and {values[new]:.6g}"
+            text = logged_twice(name, int(times[new]), zone, values[old], values[new])
             places = [_place(pieces, int(order[i])) for i in (new, old)]
-            faults.append(Fault(int(times[new]), f"{places[0]}: {said} ({places[1]})"))
+            faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
     fates[there[again]] = Fate.DUPLICATE
-    unreadable = sum(len(piece.columns.bad) for piece in pieces)
+    unreadable = sum(len(columns.bad) for columns in all_columns)
     return Series(name, times, values, fates, unsorted, unreadable)
 
 
 def _place(pieces: list[_Piece], row: int) -> str:
-    for piece in pieces:
-        if row < len(piece.times):
-            return f"{piece.file}, {piece.columns.place(row)}"
-        row -= len(piece.times)
+    for file, columns, times, _, _ in pieces:
+        if row < len(times):
+            return f"{file}, {columns.place(row)}"
+        row -= len(times)
     raise IndexError(row)
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """The account of an ingest: values read = values used + values dropped, by reason.
+
+    Attributes
+    ----------
+    sources : dict of Counter
+        Per source, fates of its values; those of unreadable rows are counted once per source.
+    unsorted : dict of int
+        Per source, values behind a later one, which were sorted and not lost.
+    flags : Counter
+        Flags for which values were dropped.
+    files : list of dict
+        Counts of each file, as JSON holds them.
+    """
+
+    sources: dict[str, Counter[Fate]]
+    unsorted: dict[str, int]
+    flags: Counter[str]
+    files: list[dict[str, Any]]
+
+    @property
+    def reasons(self) -> list[Fate]:
+        """Reasons that occur, in their order."""
+        return [fate for fate in WORDS if any(entry[fate] for entry in self.sources.values())]
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        sources = {}
+        for name, entry in self.sources.items():
+            dropped = {WORDS[fate]: entry[fate] for fate in WORDS if entry[fate]}
+            sources[name] = {
+                "read": entry.total(),
+                "used": entry[Fate.USED],
+                "dropped": dropped,
+                "sorted": self.unsorted[name],
+            }
+        return {"sources": sources, "flags": dict(self.flags), "files": self.files}
+
+    def lines(self) -> Iterable[str]:
+        """As a table."""
+        names = [name[:24] for name in self.sources]
+        widths = [max(len(name), 9) for name in names]
+        yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
+        rows: list[tuple[str, list[int]]] = [("read", [entry.total() for entry in self.sources.values()])]
+        rows += [(WORDS[fate], [entry[fate] for entry in self.sources.values()]) for fate in self.reasons]
+        rows.append(("used", [entry[Fate.USED] for entry in self.sources.values()]))
+        if any(self.unsorted.values()):
+            rows.append(("out of order, sorted", list(self.unsorted.values())))
+        for word, counts in rows:
+            yield "  ".join([f"{word:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
+
+
+def ledger_of(tables: Sequence[Table], gathered: Gathered) -> Ledger:
+    """The account of the files, once the fates of all values are set."""
+    sources = {}
+    for name, series in gathered.series.items():
+        kinds, counts = np.unique(series.fates, return_counts=True)
+        entry = Counter({Fate(k): int(n) for k, n in zip(kinds.tolist(), counts.tolist(), strict=True)})
+        entry[Fate.UNREADABLE] += series.unreadable
+        sources[name] = +entry
+    flags: Counter[str] = Counter()
+    files = []
+    for table in tables:
+        for columns in table.parts:
+            flags += columns.flags
+        good = sum(len(columns.times) for columns in table.parts)
+        files.append(
+            {
+                "file": table.name,
+                "rows": table.rows,
+                "unreadable_rows": table.rows - table.others.total() - good,
+                "comment_lines": table.comments,
+                "repeated_headers": table.headers,
+                "empty_lines": table.empty,
+                "footer_lines": table.footers,
+                "rows_of_other_tags": dict(table.others),
+            }
+        )
+    return Ledger(sources, {name: s.unsorted for name, s in gathered.series.items()}, flags, files)

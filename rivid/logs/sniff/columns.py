@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from rivid.logs.columns import NumberReader
 from rivid.logs.log import sentinels_in
 from rivid.logs.sniff.layout import Layout, TimeLayout
-from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
+from rivid.logs.text import MANY_TEXTS, is_unit_column
 from rivid.logs.times import read_text
 
 MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (".", "'"), (",", "'"))
@@ -198,7 +199,7 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
     return role, flow
 
 
-def unit_said(name: str, unit: str, *, level: bool) -> str:
+def stated_unit(name: str, unit: str, *, level: bool) -> str:
     """The unit of a level, or else of a discharge, that its name or the text beside it tells; empty: none."""
     return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from rivid.config import InputConfig
 from rivid.errors import DataError
+from rivid.logs.columns import NumberReader
 from rivid.logs.files import Limits, read_bytes, shown
-from rivid.logs.header import LINE, TAIL, footer_lines
 from rivid.logs.sniff.columns import (
     Beside,
     ColumnGuess,
@@ -23,7 +23,7 @@ from rivid.logs.sniff.columns import (
 )
 from rivid.logs.sniff.layout import Layout, TimeLayout, guess_layout, guess_time
 from rivid.logs.spec import MICRO
-from rivid.logs.text import NumberReader
+from rivid.logs.text import LINE, TAIL, footer_lines
 from rivid.logs.times import clock_turns_back, read_text
 
 FILL_IN = (
