@@ -463,7 +463,7 @@ class TestNames:
         assert days[0].n_filled == days[1].n_filled == 1
         np.testing.assert_array_equal(days[0].output, days[1].output)
         config = parse({"reach": REACH, "input": {**given, "quality": "p"}}, Config)
-        with pytest.raises(DataError, match="no column 'p' for quality; nearest is 'q'"):
+        with pytest.raises(DataError, match="no column 'p' for quality; there are"):
             read_window(tmp_path / "parquet", find_days(tmp_path / "parquet", config).days, config)
 
 
