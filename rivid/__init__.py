@@ -11,7 +11,7 @@ _HOME = {
     "Config": "config",
     "Day": "api.day",
     "DelayEstimate": "api.estimate",
-    "DelayProbabilities": "api.probability",
+    "DelayProbabilities": "api.estimate",
     "DiagnosisResult": "api.diagnosis",
     "JmapSettings": "core.settings",
     "RividError": "errors",
@@ -24,7 +24,7 @@ _HOME = {
     "load_scenario": "simulation.scenario",
     "map_fir": "core.fir",
     "ml": "core.fir",
-    "posterior": "api.probability",
+    "posterior": "api.estimate",
     "propose_delays": "core.hydraulics",
     "read_day": "api.day",
     "simulate": "api.season",
@@ -59,8 +59,7 @@ __all__ = [
 if TYPE_CHECKING:
     from rivid.api.day import Day, read_day
     from rivid.api.diagnosis import DiagnosisResult, diagnose
-    from rivid.api.estimate import DelayEstimate, jmap
-    from rivid.api.probability import DelayProbabilities, posterior
+    from rivid.api.estimate import DelayEstimate, DelayProbabilities, jmap, posterior
     from rivid.api.season import SimulatedSeason, simulate
     from rivid.config import Config, load_config
     from rivid.core.fir import map_fir, ml

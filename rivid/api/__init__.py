@@ -1,4 +1,4 @@
-"""The library's front door: a few words for what the commands do, on arrays and on logs.
+"""The library's results and functions: the commands' work on arrays and logs.
 
 ``rivid.read_day``, ``rivid.jmap`` and the others are exported lazily by :mod:`rivid` itself.
 """

@@ -1,4 +1,4 @@
-"""A day of a reach: its samples, and where they come from."""
+"""A day of a reach: its samples and their configuration."""
 
 import datetime as dt
 from dataclasses import dataclass, field
@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.api.given import GivenConfig, GivenDate, as_config, as_date
+from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import Days
 from rivid.types import Floats
 
 if TYPE_CHECKING:
-    from rivid.api.picture import Picture
+    from rivid.plots.library import Curve, Panel
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Day:
-    """Samples of a day at T_s, or of several days in a row.
+class Day(Result):
+    """Samples of a day at T_s, or of consecutive days.
 
     Attributes
     ----------
@@ -32,16 +32,16 @@ class Day:
     date : datetime.date or None
         The last day's.
     config : Config
-        The reach and the settings that its estimates take unless told otherwise.
+        The reach, and the default settings of its estimates.
     n_filled : int
-        Samples that bridge a gap.
+        Samples interpolated over gaps.
     notes : str
-        What was dropped, masked or sorted; empty where nothing was.
+        Dropped, masked or sorted samples; empty if there are none.
 
     Raises
     ------
     RividError
-        Where the series differ in length or are not finite.
+        If the series differ in length or are not finite.
     """
 
     inflow: Floats
@@ -56,7 +56,7 @@ class Day:
         for name in ("inflow", "output", "outflow"):
             if getattr(self, name) is None:
                 continue
-            values = np.array(getattr(self, name), float)  # a copy: frozen is meant
+            values = np.array(getattr(self, name), float)  # a copy, which the caller cannot change
             if values.shape != (len(values),) or len(values) != len(self.inflow):
                 raise RividError(
                     f"{name} has shape {values.shape}: expected one series of {len(self.inflow)} samples"
@@ -67,12 +67,12 @@ class Day:
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 
-    def __repr__(self) -> str:
+    def _facts(self) -> str:
         low, high = self.inflow.min(), self.inflow.max()
         filled = f", {self.n_filled} filled" if self.n_filled else ""
         return (
-            f"Day({self.date or 'no date'}, {self.config.reach.name}: {len(self.inflow)} samples of "
-            f"{self.sample_time:g} s{filled}, inflow {low:.0f} to {high:.0f} m3/s)"
+            f"{self.date or 'no date'}, {self.config.reach.name}: {len(self.inflow)} samples of "
+            f"{self.sample_time:g} s{filled}, inflow {low:.0f} to {high:.0f} m3/s"
         )
 
     @property
@@ -87,7 +87,7 @@ class Day:
 
     @property
     def u(self) -> Floats:
-        """Inflow as deviation from the first sample [m3/s]; zero where it does not move (min_motion)."""
+        """Inflow as deviation from the first sample [m3/s]; zero if it does not move (min_motion)."""
         return np.asarray(self._deviations.u[0])
 
     @property
@@ -106,32 +106,25 @@ class Day:
         outflow = None if self.outflow is None else self.outflow[None]
         return Days.of(self.inflow[None], self.output[None], outflow, self.config.run.min_motion)
 
-    def plot(self) -> "Picture":
-        """The flows, and below them the level or the discharge."""
-        from rivid.api.picture import picture
-        from rivid.plots import style
+    def _title(self) -> str:
+        return f"{self.config.reach.name}, {self.date or 'a day'}"
 
-        reach = self.config.reach
-        with style.styled():
-            figure, (flows, output) = picture(
-                f"{reach.name}, {self.date or 'a day'}",
-                f"{len(self.inflow)} samples of {self.sample_time:g} s"
-                + (f" · {self.notes}" if self.notes else ""),
-                (1.7, 1.5),
-            )
-            flows.step(self.hours, self.inflow, where="post", color=style.INK, lw=1.0, label="inflow")
-            if self.outflow is not None:
-                flows.step(self.hours, self.outflow, where="post", color=style.WATER, lw=1.0, label="outflow")
-            flows.set_ylabel("flow [m³/s]")
-            flows.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-            flows.tick_params(labelbottom=False)
-            output.plot(self.hours, self.output, color=style.INK, lw=1.0)
-            output.set_ylabel("level [m]" if reach.kind == "pool" else "discharge [m³/s]")
-            output.set_xlabel("hours")
-            output.ticklabel_format(axis="y", useOffset=False)
-            for axes in (flows, output):
-                axes.set_xlim(0, float(self.hours[-1]))
-        return figure
+    def _note(self) -> str:
+        notes = f" · {self.notes}" if self.notes else ""
+        return f"{len(self.inflow)} samples of {self.sample_time:g} s{notes}"
+
+    def _panels(self) -> "list[Panel]":
+        from rivid.plots import library, style
+
+        flows: list[Curve] = [(self.inflow, style.INK, "inflow")]
+        if self.outflow is not None:
+            flows.append((self.outflow, style.WATER, "outflow"))
+        output: list[Curve] = [(self.output, style.INK, "")]
+        label = "level [m]" if self.config.reach.kind == "pool" else "discharge [m³/s]"
+        return [
+            (1.7, lambda axes: library.samples(axes, self.hours, flows, "flow [m³/s]", held=True)),
+            (1.5, lambda axes: library.samples(axes, self.hours, output, label)),
+        ]
 
 
 def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = None) -> Day:
@@ -142,9 +135,9 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     path : Path or str
         A file of one day or of many, or a directory of them.
     date : datetime.date or str, optional
-        Which day; needed where there are several. Of `[run] window_days` days in a row, the last.
+        Which day; needed if there are several. Of `[run] window_days` consecutive days, the last.
     config : Config, path of a TOML file, or mapping, optional
-        The reach and how its logs are to be read; Table I by default.
+        The reach and the format of its logs; Table I by default.
 
     Returns
     -------
@@ -153,11 +146,11 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     Raises
     ------
     DataError
-        Where the day cannot be used; the message names file and line.
+        If the day cannot be used; the message names file and line.
     NoDataError
-        Where there is no log of that day.
+        If there is no log of that day.
     ConfigError
-        Where it is not said which of several days is meant, or the configuration cannot be used.
+        If `date` is missing and there are several days, or the configuration is invalid.
 
     Examples
     --------
@@ -168,25 +161,25 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     from rivid.logs.read import read_window
     from rivid.run.workers import without_pandas
 
-    said, wanted, root = as_config(config), as_date(date), Path(path)
+    settings, wanted, root = as_config(config), as_date(date), Path(path)
     if not root.exists():
         raise NoDataError(f"{root} does not exist: expected a log, or a directory of logs")
     without_pandas()
-    catalog = find_days(root, said)
+    catalog = find_days(root, settings)
     sources = {source.date: source for source in catalog.days}
     if not sources:
         why = "; ".join(f"{name}: {reason}" for name, reason in catalog.bad_files[:1])
         raise DataError(f"{root}: no day can be read" + (f": {why}" if why else ""))
-    length = said.run.window_days
+    length = settings.run.window_days
     if wanted is None:
         if len(sources) > length:
             raise ConfigError(
-                f"{root} holds {len(sources)} days, {min(sources)} to {max(sources)}: say which, date=..."
+                f"{root} holds {len(sources)} days, {min(sources)} to {max(sources)}: give date=..."
             )
         wanted = max(sources)
-    asked = [wanted - dt.timedelta(days=k) for k in range(length - 1, -1, -1)]
-    missing = [day for day in asked if day not in sources]
+    dates = [wanted - dt.timedelta(days=k) for k in range(length - 1, -1, -1)]
+    missing = [day for day in dates if day not in sources]
     if missing:
         raise NoDataError(f"{root} has no log of {missing[0]}: it holds {min(sources)} to {max(sources)}")
-    data = read_window(root, [sources[day] for day in asked], said)
-    return Day(data.inflow, data.output, data.outflow, data.date, said, data.n_filled, data.notes)
+    data = read_window(root, [sources[day] for day in dates], settings)
+    return Day(data.inflow, data.output, data.outflow, data.date, settings, data.n_filled, data.notes)

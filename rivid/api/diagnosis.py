@@ -1,4 +1,4 @@
-"""What a simulation of the reach lacks, as an answer that shows itself."""
+"""Diagnosis of the effects that a simulation of the reach lacks."""
 
 import datetime as dt
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.api.given import GivenConfig, GivenDate, as_config, as_date
+from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.core.hydraulics import propose_delays
@@ -22,21 +22,21 @@ from rivid.types import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from rivid.api.picture import Picture
+    from rivid.plots.library import Panel
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DiagnosisResult:
-    """What :func:`diagnose` found.
+class DiagnosisResult(Result):
+    """The result of :func:`diagnose`.
 
     Attributes
     ----------
     answer : Diagnosis
-        All of it, as in diagnosis.json.
+        As in diagnosis.json.
     evidence : Evidence or None
-        The arrays behind it; None where there were too few days to look at anything.
+        The arrays behind it; None if there are too few days.
     config : Config
-        The reach and the settings that were taken.
+        The reach and the settings.
     start : tuple of Effect
         Effects that were in the model from the start.
     """
@@ -46,9 +46,9 @@ class DiagnosisResult:
     config: Config
     start: tuple[Effect, ...] = ()
 
-    def __repr__(self) -> str:
+    def _facts(self) -> str:
         named = "".join(f", {effect.name}" for effect in self.effects)
-        return f"DiagnosisResult({self.config.reach.name}: {self.verdict}{named})"
+        return f"{self.config.reach.name}: {self.verdict}{named}"
 
     def __str__(self) -> str:
         from rivid.report.diagnosis import summary
@@ -62,38 +62,38 @@ class DiagnosisResult:
 
     @property
     def reason(self) -> str:
-        """Why, in a sentence with numbers."""
+        """Reason of the verdict, with numbers."""
         return self.answer.reason
 
     @property
     def effects(self) -> tuple[NamedEffect, ...]:
-        """What was named and added."""
+        """The effects named and added to the model."""
         return self.answer.effects
 
     @property
     def unknown(self) -> Unknown | None:
-        """What is missing and has no name."""
+        """A missing flow that no effect of the catalogue explains."""
         return self.answer.unknown
 
     @property
     def gap(self) -> Gap | None:
-        """Error of the simulation on days kept apart, before and after."""
+        """Error of the simulation on validation days, before and after."""
         return self.answer.gap
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader must know."""
+        """Notes on the data and the model."""
         return self.answer.notes
 
     def write(self, out: Path | str, *, pictures: bool = True) -> Path:
-        """Write what `rivid diagnose` writes: page, pictures, JSON, unexplained inflow, augmented model.
+        """Write the files of `rivid diagnose`: page, figures, JSON, unexplained inflow, augmented model.
 
         Parameters
         ----------
         out : Path or str
-            A directory; it is made where there is none.
+            A directory; it is created if it does not exist.
         pictures : bool
-            Draw them.
+            Draw the figures.
 
         Returns
         -------
@@ -103,7 +103,7 @@ class DiagnosisResult:
         Raises
         ------
         RividError
-            Where a file cannot be written.
+            If a file cannot be written.
         """
         from rivid.diagnosis.choice import library_of
         from rivid.diagnosis.model.augmented import write_model
@@ -117,54 +117,46 @@ class DiagnosisResult:
             write_model(Path(out) / "model.toml", self.answer, self.evidence, self.config, self.start)
         return page
 
-    def plot(self) -> "Picture":
-        """The unexplained inflow of each day, and the error on the days kept apart, before and after."""
-        from rivid.api.picture import date_axes, picture
-        from rivid.plots import style
+    _between = 0.57  # room for the dates of the upper panel
+
+    def _title(self) -> str:
+        return f"{self.config.reach.name}: what the simulation lacks"
+
+    def _note(self) -> str:
         from rivid.report.diagnosis import headline
 
-        with style.styled():
-            figure, (course, errors) = picture(
-                f"{self.config.reach.name}: what the simulation lacks", headline(self.answer), (1.7, 1.3)
-            )
-            if self.evidence is None:
-                style.say(course, self.reason)
-            else:
-                seen = self.evidence
-                at = [date.toordinal() for date in seen.record.dates]
-                named = bool(self.effects)
-                for values, colour, words in (
-                    (seen.inflow_before, style.ACCENT, "before"), (seen.inflow_after, style.WATER, "after"),
-                )[: 1 + named]:  # fmt: skip
-                    course.plot(at, _daily(values, seen.record), color=colour, lw=1.0, label=words)
-                course.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-                course.axhline(0, color=style.LIGHT, lw=0.7)
-                date_axes([course], seen.record.dates[0], seen.record.dates[-1])
-            course.set_ylabel("unexplained [m³/s]")
-            box = errors.get_position()  # room for the dates of the panel above
-            errors.set_position((box.x0, box.y0, box.width, 0.82 * box.height))
-            _draw_gap(errors, self.gap)
-        return figure
+        return headline(self.answer)
+
+    def _panels(self) -> "list[Panel]":
+        from rivid.plots.library import horizon_errors
+
+        gap = self.gap
+        errors = (gap.horizon_h, gap.rmse_baseline, gap.rmse_augmented, gap.unit) if gap else ((), (), (), "")
+        return [(1.7, self._draw_unexplained), (1.07, lambda axes: horizon_errors(axes, *errors))]
+
+    def _draw_unexplained(self, axes: "Axes") -> None:
+        """Draw the daily mean of the unexplained inflow, before and after."""
+        from rivid.plots import style
+        from rivid.plots.library import daily
+
+        label = "unexplained [m³/s]"
+        if self.evidence is None:
+            style.say(axes, self.reason)
+            axes.set_ylabel(label)
+            return
+        evidence = self.evidence
+        curves = [
+            (_daily(evidence.inflow_before, evidence.record), style.ACCENT, "before"),
+            (_daily(evidence.inflow_after, evidence.record), style.WATER, "after"),
+        ]
+        daily(axes, evidence.record.dates, curves if self.effects else curves[:1], label, marks=False)
+        axes.axhline(0, color=style.LIGHT, lw=0.7)
 
 
-def _daily(values: Floats, record: Record) -> list[float]:
-    """Mean of each day's samples that count; NaN where there are none."""
+def _daily(values: Floats, record: Record) -> Floats:
+    """Return the mean of each day's used samples; NaN if there are none."""
     counted = np.where(record.used, values, np.nan)
-    return [float(np.nanmean(row)) if np.isfinite(row).any() else float("nan") for row in counted]
-
-
-def _draw_gap(axes: "Axes", gap: Gap | None) -> None:
-    """Two bars for each horizon."""
-    from rivid.plots import style
-
-    if gap is None:
-        style.say(axes, "no days kept apart to judge by")
-        return
-    at = np.arange(len(gap.horizon_h))
-    axes.bar(at - 0.2, gap.rmse_baseline, 0.38, color=style.ACCENT)
-    axes.bar(at + 0.2, gap.rmse_augmented, 0.38, color=style.WATER)
-    axes.set_xticks(at, [f"{hours:g} h ahead" for hours in gap.horizon_h])
-    axes.set_ylabel(f"error [{gap.unit}]")
+    return np.array([np.nanmean(row) if np.isfinite(row).any() else np.nan for row in counted])
 
 
 def diagnose(
@@ -176,20 +168,20 @@ def diagnose(
     model: Path | str | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult:
-    """Find what a simulation of the reach lacks, name it, add it, and show the gap.
+    """Find the effects that a simulation of the reach lacks, add them to the model, and validate it.
 
     Parameters
     ----------
     logs : Path, str or SimulatedSeason
         DATA_DIR, one file of many days, or a season of :func:`rivid.simulate`.
     config : Config, path of a TOML file, or mapping, optional
-        The reach; by default Table I, or what a user of the simulated reach would configure.
+        The reach; default: Table I, or the nominal geometry of the simulated reach.
     first, last : datetime.date or str, optional
-        Only days from and until these.
+        First and last day used.
     model : Path or str, optional
-        Begin with the effects of this augmented model (model.toml).
+        Start with the effects of this augmented model (model.toml).
     report : callable
-        Told what is being done, a line each.
+        Called with the name of each step as it begins.
 
     Returns
     -------
@@ -198,13 +190,13 @@ def diagnose(
     Raises
     ------
     NoDataError
-        Where no day can be used.
+        If no day can be used.
     ConfigError
-        Where the configuration, the model or the geometry cannot be used.
+        If the configuration, the model or the geometry is invalid.
 
     Notes
     -----
-    Steps as in docs/diagnose.md. Takes half a minute for two months, minutes for a year.
+    The steps are described in docs/diagnose.md. Two months take half a minute, a year some minutes.
     """
     from rivid.diagnosis import workflow
     from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
@@ -214,28 +206,29 @@ def diagnose(
     begin, end = as_date(first), as_date(last)
     failed: tuple[tuple[dt.date | None, str], ...] = ()
     if isinstance(logs, SimulatedSeason):
-        said = logs.config if config is None else as_config(config)
-        record = _record_of(logs, said, begin, end)
+        settings = logs.config if config is None else as_config(config)
+        record = _record_of(logs, settings, begin, end)
     else:
-        said = as_config(config)
-        read = read_record(Path(logs), said, first=begin, last=end, today=dt.datetime.now(dt.UTC))
+        settings = as_config(config)
+        read = read_record(Path(logs), settings, first=begin, last=end, today=dt.datetime.now(dt.UTC))
         record, failed = read.record, read.failed
-    start = read_effects(Path(model), said) if model is not None else ()
+    start = read_effects(Path(model), settings) if model is not None else ()
     answer, evidence = workflow.diagnose(
-        record, responses_of(said, record), library_of(said), gauge_floor=gauge_floor_of(said, record),
-        start=start, most=said.diagnose.most_effects, report=report,
+        record, responses_of(settings, record), library_of(settings),
+        gauge_floor=gauge_floor_of(settings, record), start=start,
+        most=settings.diagnose.most_effects, report=report,
     )  # fmt: skip
     if failed:
         day, why = failed[0]
         which = f"{len(failed)} days or files could not be used; the first, {day or 'a file'}: {why}"
         answer = replace(answer, notes=(*answer.notes, which))
-    return DiagnosisResult(answer, evidence, said, start)
+    return DiagnosisResult(answer, evidence, settings, start)
 
 
 def _record_of(
     season: SimulatedSeason, config: Config, first: dt.date | None, last: dt.date | None
 ) -> Record:
-    """The logs of a season; nothing of its truth."""
+    """Return the logs of a season, without its truth."""
     rows = [
         i
         for i, date in enumerate(season.dates)

@@ -1,4 +1,4 @@
-"""The paper's estimator on a day or on arrays, with an answer that shows itself."""
+"""Estimates of a day or of arrays: the paper's estimator, and the probability of each delay."""
 
 import datetime as dt
 from collections import Counter
@@ -6,30 +6,73 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rivid.api.day import Day
+from rivid.api.inputs import GivenConfig, Result, as_config
+from rivid.config import Config, parse
 from rivid.core.jmap import JmapResult
 from rivid.core.jmap import jmap as jmap_of_arrays
 from rivid.core.settings import JmapSettings
-from rivid.errors import ConfigError
+from rivid.errors import ConfigError, RividError
+from rivid.estimators import Answer, Days, build
+from rivid.types import Floats, Strings
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from rivid.api.picture import Picture
+    from rivid.plots.library import Panel
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class DelayEstimate(JmapResult):
-    """What :func:`jmap` says: all of :class:`rivid.core.jmap.JmapResult`, and where it comes from.
+class _DelayResult(Result):
+    """A delay with its response, for one day or (a leading axis) for many.
 
     Attributes
     ----------
     sample_time : float or None
-        T_s [s]; None where only arrays were given.
+        T_s [s]; None if only arrays were given.
     output_unit : str
-        "m" or "m3/s"; empty where only arrays were given.
+        "m" or "m3/s"; "" if unknown.
+    date : datetime.date or None
+        Of the day.
+    """
+
+    _heading: str
+    status: Strings
+    delay: Floats
+    fir: Floats
+    sample_time: float | None
+    output_unit: str
+    date: dt.date | None
+
+    def _day_facts(self) -> str:
+        raise NotImplementedError
+
+    def _day_panels(self) -> "list[Panel]":
+        raise NotImplementedError
+
+    def _facts(self) -> str:
+        return describe_days(self.status, self.delay) if np.ndim(self.delay) else self._day_facts()
+
+    def _title(self) -> str:
+        return self._heading + (f", {self.date}" if self.date else "")
+
+    def _panels(self) -> "list[Panel]":
+        from rivid.plots.library import responses
+
+        if np.ndim(self.delay):
+            return [(2.9, lambda axes: responses(axes, self.fir, self.delay))]
+        return self._day_panels()
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DelayEstimate(_DelayResult, JmapResult):
+    """The result of :func:`jmap`: a :class:`rivid.core.jmap.JmapResult` with its origin.
+
+    Attributes
+    ----------
+    sample_time : float or None
+        T_s [s]; None if only arrays were given.
+    output_unit : str
+        "m" or "m3/s"; "" if only arrays were given.
     date : datetime.date or None
         Of the day.
     """
@@ -38,35 +81,103 @@ class DelayEstimate(JmapResult):
     output_unit: str = ""
     date: dt.date | None = None
 
-    def __repr__(self) -> str:
-        if np.ndim(self.delay):
-            return f"DelayEstimate({days_words(self.status, self.delay)})"
+    _heading = "Delay and impulse response"
+
+    def _day_facts(self) -> str:
         doubt = ", the prior's" if bool(self.prior_only) else ""
         return (
-            f"DelayEstimate({delay_words(float(self.delay), self.sample_time)}, {self.status}{doubt}; "
-            f"alpha {float(self.alpha):.2g}, condition {float(self.condition):.2g})"
+            f"{describe_delay(float(self.delay), self.sample_time)}, {self.status}{doubt}; "
+            f"alpha {float(self.alpha):.2g}, condition {float(self.condition):.2g}"
         )
 
-    def plot(self) -> "Picture":
-        """One day: its response, and the criterion of every delay; many days: a column for each day."""
-        from rivid.api.picture import picture
-        from rivid.plots import style
+    def _day_panels(self) -> "list[Panel]":
+        from rivid.plots import library
 
-        title = f"Delay and impulse response{f', {self.date}' if self.date else ''}"
-        with style.styled():
-            if np.ndim(self.delay):
-                figure, (axes,) = picture(title, days_words(self.status, self.delay), (2.9,))
-                draw_days(axes, self.fir, self.delay)
-                return figure
-            note = repr(self).removeprefix("DelayEstimate(")[:-1]
-            figure, (response, criterion) = picture(title, note, (1.9, 1.2))
-            draw_response(response, self.fir, None, float(self.delay), self.output_unit)
-            criterion.plot(self.candidates, self.criterion, color=style.INK, lw=1.0, marker="o", ms=2.6)
-            mark(criterion, float(self.delay))
-            criterion.set_ylabel("criterion")
-            criterion.set_xlabel("lag and delay [samples]")
-            criterion.set_xlim(response.get_xlim())
-        return figure
+        delay, order = float(self.delay), len(self.fir)
+        return [
+            (1.9, lambda axes: library.response(axes, self.fir, None, delay, self.output_unit)),
+            (
+                1.2,
+                lambda axes: library.by_delay(
+                    axes, self.candidates, self.criterion, delay, order, "criterion"
+                ),
+            ),
+        ]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DelayProbabilities(_DelayResult):
+    """The result of :func:`posterior`; with a leading axis of days, or none for a single day.
+
+    Attributes
+    ----------
+    status : ndarray of str, shape (days,)
+        "ok" or "unidentifiable".
+    delay : ndarray, shape (days,)
+        The most probable delay [samples]; NaN unless the status is "ok".
+    probability : ndarray, shape (days,)
+        Probability that this delay is right; NaN on a day without probabilities.
+    delay_low, delay_high : ndarray, shape (days,)
+        Ends of the smallest set of delays with 90 % probability [samples].
+    travel : ndarray, shape (days,)
+        The travel time with its fraction [samples]; NaN unless the status is "ok".
+    candidates : ndarray of int, shape (K,)
+        The delays tried [samples].
+    probabilities : ndarray, shape (days, K)
+        p(d | y).
+    fir, fir_sd : ndarray, shape (days, M)
+        Response of the output to the inflow and its standard deviation [output unit per m3/s].
+    reason : ndarray of str, shape (days,)
+        Why a day has no answer; empty otherwise.
+    sample_time : float or None
+        T_s [s]; None if only arrays were given.
+    output_unit : str
+        "m" or "m3/s".
+    date : datetime.date or None
+        Of the day.
+    """
+
+    status: Strings
+    delay: Floats
+    probability: Floats
+    delay_low: Floats
+    delay_high: Floats
+    travel: Floats
+    candidates: NDArray[np.intp]
+    probabilities: Floats
+    fir: Floats
+    fir_sd: Floats
+    reason: Strings
+    sample_time: float | None = None
+    output_unit: str = "m"
+    date: dt.date | None = None
+
+    _heading = "Probability of each delay"
+
+    def _day_facts(self) -> str:
+        from rivid.text import probability
+
+        if str(self.status) != "ok":
+            return f"{self.status}: {self.reason}"
+        return (
+            f"{describe_delay(float(self.delay), self.sample_time)}, right with "
+            f"{probability(float(self.probability))}; 90 % within {float(self.delay_low):.0f} to "
+            f"{float(self.delay_high):.0f}"
+        )
+
+    def _day_panels(self) -> "list[Panel]":
+        from rivid.plots import library
+
+        delay, order = float(self.delay), len(self.fir)
+        return [
+            (1.9, lambda axes: library.response(axes, self.fir, self.fir_sd, delay, self.output_unit)),
+            (
+                1.2,
+                lambda axes: library.by_delay(
+                    axes, self.candidates, self.probabilities, delay, order, "probability", str(self.reason)
+                ),
+            ),
+        ]
 
 
 def jmap(
@@ -77,11 +188,11 @@ def jmap(
     Parameters
     ----------
     u : Day, or array_like of shape (N,) or (days, N)
-        A day with all it knows; or the inflow as deviations from the day's first sample [m3/s].
+        A day; or the inflow as deviations from the day's first sample [m3/s].
     y : array_like, same shape
-        Output as deviations from the day's first sample [m or m3/s]; not beside a day.
+        Output as deviations from the day's first sample [m or m3/s]; not with a day.
     settings : JmapSettings, optional
-        Those of the day's configuration, or the paper's, by default.
+        Default: those of the day's configuration, or the paper's.
     **changes
         Single settings to change, ``jmap(day, prior="uniform", alpha=1e4)`` for Table V.
 
@@ -105,26 +216,137 @@ def jmap(
     >>> jmap(day).delay
     np.float64(7.0)
     """
+    about: dict[str, Any] = {}
     if isinstance(u, Day):
         if y is not None:
             raise ConfigError("jmap(day, y): a day has its own output: expected jmap(day) or jmap(u, y)")
         found = jmap_of_arrays(u.u, u.y, settings or u.config.jmap_settings(), **changes)
-        about: dict[str, Any] = {
-            "sample_time": u.sample_time, "output_unit": u.config.reach.output_unit, "date": u.date,
-        }  # fmt: skip
+        about = {"sample_time": u.sample_time, "output_unit": u.config.reach.output_unit, "date": u.date}
     elif y is None:
         raise ConfigError("jmap(u): the output is missing: expected jmap(day) or jmap(u, y)")
     else:
-        found, about = jmap_of_arrays(u, y, settings, **changes), {}
+        found = jmap_of_arrays(u, y, settings, **changes)
     return DelayEstimate(**{f.name: getattr(found, f.name) for f in fields(JmapResult)}, **about)
 
 
-def delay_words(delay: float, sample_time: float | None) -> str:
-    """A delay in samples and, where T_s is known, the travel time it stands for; or that there is none.
+def posterior(
+    u: ArrayLike | Day,
+    y: ArrayLike | None = None,
+    o: ArrayLike | None = None,
+    *,
+    config: GivenConfig = None,
+    **changes: Any,
+) -> DelayProbabilities:
+    """Compute the probability of every delay of a day, or of many.
+
+    Parameters
+    ----------
+    u : Day, or array_like of shape (N,) or (days, N)
+        A day; or the inflow [m3/s].
+    y, o : array_like, same shape
+        Level [m] (of a river, discharge [m3/s]) and, if it is logged, the outflow [m3/s]; not with a day.
+    config : Config, path of a TOML file, or mapping, optional
+        Reach and settings; default: the day's own, or those of Table I.
+    **changes
+        Keys of `[posterior]`, ``posterior(day, d_max=20, answer_above=0.9)``.
+
+    Returns
+    -------
+    DelayProbabilities
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or too few samples.
+    ConfigError
+        For an unknown key or an invalid value.
 
     Examples
     --------
-    >>> delay_words(6.0, 133.0), delay_words(6.0, None), delay_words(float("nan"), 133.0)
+    >>> from rivid import read_day
+    >>> day = read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
+    >>> posterior(day).delay
+    np.float64(6.0)
+    """
+    if isinstance(u, Day):
+        if y is not None or o is not None:
+            raise ConfigError("posterior(day, y): a day has its own series: expected posterior(day)")
+        base = u.config if config is None else as_config(config)
+        o = u.o
+        days = Days(u.u[None], u.y[None], None if o is None else np.asarray(o)[None], u.inflow[:1])
+        single, date = True, u.date
+    elif y is None:
+        raise ConfigError("posterior(u): the output is missing: expected posterior(day) or posterior(u, y)")
+    else:
+        base, date = as_config(config), None
+        days, single = _as_days(u, y, o)
+    settings = _with_posterior(base, days.o is not None, changes)
+    (estimator,) = build(settings).values()
+    if days.u.shape[1] < estimator.min_samples:
+        raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.needed_for}")
+    answer = estimator.estimate(days)
+    columns = {
+        "status": answer.status, "delay": answer.delay, "probability": answer.probability,
+        "delay_low": answer.delay_low, "delay_high": answer.delay_high, "travel": answer.travel,
+        "probabilities": answer.curve, "fir": answer.fir, "fir_sd": answer.fir_sd,
+        "reason": _reasons(answer, days),
+    }  # fmt: skip
+    # the posterior sets all of these; the sample time of arrays alone is unknown
+    values: dict[str, Any] = {n: v[0] if single and v is not None else v for n, v in columns.items()}
+    known = isinstance(u, Day) or config is not None
+    assert answer.candidates is not None
+    return DelayProbabilities(
+        candidates=answer.candidates,
+        sample_time=settings.reach.sample_time if known else None,
+        output_unit=settings.reach.output_unit,
+        date=date,
+        **values,
+    )
+
+
+def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Config:
+    """Return the configuration with the posterior as its only estimator."""
+    raw = base.model_dump(exclude_unset=True)
+    raw["run"] = raw.get("run", {}) | {"estimators": ["posterior"]}
+    raw["posterior"] = raw.get("posterior", {}) | changes
+    if not outflow and base.reach.kind == "pool":
+        raw["input"] = raw.get("input", {}) | {"u_Qo": ""}
+    return parse(raw, Config, "posterior")
+
+
+def _as_days(u: ArrayLike, y: ArrayLike, o: ArrayLike | None) -> tuple[Days, bool]:
+    """Return arrays as deviations, and whether they are of a single day."""
+    arrays = {"u": np.asarray(u, float), "y": np.asarray(y, float)}
+    if o is not None:
+        arrays["o"] = np.asarray(o, float)
+    shape = arrays["u"].shape
+    for name, values in arrays.items():
+        if values.shape != shape or values.ndim not in (1, 2) or not values.size:
+            raise RividError(
+                f"{name} has shape {values.shape} and u {shape}: expected the same, (N,) or (days, N)"
+            )
+        if not np.isfinite(values).all():
+            raise RividError(f"{name} has values that are not finite: fill gaps or leave the days out")
+    many = {name: np.atleast_2d(values) for name, values in arrays.items()}
+    moved = {name: values - values[:, :1] for name, values in many.items()}
+    return Days(moved["u"], moved["y"], moved.get("o"), many["u"][:, 0]), len(shape) == 1
+
+
+def _reasons(answer: Answer, days: Days) -> Strings:
+    """Return why each day has no answer, from u and y too; "" where it has one."""
+    u_moves, y_moves = days.u.any(axis=1), days.y.any(axis=1)
+    still = np.where(u_moves, "the output does not move", "the inflow does not move")
+    assert answer.reason is not None
+    reasons = np.where(u_moves & y_moves, answer.reason, still)
+    return np.where(answer.status == "ok", "", reasons)
+
+
+def describe_delay(delay: float, sample_time: float | None) -> str:
+    """Return a delay in samples and, if T_s is known, as a travel time.
+
+    Examples
+    --------
+    >>> describe_delay(6.0, 133.0), describe_delay(6.0, None), describe_delay(float("nan"), 133.0)
     ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
     from rivid.text import travel
@@ -135,58 +357,17 @@ def delay_words(delay: float, sample_time: float | None) -> str:
     return samples if sample_time is None else f"{samples} ({travel([delay], sample_time)})"
 
 
-def days_words(status: ArrayLike, delay: ArrayLike) -> str:
-    """Many days in a few words.
+def describe_days(status: ArrayLike, delay: ArrayLike) -> str:
+    """Return the number of days by status, and the range of their delays.
 
     Examples
     --------
-    >>> days_words(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
+    >>> describe_days(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
     '3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples'
     """
     counted = Counter(str(one) for one in np.asarray(status))
-    words = ", ".join(f"{n} {name}" for name, n in counted.most_common())
+    listed = ", ".join(f"{n} {name}" for name, n in counted.most_common())
     d = np.asarray(delay, float)
     d = d[np.isfinite(d)]
     span = f"; d median {np.median(d):g}, {d.min():g} to {d.max():g} samples" if len(d) else ""
-    return f"{sum(counted.values())} days: {words}{span}"
-
-
-def mark(axes: "Axes", delay: float) -> None:
-    """The step from d to d + 1, where the response jumps."""
-    from rivid.plots import style
-
-    if np.isfinite(delay):
-        axes.axvspan(delay, delay + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
-
-
-def draw_response(axes: "Axes", fir: Any, sd: Any, delay: float, unit: str) -> None:
-    """An impulse response with its jump, and two standard deviations to either side where there are any."""
-    from rivid.plots import style
-    from rivid.text import response_unit
-
-    k = np.arange(len(fir))
-    axes.axhline(0, color=style.LIGHT, lw=0.7)
-    if sd is not None:
-        axes.fill_between(k, fir - 2 * sd, fir + 2 * sd, color=style.LIGHT, alpha=0.5, linewidth=0)
-    axes.plot(k, fir, color=style.INK, lw=1.0, marker="o", ms=2.4)
-    mark(axes, delay)
-    axes.set_ylabel(f"response [{response_unit(unit)}]" if unit else "response")
-    axes.set_xlim(-0.5, len(k) - 0.5)
-    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-
-
-def draw_days(axes: "Axes", fir: Any, delay: Any) -> None:
-    """A column for each day, a row for each lag; black is high, the line is the delay."""
-    from rivid.plots import style
-    from rivid.plots.tdr import grey_limits
-
-    low, high = grey_limits(fir)
-    days, order = fir.shape
-    axes.set_facecolor(style.NO_DATA)
-    axes.imshow(
-        fir.T, cmap="Greys", aspect="auto", origin="lower", interpolation="nearest",
-        extent=(-0.5, days - 0.5, -0.5, order - 0.5), vmin=low, vmax=high,
-    )  # fmt: skip
-    axes.plot(np.arange(days), delay + 0.5, color=style.ACCENT, lw=1.2, marker="o", ms=2.0)
-    axes.set_xlabel("day")
-    axes.set_ylabel("lag [samples]")
+    return f"{sum(counted.values())} days: {listed}{span}"

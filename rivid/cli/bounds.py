@@ -36,8 +36,8 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     from rivid.cli.locate import configuration
     from rivid.config import load_config
     from rivid.core.hydraulics import propose_delays, travel_bounds
+    from rivid.core.settings import MAX_ORDER
     from rivid.errors import ConfigError
-    from rivid.estimator_config import MAX_ORDER
 
     console = Console()
     reach = load_config(configuration(config, data_dir, console)).reach

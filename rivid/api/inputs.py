@@ -1,0 +1,97 @@
+"""Conversion of arguments to configurations, scenarios and dates; the base class of the library's results."""
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rivid.config import Config, load_config, parse
+from rivid.errors import ConfigError
+from rivid.simulation.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from rivid.plots.library import Panel, Picture
+
+GivenConfig = Config | Path | str | Mapping[str, Any] | None
+GivenScenario = Scenario | Path | str | Mapping[str, Any] | None
+GivenDate = dt.date | str | None
+
+
+class Result:
+    """A frozen result with a repr of one line, and a figure with the same facts in its heading."""
+
+    _between = 0.34
+
+    def _facts(self) -> str:
+        raise NotImplementedError
+
+    def _title(self) -> str:
+        raise NotImplementedError
+
+    def _panels(self) -> "Sequence[Panel]":
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._facts()})"
+
+    def plot(self) -> "Picture":
+        """Draw the result, for a notebook or ``.savefig``."""
+        from rivid.plots.library import picture
+
+        return picture(self._title(), self._note(), self._panels(), self._between)
+
+    def _note(self) -> str:
+        """The line under the heading."""
+        return self._facts()
+
+
+def as_config(given: GivenConfig) -> Config:
+    """Return a configuration from a TOML file, a mapping, or the defaults.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key or an invalid value; it names the key.
+    """
+    if isinstance(given, Config):
+        return given
+    if isinstance(given, Mapping):
+        return parse(dict(given), Config)
+    return load_config(None if given is None else Path(given))
+
+
+def as_scenario(given: GivenScenario, changes: Mapping[str, Any]) -> Scenario:
+    """Return a scenario from a TOML file, a mapping, or the defaults, with single keys changed.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key or an invalid value; it names the key.
+    """
+    if given is None:
+        scenario = Scenario()
+    elif isinstance(given, Scenario):
+        scenario = given
+    elif isinstance(given, Mapping):
+        scenario = parse(dict(given), Scenario, "scenario")
+    else:
+        scenario = load_scenario(given)
+    if not changes:
+        return scenario
+    return parse(scenario.model_dump(exclude_unset=True) | dict(changes), Scenario, "scenario")
+
+
+def as_date(given: GivenDate) -> dt.date | None:
+    """Return a date from its ISO 8601 text.
+
+    Raises
+    ------
+    ConfigError
+        If the text is no date.
+    """
+    if not isinstance(given, str):
+        return given
+    try:
+        return dt.date.fromisoformat(given)
+    except ValueError:
+        raise ConfigError(f"date {given!r}: expected a date like 2008-03-14") from None
