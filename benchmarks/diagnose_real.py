@@ -111,7 +111,7 @@ def main() -> None:
     ]  # fmt: skip
     gaps = [
         [name, *(f"{v:.1f}" for v in values)]
-        for name, values in (("without", base), ("with what was named", end), ("told the bypass", floor))
+        for name, values in (("without", base), ("with what was named", end), ("bypass given", floor))
     ]
     gaps.append(["gap closed", *("-" if c is None else f"{c:.2f}" for c in closed)])
     text = (

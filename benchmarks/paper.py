@@ -190,7 +190,7 @@ def fig_19(found: dict[str, list[CascadeReach]]) -> str:
     return (
         "\n## Fig. 19: the cascade\n\n"
         f"Paper: with the uniform prior the intervals of the first three reaches are at least halved. Here, for nine days of ten: {verdict} "
-        f"({count(first, 1)} of three for half of the days; the paper does not say what its intervals hold).\n\n![the cascade](pictures/paper_cascade.png)\n\n"
+        f"({count(first, 1)} of three for half of the days; the paper does not state the level of its intervals).\n\n![the cascade](pictures/paper_cascade.png)\n\n"
         + table(
             ["reaches", "length", "true d", "operators", "half of the days", "nine of ten", "halved for"],
             rows,
@@ -198,7 +198,7 @@ def fig_19(found: dict[str, list[CascadeReach]]) -> str:
         + "\nNobody can be asked for the operators' values in a simulation: they are the gravity wave's travel time in the middle of the usual discharges, and three T_s either side, "
         "which for 8.2 km is the paper's 5 to 11. With the full equations the dam's own wave is the reason: whatever is let out lowers the level before the dam at once, the response of the third reach has a spike at lag 1, "
         f"{spike:.0f} times as deep as what follows, and D_d, which knows two jumps only, spends the second on it (d = 2). "
-        f"With linear reaches it is the year's noise: {count(linear, 0)} of three are halved as it is, {count(clear, 0)} of three with a perfect gauge, no unlogged inflow and people who follow (9).\n"
+        f"With linear reaches it is the year's noise: {count(linear, 0)} of three are halved as it is, {count(clear, 0)} of three with a perfect gauge, no unlogged inflow and operators who follow (9).\n"
     )
 
 
@@ -226,14 +226,14 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
     text = (
         "\n## The year or the method?\n\n"
         f"The same measures over {seeds} simulated years of each world, per cent of days, mean with the lowest and highest year. True delays are 6 and 7 (6 to 8 with the full equations). "
-        '"All three": perfect gauge, no unlogged inflow, and people who follow (9) at every sample. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
+        '"All three": perfect gauge, no unlogged inflow, and operators who follow (9) at every sample. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
         + table(["", *names], rows)
-        + f"\n- Direct and indirect search lie at the bounds in every world with people; a constant and a ramp beside (8) bring the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
+        + f"\n- Direct and indirect search lie at the bounds in every world with operators; a constant and a ramp beside (8) bring the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
         f"within one sample, from {m('no unlogged inflow', ramp[0])} to {m('no unlogged inflow', ramp[1])} where no inflow is unlogged: the unbalanced first sample is the reason, then the unlogged inflow. "
         f"The indirect one goes from {m(YEAR, turn[0])} to {m(YEAR, turn[1])}; where the level is (10) itself, from {m(MODEL, turn[0])} to {m(MODEL, turn[1])}.\n"
         f"- Uniform prior, alpha estimated, within one sample: {m(YEAR, free)} as it is, {m('perfect gauge', free)} with a perfect gauge, {m('no unlogged inflow', free)} without unlogged inflow, "
-        f"{m('people who follow (9) at every sample', free)} with people who follow (9), {m('all three', free)} with all three: the gauge spreads Fig. 18a.\n"
-        f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, on {m('people who follow (9) at every sample', alike)} with people who follow (9), on {m('all three', alike)} with all three: "
+        f"{m('operators who follow (9) at every sample', free)} with operators who follow (9), {m('all three', free)} with all three: the gauge spreads Fig. 18a.\n"
+        f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, on {m('operators who follow (9) at every sample', alike)} with operators who follow (9), on {m('all three', alike)} with all three: "
         "the year, not the method.\n"
         f"- Full equations: the front is spread and late ([hydraulic.md](hydraulic.md)), 6 or 7 has {m('full equations', rayleigh)}.\n"
         f"- On shuffled days the Rayleigh prior gives 6 or 7 on {min(m_(n, nothing) for n in names):.0f} to {max(m_(n, nothing) for n in names):.0f} %, whatever the world.\n"
@@ -273,7 +273,7 @@ def main() -> None:
     text = (
         "# The paper's figures and claims, beside ours\n\n"
         "Written by `make paper-page`; every number is measured by it. The year is simulated (`sample_data/basse_isere`, a reach with the character of Table I), its true delays are known, "
-        f"{len(w.truth)} data sets of {w.u.shape[1]} samples. It was set from what the paper says can be seen of discharge and level, never from what an estimator makes of it. Shares are of days; in brackets "
+        f"{len(w.truth)} data sets of {w.u.shape[1]} samples. It was set from the observables of discharge and level that the paper gives, never from the result of an estimator. Shares are of days; in brackets "
         f"{seeds} other simulated years of the same kind, mean with lowest and highest. The figures themselves: `rivid figures OUT --paper`.\n\n"
         f"{same} of {len(claims)} claims in the table come out the same; Fig. 19 has a section of its own.\n\n"
         + table(["Fig.", "the paper", "here", "", "why"], [claim.row for claim in claims])

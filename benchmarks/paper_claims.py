@@ -105,11 +105,11 @@ def simple_models(
         "the method, and simpler than the paper thought: (8) takes the first sample for balanced. Where it is not, the difference of in- and outflow adds up to a ramp, "
         f"which another lag copies. With a constant and a ramp beside (8) the same search has {pc(found['direct with a ramp, at 1 or 15'])} at the bounds and "
         f"{pc(found['direct with a ramp, within one of the truth'])} of days within one sample ({pc(found['direct within one of the truth'])} without); on shuffled days "
-        f"{pc(at(with_ramp(elsewhere, 'direct'), 1, 15))} at the bounds. The people's feedback is not the reason: commands as they are, with a level by (8) itself, give {pc(exact)}"
+        f"{pc(at(with_ramp(elsewhere, 'direct'), 1, 15))} at the bounds. The operators' feedback is not the reason: commands as they are, with a level by (8) itself, give {pc(exact)}"
     )
     return [
         Claim("9a", "direct: most at 1, then at 15 (30 %, which means above 15)", both("direct"), piled["direct"], why),
-        Claim("9b", "indirect: the same", both("indirect"), piled["indirect"], f"the method: the same ramp in part ({pc(found['indirect with a ramp, within one of the truth'])} within one sample with it, {pc(found['indirect within one of the truth'])} without), and people who are not (9) at every sample: where the level is (10) itself, the search finds it (table below)"),
+        Claim("9b", "indirect: the same", both("indirect"), piled["indirect"], f"the method: the same ramp in part ({pc(found['indirect with a ramp, within one of the truth'])} within one sample with it, {pc(found['indirect within one of the truth'])} without), and operators who do not follow (9) at every sample: where the level is (10) itself, the search finds it (table below)"),
         Claim("9", "d = 1 means faster than 60 m/s", f"L / T_s = {speed:.0f} m/s; by (8), from lag d + 1, half of it", speed > 60),
         Claim("10", "jumps at lags 1 and d + 1, slow elsewhere",
               f"h[1] = {h[1]:.1e}, decay {h[2] / h[1]:.2f} a lag, jump {h[8] - 0.88 * h[7]:.1e} at lag 8",
@@ -161,7 +161,7 @@ def one_day(year: Year, w: World, readings: Readings) -> list[Claim]:
         Claim("12", "sigma_d = 10 gives the same d as 6.5 (that day)",
               f"on {date} {j['wide'].delay[i]:.0f} against {good.delay[i]:.0f}; the same on {pc(alike)} of days, on {pc(float((good.delay == j['wide'].delay)[sure].mean()) if sure.any() else 0)} of the {sure.sum()} on which the data decide",
               "some days" if 0 < alike < 0.5 else alike >= 0.5,
-              "the year: what the people do of themselves is a large part of w, so the prior decides; where people follow (9) the two agree (table below)"),
+              "the year: operator moves outside (9) are a large part of w, so the prior decides; where operators follow (9) the two agree (table below)"),
     ]  # fmt: skip
 
 
@@ -197,7 +197,7 @@ def the_year(year: Year, w: World, found: dict[str, float], others: dict[str, li
         Claim("13", "CUSUM needs a tuning for each data set",
               f"within one sample of the truth: untuned {pc(found['ML, CUSUM within one of the truth'])} of days, best single tuning of {len(grid)} {pc(tried.mean(axis=1).max())}, best tuning of each day {pc(tried.any(axis=0).mean())}",
               "partly" if tried.mean(axis=1).max() > 0.8 else tried.any(axis=0).mean() > 0.9,
-              "one tuning serves most days, but only the truth tells which one"),
+              "one tuning serves most days, but only the truth shows which one"),
         Claim("14", "CUSUM on the MAP is imprecise",
               f"within one sample on {pc(found['MAP, CUSUM within one of the truth'])} of days; it errs by {np.nanmedian(late):+.0f} samples in the median",
               found["MAP, CUSUM within one of the truth"] < found["ML, CUSUM within one of the truth"],
@@ -224,5 +224,5 @@ def the_year(year: Year, w: World, found: dict[str, float], others: dict[str, li
               f"in truth the tie is tight but short: from the lowest to the highest third of flows the mean true delay goes from {w.truth[low].mean():.2f} to {w.truth[high].mean():.2f}, the estimate only from {r[low].mean():.2f} to {r[high].mean():.2f}"),
         Claim("6, 18", "d + 1 is the gravity wave's travel time",
               f"d + 1 less the gravity bound: median {np.median(gap):+.2f} T_s, nine of ten days {np.quantile(gap, 0.05):+.2f} to {np.quantile(gap, 0.95):+.2f}",
-              abs(np.median(gap)) < 1, "sigma_d = 6.5 is that travel time less one: the prior says so before any data"),
+              abs(np.median(gap)) < 1, "sigma_d = 6.5 is that travel time less one: the prior holds it without any data"),
     ]  # fmt: skip

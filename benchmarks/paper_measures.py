@@ -35,7 +35,7 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "the sample year's kind": ("basse_isere", {}),
     "perfect gauge": ("basse_isere", CLEAN),
     "no unlogged inflow": ("basse_isere", CLOSED),
-    "people who follow (9) at every sample": ("basse_isere", CALM),
+    "operators who follow (9) at every sample": ("basse_isere", CALM),
     "all three": ("basse_isere", CLEAN | CLOSED | CALM),
     "full equations": ("hydraulic", {}),
 }

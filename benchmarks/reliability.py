@@ -3,7 +3,7 @@
     python -m benchmarks.reliability            the tests of `make test`
     python -m benchmarks.reliability --long     the long loops too
 
-The tests run here and keep their own records (tests/faults/recording.py); the page says nothing else. Each
+The tests run here and keep their own records (tests/faults/recording.py); the page holds nothing else. Each
 cell of its table is made of them.
 """
 

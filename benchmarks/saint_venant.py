@@ -22,7 +22,7 @@ T_S = 133.0
 PER_DAY = 650
 RUNS = 5
 REACH = {"reach": {"name": "pool", "length": 8200.0, "width": 81.6, "bed_level": 124.3}}
-"""What a user would say of the reach to diagnose."""
+"""The configuration that a user would write of the reach to diagnose."""
 
 
 def commands(days: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -252,7 +252,7 @@ def findings(answers: dict[str, dict[str, Floats]], others: dict[str, Floats]) -
         v for v, x in zip(by_name[S].values, answers[S]["Table VI"].mean(axis=1), strict=True) if x > 0.95
     ]
     return (
-        "\n## What this says of the defaults\n\n"
+        "\n## Conclusions for the defaults\n\n"
         f"- **sigma_d** decides. Table VI is within one sample on more than 95 % of days for sigma_d from {min(good):g} to {max(good):g}, on {share(S, 'Table VI', 3)} at 3 and {share(S, 'Table VI', 10)} at 10; on shuffled "
         f'days it scores the same ({share(S, NOTHING)} at 6.5). So sigma_d must come from the reach, `sigma_d = "bounds"`; 6.5 is what the bounds of Table I give.\n'
         f"- **M** = 30. Without the prior {share(M, free, 20)} at 20, {share(M, free, 24)} at 24, {share(M, free)} at 30, best {best(M, free)}: the last lags gather the tail that M cuts off, and must lie well beyond d_max. "

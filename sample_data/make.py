@@ -32,9 +32,9 @@ midnight (UTC{offset}) on:
 | `u_Qo` | outflow command, downstream dam | m3/s |
 | `h_L` | level at the downstream dam, to the centimetre | m |
 
-Nothing here was measured. A pool of the paper's Table I (8200 m, 6.7e5 m2) carries a gravity wave whose
-travel time depends on the flow; a dispatcher upstream follows the load; people downstream, in three shifts a
-day, regulate the level by (9). A small slow inflow is in no log. {missing} days of the year are left out.
+Nothing here was measured. A pool of the paper's Table I (8200 m, 6.7e5 m2) carries a gravity wave with a
+travel time that depends on the flow; a dispatcher upstream follows the load; operators downstream, in
+three shifts a day, regulate the level by (9). A small slow inflow is in no log. {missing} days of the year are left out.
 
 Made by
 
@@ -46,7 +46,7 @@ a whole number, `near_edge` is true and `delay_other` counts as right too.
 
 ## Beside the paper's year
 
-The scenario was set from what the paper says can be seen of its reach, never from an estimator's result.
+The scenario was set from the observables of the reach in the paper, never from the result of an estimator.
 
 {table}
 U has {order} columns and holds the inflow's deviation from the day's first sample.

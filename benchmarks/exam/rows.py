@@ -37,7 +37,7 @@ class Row:
 
 
 FALSE = "a false name"
-NO_GAP = Asked("said no_gap", lambda j: j.verdict == "no_gap")
+NO_GAP = Asked("answered no_gap", lambda j: j.verdict == "no_gap")
 
 
 def _false(most: float) -> Asked:

@@ -46,7 +46,7 @@ class Target:
         >>> Target(most=0.01).verdict(0, 400), Target(least=0.97).verdict(60, 100)
         ('reached', 'short by 0.37')
         >>> Target(least=0.97).verdict(20, 20)
-        'too few to say (met so far)'
+        'too few to decide (met so far)'
         """
         low, high = wilson(hits, n)
         if n and self.least <= low and high <= self.most:
@@ -56,8 +56,8 @@ class Target:
         if n and (high < self.least or low > self.most):
             return f"short by {off:.2f}"
         if not n:
-            return "too few to say"
-        return f"too few to say ({'met' if off <= 0 else f'short by {off:.2f}'} so far)"
+            return "too few to decide"
+        return f"too few to decide ({'met' if off <= 0 else f'short by {off:.2f}'} so far)"
 
 
 def written(hits: int, n: int) -> str:

@@ -29,8 +29,8 @@ LEVELS = (0.55, 1.9)
 
 CHOSEN = {
     "development": ("linear", "linear, rough gauge", "hydraulic", "uneven"),
-    "proof": ("linear, wide, other people", "hydraulic, wide and smooth", "hydraulic, narrow and rough",
-              "uneven, other people"),
+    "proof": ("linear, wide, other operators", "hydraulic, wide and smooth", "hydraulic, narrow and rough",
+              "uneven, other operators"),
 }  # fmt: skip
 
 NAMES = ("drifts", "steps in discharge", "steps in length", "independent")

@@ -27,7 +27,7 @@ def main() -> None:
     found = measure("development", seeds, said.days) + measure("proof", seeds, said.days)
     lines = bins_of(found)
     draw(
-        lines, DOCS / "pictures" / "posterior_reliability.png", "Is a delay as probable as it is said to be?",
+        lines, DOCS / "pictures" / "posterior_reliability.png", "Is a delay as probable as stated?",
         "Worlds that took no part in the calibration; every candidate of every day, 95 % intervals",
     )  # fmt: skip
     head = (HERE / "head.md").read_text(encoding="utf-8")

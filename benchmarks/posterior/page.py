@@ -99,14 +99,14 @@ def reliability_section(found: list[Found]) -> str:
     for name, bins in bins_of(found).items():
         rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
         text += f"{name[0].upper() + name[1:]}, every candidate of every day:\n\n"
-        text += table(["said", "was true [%]", "n"], rows) + "\n"
+        text += table(["stated", "was true [%]", "n"], rows) + "\n"
     s = together([f.matched for f in found if f.kind == "proof"])
     bins = reliability(
         s.top[s.known], s.top_right[s.known], np.array([0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01])
     )
     rows = [[f"{b.said:.3f}", share(b.true, b.n), str(b.n)] for b in bins]
     text += "Probability that the best delay is right (`right`), both truths:\n\n"
-    return text + table(["said", "was right [%]", "n"], rows) + "\n"
+    return text + table(["stated", "was right [%]", "n"], rows) + "\n"
 
 
 def null_section(found: list[Found]) -> str:
@@ -131,8 +131,8 @@ def limit_section(known: list[Limit]) -> str:
         for k in known
     ]
     return (
-        "## How much a day can tell\n\nExact of the surest 90 % of days, linear truth. The oracle is the likelihood of the "
-        "world's own equation, told the true variances\nand memories of gauge and weather; gains, a steady leak and "
+        "## How much a day can show\n\nExact of the surest 90 % of days, linear truth. The oracle is the likelihood of the "
+        "world's own equation, given the true variances\nand memories of gauge and weather; gains, a steady leak and "
         "the delay are free. Two or three in a hundred\nare the error of these shares: where the two columns agree, what is "
         "missed is not in the day.\n\n"
         + table(["world", "days", "oracle [%]", "`posterior` [%]"], rows)

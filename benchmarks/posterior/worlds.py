@@ -132,7 +132,7 @@ PROOF = {
            "operators": {"feedforward": 0.95, "dead_band": 0.03, "look": [900.0, 2400.0]},
            "weather": {"inflow": 2.5, "memory": 36000.0}},
     ),
-    "linear, wide, other people": Recipe(
+    "linear, wide, other operators": Recipe(
         "basse_isere", (3400.0, 17500.0), (-60.0, -300.0),
         _sampled(180.0)
         | {"reach": {"sample_time": 180.0, "width": 125.0, "depth": 4.2, "wave_depth": 5.2},
@@ -154,7 +154,7 @@ PROOF = {
            "flow": {"mean": 190.0, "lowest": 80.0, "highest": 500.0},
            "programme": {"activity": 0.3, "swing": 80.0}, "level": {"noise": 0.002, "quantum": 0.01}},
     ),
-    "uneven, other people": Recipe(
+    "uneven, other operators": Recipe(
         "uneven", (2500.0, 10500.0), (-22.0, -45.0),
         _sampled(120.0)
         | {"channel": {"width_modes": [0.1, -0.09, 0.06], "bed_modes": [-0.2, 0.25],

@@ -1,4 +1,4 @@
-"""A Dask scheduler whose workers are jobs of a Slurm cluster: pip install 'rivid[dask]' dask-jobqueue.
+"""A Dask scheduler with workers that are jobs of a Slurm cluster: pip install 'rivid[dask]' dask-jobqueue.
 
     python configs/cluster/slurm.py scheduler.json      (on the login node; it runs until it is interrupted)
     rivid run fleet_logs --config configs/fleet --out out --scheduler scheduler.json
