@@ -34,7 +34,8 @@ midnight (UTC{offset}) on:
 
 Nothing here was measured. A pool of the paper's Table I (8200 m, 6.7e5 m2) carries a gravity wave with a
 travel time that depends on the flow; a dispatcher upstream follows the load; operators downstream, in
-three shifts a day, regulate the level by (9). A small slow inflow is in no log. {missing} days of the year are left out.
+three shifts a day, regulate the level by (9). A small slow inflow is in no log.
+{missing} days of the year are left out.
 
 Made by
 
