@@ -14,7 +14,7 @@ from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import JmapResult, jmap
 from rivid.core.search import direct, indirect
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
-from rivid.reach.response import integrator_delay, theoretical_fir
+from rivid.reach.response import theoretical_fir
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 
@@ -223,13 +223,20 @@ def with_ramp(w: World, approach: str, d_max: int = 15) -> Floats:
     return 1.0 + np.argmin(cost, axis=1)
 
 
+def _integrated(inflow: Floats, outflow: Floats, delay: int, alpha: float) -> Floats:
+    """Equation (8), flows zero before the first sample."""
+    late = np.concatenate([np.zeros(delay + 1), inflow])[: len(inflow)]
+    before = np.concatenate([[0.0], outflow])[: len(outflow)]
+    return np.asarray(alpha * np.cumsum(late - before))
+
+
 def reach_alone(w: World, noise: float = MODEL_NOISE) -> World:
     """The same commands, and the level that (8) itself gives them: balanced at the first sample, white noise."""
     assert w.outflow is not None
     alpha = 133.0 / 6.7e5
     rng = np.random.default_rng(1)
     o = w.outflow - w.outflow[:, :1]
-    y = np.stack([integrator_delay(w.u[i], o[i], int(d), alpha, alpha) for i, d in enumerate(w.truth)])
+    y = np.stack([_integrated(w.u[i], o[i], int(d), alpha) for i, d in enumerate(w.truth)])
     return World(w.inflow, w.outflow, y + noise * rng.standard_normal(y.shape), w.truth, w.truth)
 
 

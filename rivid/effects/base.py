@@ -80,6 +80,21 @@ class World:
         """Hour of the day of each sample, 0 to 24 [h]."""
         return np.asarray(np.mod(self.time, DAY) / 3600.0)
 
+    @property
+    def edges(self) -> Floats:
+        """Beginning of each sample and end of the last [s]; shape (..., n + 1).
+
+        The last sample is as long as all others, but ends at midnight, where the grid begins anew.
+        """
+        last = self.time[..., -1:]
+        midnight = (np.floor(last / DAY) + 1.0) * DAY
+        return np.concatenate([self.time, np.minimum(last + self.sample_time, midnight)], axis=-1)
+
+    def mean_of(self, volume: Callable[[Floats], Floats]) -> Floats:
+        """Mean over each sample of a flow with a given cumulative volume [m3/s]."""
+        ends = self.edges
+        return np.asarray(np.diff(volume(ends), axis=-1) / np.diff(ends, axis=-1))
+
     def day_of(self, date: dt.date) -> float:
         """Midnight at which a date begins [s]."""
         return (date - self.first_day).days * DAY

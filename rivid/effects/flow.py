@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rivid.effects.base import Effect, Trial, World, quantity
-from rivid.effects.held import mean_of
 from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak
 from rivid.types import DAY, Floats
@@ -118,7 +117,7 @@ class DiurnalInflow(Effect):
         def volume(t: Floats) -> Floats:
             return np.asarray(np.sin(turn * (t - 3600.0 * self.hour)) / turn)
 
-        flow = self.amplitude * mean_of(volume, world) * self.active(world)
+        flow = self.amplitude * world.mean_of(volume) * self.active(world)
         return Changes(added=(AddedFlow(self.place, flow),))
 
 

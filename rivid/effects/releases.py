@@ -9,7 +9,6 @@ import numpy as np
 from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.effects.events import allowed, check_given, drawn_days, drawn_starts, each
 from rivid.effects.flow import PLACE
-from rivid.effects.held import mean_of
 from rivid.effects.slow import Sizes, over_dates, spread_over_dates
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.types import HOUR, Floats
@@ -99,7 +98,7 @@ class RainInflow(Effect):
                 up, down = np.clip(t - a, 0.0, r), np.maximum(t - a - r, 0.0)
                 return np.asarray(0.5 * up * up / r - k * np.expm1(-down / k))
 
-            flow += peak * mean_of(volume, world)
+            flow += peak * world.mean_of(volume)
         return Changes(added=(AddedFlow(self.place, flow),))
 
     def _events(self, world: World) -> tuple[Events, Floats]:
@@ -235,7 +234,7 @@ class UnloggedDownstreamRelease(Effect):
             order = np.argsort(knots)
             knots, slope = knots[order], np.cumsum(np.concatenate([size, -size])[order])
             passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
-            flow += mean_of(lambda t: np.interp(t, knots, passed), world)
+            flow += world.mean_of(lambda t: np.interp(t, knots, passed))
         return Changes(added=(AddedFlow(1.0, -flow),))
 
     def _events(self, world: World) -> Events:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rivid.effects.base import Effect, Trial, World, quantity
-from rivid.effects.held import moved, spread
 from rivid.reach.changes import Changes, Gate
+from rivid.reach.transport import delayed_flow, spread_flow
 
 LAYERS = 64
 """Slices of the flow's range that :class:`FlowDependentDelay` moves one by one."""
@@ -55,7 +55,7 @@ class FlowDependentDelay(Effect):
         real = np.full(world.inflow.shape, low)
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             layer = np.clip(world.inflow, bottom, top) - bottom
-            real += moved(layer, world, self.delay * (0.5 * (bottom + top) - world.flow))
+            real += delayed_flow(world.edges, layer, self.delay * (0.5 * (bottom + top) - world.flow))
         return Changes(inflow=real)
 
 
@@ -88,7 +88,7 @@ class WaveAttenuation(Effect):
         return [cls.trial_at("spread", s) for s in (300.0, 900.0)]
 
     def changes(self, world: World) -> Changes:
-        return Changes(inflow=spread(world.inflow, world, self.spread))
+        return Changes(inflow=spread_flow(world.edges, world.inflow, self.spread, world.sample_time))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,7 @@ class ClockOffset(Effect):
         return [cls.trial_at("offset", k * sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)]
 
     def changes(self, world: World) -> Changes:
-        late = moved(world.inflow, world, -self.offset)
+        late = delayed_flow(world.edges, world.inflow, -self.offset)
         return Changes(inflow=np.where(self.active(world) > 0, late, world.inflow))
 
 

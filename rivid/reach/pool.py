@@ -26,7 +26,8 @@ from rivid.reach.loop import (
     pond_flow,
     prepare,
 )
-from rivid.reach.response import LinearReach, arrived_volume
+from rivid.reach.response import LinearReach
+from rivid.reach.transport import arrived_volume, held_volume
 from rivid.types import Floats
 
 
@@ -118,20 +119,30 @@ def supply(
     time, inflow : ndarray, shape (n,)
         Sample times [s] and inflow commands u_Qi [m3/s].
     travel_time : float or ndarray, shape (n,)
-        tau [s]; see :func:`rivid.reach.response.arrived_volume`. An added flow at place p has
+        tau of what departs at each sample [s]; where it falls faster than time passes, what left late
+        arrives together with what left before, never ahead of it. An added flow at place p has
         ``(1 - p) tau`` to travel.
     before : float
         Inflow before the first sample [m3/s].
     changes : Changes
         Its `inflow` and `added` are used.
+
+    Notes
+    -----
+    Source: the first term of (7), integrated exactly for a zero-order hold: what departs at t arrives at
+    t + tau(t), and no volume is lost or made when tau changes.
     """
     n = len(time)
     flow = inflow if changes.inflow is None else on_grid("inflow", changes.inflow, (n,))
-    volume = reach.inflow_gain * arrived_volume(time, flow, travel_time, before)
     tau = np.asarray(travel_time, float)
+
+    def arrived(flow: Floats, tau: Floats, before: float) -> Floats:
+        return arrived_volume(time, np.maximum.accumulate(time + tau), held_volume(time, flow), before)
+
+    volume = reach.inflow_gain * arrived(flow, tau, before)
     for extra in changes.added:
         flow = on_grid("an added flow", extra.flow, (n,))
-        volume += arrived_volume(time, flow, (1.0 - extra.place) * tau, float(flow[0]))
+        volume += arrived(flow, (1.0 - extra.place) * tau, float(flow[0]))
     return volume
 
 

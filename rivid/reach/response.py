@@ -1,17 +1,11 @@
-"""The reach as an integrator with a delay, (7)-(10), in continuous and in discrete time.
-
-Volumes are what is computed: a command held over an interval is a straight line of cumulative volume, so
-the level at a sample is exact, wherever between two samples an inflow arrives.
-"""
+"""The reach as an integrator with a delay, (7) and (10)."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from rivid.core.hydraulics import GRAVITY
-from rivid.errors import RividError
 from rivid.types import Floats
 
 
@@ -48,78 +42,6 @@ class LinearReach:
         """
         velocity = np.asarray(flow, float) / (self.width * self.depth)
         return np.asarray(self.length / (velocity + np.sqrt(GRAVITY * self.wave_depth)))
-
-
-def held_volume(time: Floats, flow: Floats) -> Floats:
-    """Volume that a held flow has passed at each sample [m3], zero at the first.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Sample times [s].
-    flow : ndarray, shape (n,)
-        Flow from each sample to the next [m3/s].
-    """
-    return np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))])
-
-
-def arrived_volume(time: Floats, flow: Floats, travel_time: ArrayLike, before: float = 0.0) -> Floats:
-    """Volume that has come out of the delay at each sample [m3].
-
-    What departs at t arrives at t + tau(t): no volume is lost or made when tau changes.
-
-    Parameters
-    ----------
-    time, flow : ndarray, shape (n,)
-        Sample times [s] and the flow held from each to the next [m3/s].
-    travel_time : float or ndarray, shape (n,)
-        tau of what departs at each sample [s]. Where it falls faster than time passes, what left late
-        arrives together with what left before, never ahead of it.
-    before : float
-        Flow before the first sample [m3/s].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Relative to what departed at the first sample, so it may start below zero.
-
-    Notes
-    -----
-    Source: the first term of (7), integrated exactly for a zero-order hold.
-    """
-    arrival = np.maximum.accumulate(time + np.asarray(travel_time, float))
-    volume = np.interp(time, arrival, held_volume(time, flow))
-    early = time < arrival[0]
-    volume[early] = before * (time[early] - arrival[0])
-    return volume
-
-
-def integrator_delay(inflow: Floats, outflow: Floats, delay: int, alpha_i: float, alpha_o: float) -> Floats:
-    """Level deviations of the sampled reach for flow deviations that are zero before the first sample.
-
-    Parameters
-    ----------
-    inflow, outflow : ndarray, shape (..., N)
-        Deviations of u_Qi and u_Qo [m3/s].
-    delay : int
-        d [samples]; the inflow first acts at lag d + 1.
-    alpha_i, alpha_o : float
-        K_i T_s / A and K_o T_s / A [m per m3/s].
-
-    Returns
-    -------
-    ndarray, shape (..., N)
-        Level deviation without v [m].
-
-    Notes
-    -----
-    Source: equation (8).
-    """
-    if delay < 0:
-        raise RividError(f"delay = {delay}: expected 0 samples or more")
-    late = np.zeros(delay + 1)
-    moved = alpha_i * np.asarray(lfilter(np.append(late, 1.0), [1.0, -1.0], inflow))
-    return np.asarray(moved - alpha_o * np.asarray(lfilter([0.0, 1.0], [1.0, -1.0], outflow)))
 
 
 def theoretical_fir(

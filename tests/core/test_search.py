@@ -9,9 +9,10 @@ from scipy.signal import lfilter
 
 from rivid.core.search import SearchSettings, direct, indirect
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import integrator_delay, theoretical_fir
+from rivid.reach.response import theoretical_fir
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
+from tests.reach.equations import difference_equation
 
 ALPHA_I, ALPHA_O, K_Q, K_H = 2.0e-4, 2.2e-4, 0.9, -800.0
 
@@ -26,7 +27,7 @@ def open_loop(d, seed, noise, n=3, N=300):
     """(8) with an outflow that knows nothing of the level."""
     rng = np.random.default_rng([seed, d])
     u, o = programme(rng, (n, N)), programme(rng, (n, N))
-    h = integrator_delay(u - u[:, :1], o - o[:, :1], d, ALPHA_I, ALPHA_O)
+    h = difference_equation(u - u[:, :1], o - o[:, :1], d, ALPHA_I, ALPHA_O)
     v = noise * rng.normal(size=(n, N))
     return u, o, 118.0 + h + v - v[:, :1]
 

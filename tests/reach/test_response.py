@@ -8,7 +8,9 @@ from rivid.core.hydraulics import travel_bounds
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate
 from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach, arrived_volume, integrator_delay, theoretical_fir
+from rivid.reach.response import LinearReach, theoretical_fir
+from rivid.reach.transport import arrived_volume, delayed_volume, held_volume
+from tests.reach.equations import difference_equation
 
 T_S = 133.0
 REACH = LinearReach()
@@ -16,6 +18,11 @@ REACH = LinearReach()
 
 def level_response(*known, **rest):
     return pool_level(*known, **rest)[0]
+
+
+def came(time, flow, travel_time):
+    """Volume at the dam of a flow with a travel time for what departs at each sample."""
+    return arrived_volume(time, np.maximum.accumulate(time + travel_time), held_volume(time, flow), 0.0)
 
 
 def commands(seed, n=400):
@@ -33,17 +40,8 @@ def test_whole_delays_give_the_difference_equation(delay):
     reach = LinearReach(inflow_gain=0.9, outflow_gain=1.1)
     alpha = T_S / reach.surface_area
     continuous = level_response(reach, T_S * np.arange(400), inflow, outflow, delay * T_S)
-    discrete = integrator_delay(inflow, outflow, delay, 0.9 * alpha, 1.1 * alpha)
+    discrete = difference_equation(inflow, outflow, delay, 0.9 * alpha, 1.1 * alpha)
     np.testing.assert_allclose(continuous, discrete, rtol=0, atol=1e-12)
-
-
-def test_the_difference_equation_is_written_out_in_the_loop():
-    inflow, outflow = commands(3, 60)
-    level = np.zeros(60)
-    for k in range(1, 60):
-        late = inflow[k - 5] if k >= 5 else 0.0
-        level[k] = level[k - 1] + 2e-4 * late - 3e-4 * outflow[k - 1]
-    np.testing.assert_allclose(integrator_delay(inflow, outflow, 4, 2e-4, 3e-4), level, atol=1e-14)
 
 
 def test_fractional_delays_agree_with_second_by_second_integration():
@@ -61,20 +59,20 @@ def test_uneven_steps_agree_with_second_by_second_integration():
     flow = np.arange(1.0, 9.0)
     fine = np.concatenate([np.zeros(200), np.repeat(flow, steps)])
     expected = np.concatenate([[0.0], np.cumsum(fine)])[time.astype(int)]
-    np.testing.assert_allclose(arrived_volume(time, flow, 200.0), expected, atol=1e-9)
+    np.testing.assert_allclose(came(time, flow, 200.0), expected, atol=1e-9)
 
 
 def test_no_volume_is_lost_when_the_travel_time_changes():
     time = T_S * np.arange(600)
     flow = np.where(time < 300 * T_S, 50.0, 0.0)
     travel = 900 + 300 * np.sin(time / 9000)
-    assert arrived_volume(time, flow, travel)[-1] == pytest.approx(50 * 300 * T_S, rel=1e-12)
+    assert came(time, flow, travel)[-1] == pytest.approx(50 * 300 * T_S, rel=1e-12)
 
 
 def test_late_water_never_overtakes():
     time = T_S * np.arange(50)
     travel = np.where(np.arange(50) < 20, 2000.0, 100.0)
-    volume = arrived_volume(time, np.ones(50), travel)
+    volume = came(time, np.ones(50), travel)
     assert (np.diff(volume) >= 0).all()
     assert volume[-1] == pytest.approx(time[-1] - 100.0)
 
@@ -110,7 +108,7 @@ def test_theoretical_fir_is_the_loop_of_8_and_9():
     d, a_i, a_o, K_Q, K_h = 5, 1e-4, 1.3e-4, 0.9, -700.0
     inflow, level, outflow = np.eye(1, 30)[0], np.zeros(30), np.zeros(30)
     for k in range(30):
-        level[k] = integrator_delay(inflow[: k + 1], outflow[: k + 1], d, a_i, a_o)[k]
+        level[k] = difference_equation(inflow[: k + 1], outflow[: k + 1], d, a_i, a_o)[k]
         outflow[k] = K_Q * inflow[k] - K_h * level[k]
     np.testing.assert_allclose(theoretical_fir(30, d, a_i, a_o, K_Q, K_h), level, atol=1e-17)
 
@@ -135,8 +133,12 @@ def test_changes_act_on_the_flows_and_not_on_the_commands():
     np.testing.assert_array_equal((inflow, outflow), kept)
 
 
-def test_impossible_places_and_delays_are_refused():
+def test_an_impossible_place_is_refused():
     with pytest.raises(RividError, match="place 1.2: expected 0"):
         AddedFlow(1.2, np.zeros(5))
-    with pytest.raises(RividError, match="delay = -1"):
-        integrator_delay(np.zeros(5), np.zeros(5), -1, 1.0, 1.0)
+
+
+def test_a_volume_some_time_earlier_counts_the_first_flow_before_it():
+    time = np.array([[0.0, 100.0, 150.0, 250.0]])
+    flow = np.array([[2.0, 4.0, 1.0, 9.0]])
+    assert delayed_volume(time, flow, 50.0).tolist() == [[-100.0, 100.0, 200.0, 450.0]]

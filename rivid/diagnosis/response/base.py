@@ -306,31 +306,6 @@ def filled(time: Floats, output: Floats, otherwise: float) -> Floats:
     return whole
 
 
-def volume(time: Floats, flow: Floats) -> Floats:
-    """Volume that a held flow has passed at each sample since the row's first, shape (days, n) [m3]."""
-    passed = np.zeros_like(flow)
-    np.cumsum(flow[:, :-1] * np.diff(time, axis=1), axis=1, out=passed[:, 1:])
-    return passed
-
-
-def volume_before(time: Floats, flow: Floats, delay: ArrayLike) -> Floats:
-    """That volume some time earlier; the first flow of a row holds before it.
-
-    Parameters
-    ----------
-    time, flow : ndarray, shape (days, n)
-        [s], [m3/s].
-    delay : float
-        How much earlier [s]; not negative.
-    """
-    passed = volume(time, flow)
-    earlier = time - np.asarray(delay, float)
-    moved = np.empty_like(passed)
-    for row in range(len(time)):
-        moved[row] = np.interp(earlier[row], time[row], passed[row])
-    return np.asarray(moved + flow[:, :1] * np.minimum(earlier - time[:, :1], 0.0))
-
-
 def mean_before(time: Floats, passed: Floats) -> Floats:
     """Mean flow of the interval that ends at each sample, from a volume; the first repeats the second."""
     means = np.diff(passed, axis=1) / np.diff(time, axis=1)

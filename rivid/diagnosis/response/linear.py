@@ -23,11 +23,10 @@ from rivid.diagnosis.response.base import (
     real_flows,
     slopes_by_differences,
     start_level,
-    volume,
-    volume_before,
 )
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.transport import delayed_volume, held_volume
 from rivid.types import Floats
 
 Fronts = Literal["none", "zero", "fir"]
@@ -170,17 +169,17 @@ class LinearPool:
     def _level(self, record: Record, flows: RealFlows) -> Floats:
         area, delay, gain = (p.natural for p in self.parameters[:3])
         time = record.time
-        came = gain * volume_before(time, flows.inflow, delay)
+        came = gain * delayed_volume(time, flows.inflow, delay)
         came -= came[:, :1]
         for part in flows.added:
-            further = volume_before(time, part.flow, (1.0 - part.place) * delay)
+            further = delayed_volume(time, part.flow, (1.0 - part.place) * delay)
             came += further - further[:, :1]
-        stored = came - volume(time, flows.outflow)
+        stored = came - held_volume(time, flows.outflow)
         rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
         level = np.cumsum(rise, axis=1) / area
         if self.fronts == "zero":
             up, down = (p.natural for p in self.parameters[3:5])
-            level += up * mean_before(time, came) - down * mean_before(time, volume(time, flows.outflow))
+            level += up * mean_before(time, came) - down * mean_before(time, held_volume(time, flows.outflow))
         elif self.fronts == "fir":
             values = [p.value for p in self.parameters[3:]]
             if any(values):
@@ -197,7 +196,7 @@ class LinearPool:
             inflow = inflow + (1.0 - part.place) * part.flow
             outflow = outflow - part.place * part.flow
         delay = self.parameters[1].natural
-        late = mean_before(record.time, volume_before(record.time, inflow, delay))
+        late = mean_before(record.time, delayed_volume(record.time, inflow, delay))
         slow = (leaky(0.5 * (late + outflow), record.sample_time, SLOW) - self.flow) / self.flow_range
         plain = np.stack(
             [lagged(inflow - self.flow, lag) for lag in self.lags]

@@ -7,15 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
+from rivid.core.posterior.river_response import hayami
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences, volume
+from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.reach.models.diffusive_wave import DiffusiveWave
+from rivid.reach.transport import arrived_volume, held_volume
 from rivid.types import Floats
 
-LENGTH = 1000.0
-"""Of the wave whose arrivals make the kernel [m]: any length does."""
 SHORTEST = 30.0
 """A shorter mean delay is none [s]."""
 FINE = 4
@@ -137,13 +136,10 @@ class RiverResponse:
         )
         cell = T / FINE
         grid = cell * np.arange(math.ceil(float((ends[:, -1] - ends[:, 0]).max()) / cell - 1e-6) + 1)
-        passed, departed = volume(time, flow), np.empty((days, len(grid)))
-        moved = np.maximum.accumulate(time + way * later, axis=1)
-        for row in range(days):
-            asked, at = ends[row, 0] + grid, moved[row]
-            departed[row] = np.interp(asked, at, passed[row])
-            departed[row] += flow[row, 0] * np.minimum(asked - at[0], 0.0)
-            departed[row] += flow[row, -1] * np.maximum(asked - at[-1], 0.0)
+        departed = arrived_volume(
+            ends[:, :1] + grid, np.maximum.accumulate(time + way * later, axis=1), held_volume(time, flow),
+            flow[:, 0], flow[:, -1],
+        )  # fmt: skip
         rate = np.diff(departed, axis=1) / cell
         first = flow[:, :1]  # holds before the row
         came = first + _convolved(rate - first, self._kernel(cell, rate.shape[1], way))
@@ -159,10 +155,9 @@ class RiverResponse:
         delay, _, spread, held, hold, _ = (p.natural for p in self.parameters)
         if way * delay < SHORTEST:
             return np.asarray(np.eye(1, n)[0])
-        time = cell / FINE * np.arange(n * FINE + 1)
-        celerity = LENGTH / (way * delay)
-        wave = DiffusiveWave(LENGTH, celerity, 0.5 * way * spread**2 * celerity**3 / LENGTH)
-        first = wave.arrived(time)
+        time: Floats = cell / FINE * np.arange(n * FINE + 1)
+        mean, cv = way * delay, spread / (math.sqrt(way) * delay)
+        first, _ = hayami(time / mean, cv)
         keep = math.exp(-cell / FINE / hold)
         behind = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], first)
         share = way * held

@@ -1,0 +1,146 @@
+"""Transport of held flows: delayed and spread in time, without loss of volume.
+
+A flow is held from each sample to the next, so its cumulative volume consists of straight lines and is exact
+at any time. All functions work along the last axis; rows are independent.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rivid.types import Floats
+
+KERNEL_WIDTH = 7.0
+"""Half width of the kernel of :func:`spread_flow` in standard deviations; 1e-12 of the volume is beyond."""
+
+
+def held_volume(time: Floats, flow: Floats) -> Floats:
+    """Cumulative volume of a held flow at each time since the first [m3].
+
+    Parameters
+    ----------
+    time : ndarray, shape (..., n)
+        Beginnings of the samples [s], with or without the end of the last.
+    flow : ndarray, shape (..., n) or (..., n - 1)
+        Flow from each time to the next [m3/s].
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    passed = np.zeros(time.shape)
+    np.cumsum(flow[..., : time.shape[-1] - 1] * np.diff(time, axis=-1), axis=-1, out=passed[..., 1:])
+    return passed
+
+
+def arrived_volume(
+    at: Floats, arrival: Floats, passed: Floats, before: ArrayLike, after: ArrayLike = 0.0
+) -> Floats:
+    """Volume that has arrived at given times [m3].
+
+    Parameters
+    ----------
+    at : ndarray, shape (..., m)
+        Times [s].
+    arrival : ndarray, shape (..., n)
+        Times at which the cumulative volumes `passed` arrive [s], not decreasing.
+    passed : ndarray, shape (..., n)
+        Cumulative volume of the flow [m3]; see :func:`held_volume`.
+    before, after : array_like, shape (...)
+        Flow that arrives before the first and after the last arrival [m3/s].
+
+    Returns
+    -------
+    ndarray, shape (..., m)
+        Relative to the volume at the first arrival, so it may start below zero.
+    """
+    rows = at.shape[:-1]
+    before, after = np.broadcast_to(before, rows), np.broadcast_to(after, rows)
+    volume = np.empty(at.shape)
+    for row in np.ndindex(rows):
+        t, known = at[row], arrival[row]
+        volume[row] = np.interp(t, known, passed[row])
+        volume[row] += before[row] * np.minimum(t - known[0], 0.0)
+        volume[row] += after[row] * np.maximum(t - known[-1], 0.0)
+    return volume
+
+
+def delayed_volume(time: Floats, flow: Floats, delay: float) -> Floats:
+    """Cumulative volume of a held flow that comes `delay` [s] >= 0 later, at its own sample times [m3].
+
+    The first flow of a row holds before it; the volume is zero at the first sample plus `delay`.
+    """
+    return arrived_volume(time - delay, time, held_volume(time, flow), flow[..., 0])
+
+
+def delayed_flow(edges: Floats, flow: Floats, delay: float) -> Floats:
+    """A held flow that comes `delay` [s] later (earlier where negative), as means of the samples [m3/s].
+
+    Parameters
+    ----------
+    edges : ndarray, shape (..., n + 1)
+        Beginnings of the samples and end of the last [s].
+    flow : ndarray, shape (..., n)
+        [m3/s]; the first flow holds before the row and the last after it.
+    delay : float
+        [s].
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    volume = arrived_volume(edges - delay, edges, held_volume(edges, flow), flow[..., 0], flow[..., -1])
+    return np.asarray(np.diff(volume, axis=-1) / np.diff(edges, axis=-1))
+
+
+def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: float) -> Floats:
+    """A held flow, each part of it earlier or later by a normal deviate, as means of the samples [m3/s].
+
+    Parameters
+    ----------
+    edges : ndarray, shape (..., n + 1)
+        Beginnings of the samples and end of the last [s].
+    flow : ndarray, shape (..., n)
+        [m3/s]; the first flow holds before the row and the last after it.
+    deviation : float
+        Standard deviation s of the deviates [s].
+    sample_time : float
+        Length of the samples before and after the row [s].
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+
+    Notes
+    -----
+    With b_k the beginning of sample k and G(x) = x Phi(x) + phi(x), the second integral of the normal
+    density, the volume of sample k takes of the flow of sample j = k - m
+
+        s (g[m+1, k+1] - g[m, k+1] - g[m, k] + g[m-1, k]),   g[m, i] = G((b_i - b_i-m) / s).
+    """
+    if deviation == 0.0:
+        return flow.copy()
+    from scipy.special import ndtr
+
+    steps = np.diff(edges, axis=-1)
+    n = flow.shape[-1]
+    more = int(np.ceil(KERNEL_WIDTH * deviation / steps.min())) + 2
+    outside = sample_time * np.arange(1, more + 1)
+    b = np.concatenate([edges[..., :1] - outside[::-1], edges, edges[..., -1:] + outside], axis=-1)
+    base = flow[..., :1]
+    rest = np.concatenate(
+        [np.zeros((*flow.shape[:-1], more)), flow - base, np.repeat(flow[..., -1:] - base, more, axis=-1)],
+        axis=-1,
+    )
+
+    def g(m: int) -> Floats:
+        x = (edges - b[..., more - m : more - m + n + 1]) / deviation
+        return np.asarray(x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
+
+    volume = np.zeros(flow.shape)
+    less, now = g(-more), g(1 - more)
+    for m in range(1 - more, more):
+        following = g(m + 1)
+        share = following[..., 1:] - now[..., 1:] - now[..., :-1] + less[..., :-1]
+        volume += share * rest[..., more - m : more - m + n]
+        less, now = now, following
+    return np.asarray(base + deviation * volume / steps)
