@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import NoiseModel, day_weights, fit_noise
-from rivid.diagnosis.response.base import lagged, volume
+from rivid.diagnosis.response.base import lagged
 from rivid.diagnosis.result import Operators
 from rivid.errors import RividError
+from rivid.reach.transport import held_volume
 from rivid.types import HOUR, Bools, Floats
 
 HINGES = 20
@@ -253,7 +254,7 @@ def identify(record: Record) -> Law | None:
         """Deviations [m] and their integrals [m s] at the moves, shape (aims, days, m) each."""
         errors = [beyond(record, aim, band) for aim, band in tried]
         return np.stack([at_moves(e) for e in errors]), np.stack(
-            [at_moves(volume(record.time, e)) for e in errors]
+            [at_moves(held_volume(record.time, e)) for e in errors]
         )
 
     command = at_moves(record.outflow)
@@ -315,7 +316,7 @@ def validate(law: Law, record: Record) -> Operators:
 
     seen = change(record.outflow)
     by_inflow = law.feedforward * change(lagged(record.inflow, law.lag))
-    by_level = law.level_gain * (change(e) + change(volume(record.time, e)) / law.trim_time)
+    by_level = law.level_gain * (change(e) + change(held_volume(record.time, e)) / law.trim_time)
     total, left, plain = (
         float(np.mean(x**2)) if x.size else 0.0 for x in (seen, seen - by_inflow - by_level, seen - by_inflow)
     )
