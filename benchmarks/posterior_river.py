@@ -16,8 +16,8 @@ from benchmarks.glen_canyon import CFS, DATA, ROOT, correlation_lag, data_sets
 from benchmarks.measure import table
 from rivid.config import Config, load_config
 from rivid.core.jmap import jmap
+from rivid.core.posterior.response import hastened
 from rivid.core.posterior.river import posterior_river
-from rivid.core.posterior.river_response import hastened
 from rivid.core.settings import RiverSettings
 
 Floats = NDArray[np.float64]
@@ -135,8 +135,8 @@ def simulated(n_rivers: int) -> str:
                 seconds.append((time.process_time() - began) / len(U))
                 simple = correlation_lag(U, Y, s.n_lags)
                 found[kind].append(
-                    np.stack([p.t50 - t50, simple - t50, p.status == "ok", p.t50_low <= t50, t50 <= p.t50_high,
-                              p.t50_high - p.t50_low])
+                    np.stack([p.place - t50, simple - t50, p.status == "ok", p.place_low <= t50, t50 <= p.place_high,
+                              p.place_high - p.place_low])
                 )  # fmt: skip
                 if last is not None:
                     q = posterior_river(last, Y, s)
@@ -194,11 +194,11 @@ def measured() -> str:
         p = posterior_river(U[:, past], Y[:, past], s)
         seconds = (time.process_time() - began) / len(U)
         flow, ok = np.median(U[:, DAY : 4 * DAY], axis=1) / CFS / 1e4, p.status == "ok"
-        a, b, error = law(flow[ok], p.t50[ok] / 4.0)
+        a, b, error = law(flow[ok], p.place[ok] / 4.0)
         lag = correlation_lag(U[:, past], Y[:, past], 2 * usual + GAP) / 4.0
         c, d, other = law(flow, np.maximum(lag, 0.25))
         rows.append([title, str(len(U)), f"{ok.mean():.2f}", f"{a:.2f} h Q^{b:.2f}", f"{error:.2f}",
-                     f"{np.median(p.t50_high - p.t50_low) / 4:.2f}", f"{np.median(p.gain):.2f}",
+                     f"{np.median(p.place_high - p.place_low) / 4:.2f}", f"{np.median(p.gain):.2f}",
                      f"{c:.2f} h Q^{d:.2f}", f"{other:.2f}", f"{seconds:.3f}"])  # fmt: skip
         errors = foretell(U, Y, config, p.fir, p.lead, 2 * usual + GAP)
         foretold.append(

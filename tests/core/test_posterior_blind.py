@@ -6,15 +6,17 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from rivid.core.posterior.blind import TEMPERATURE, posterior_blind, smooth_weights
-from rivid.core.posterior.blind_response import (
+from rivid.core.posterior.blind import (
     DECAYS,
     FADING,
     LENGTHS,
     STRENGTHS,
+    TEMPERATURE,
     blind_evidence,
     blind_fir,
     blind_noises,
+    posterior_blind,
+    smooth_weights,
 )
 from rivid.core.posterior.front import SHARES
 from rivid.core.settings import PosteriorSettings

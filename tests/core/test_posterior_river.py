@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rivid.core.posterior.noise import daily_sine, river_noises, whitened_sums
+from rivid.core.posterior.response import hastened, response_grid
 from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, nothing, posterior_river
-from rivid.core.posterior.river_response import hastened, response_grid
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, RividError
 from tests.core.river_windows import river_windows
@@ -17,11 +17,11 @@ from tests.core.river_windows import river_windows
 def test_t50_of_rivers_that_are_no_member_of_a_family_is_found(days, seed):
     u, y, t50 = river_windows(8, seed, days)
     p = posterior_river(u, y)
-    error = np.abs(p.t50 - t50)
+    error = np.abs(p.place - t50)
     assert (p.status == "ok").all()
     assert np.median(error) < 0.3
     assert error.max() < 2.0
-    assert ((p.t50_low <= t50) & (t50 <= p.t50_high)).mean() >= 0.75
+    assert ((p.place_low <= t50) & (t50 <= p.place_high)).mean() >= 0.75
     assert np.allclose(p.gain, 1.0, atol=0.25)
     assert (p.link > 0.95).all()
 
@@ -61,7 +61,7 @@ def test_weights_are_the_flattened_evidence_of_every_model():
     draws = rng.choice(grid.t50, 400_000, p=places / seen)
     draws = draws + rng.normal(size=len(draws)) * (s.spread + s.spread_share * draws)
     wanted = np.quantile(draws, [0.05, 0.5, 0.95])
-    assert np.allclose([p.t50_low[0], p.t50[0], p.t50_high[0]], wanted, atol=0.03)
+    assert np.allclose([p.place_low[0], p.place[0], p.place_high[0]], wanted, atol=0.03)
     for d, share in zip(p.candidates, p.probability[0], strict=True):
         inside = (draws >= 0.5) & (draws < s.d_max + 0.5)
         assert share == pytest.approx(np.mean((np.abs(draws - d) < 0.5)[inside]), abs=0.004)
@@ -71,12 +71,10 @@ def test_probabilities_sum_to_one_and_the_set_holds_nine_in_ten():
     u, y, t50 = river_windows(4, 6)
     p = posterior_river(u, y)
     assert np.allclose(p.probability.sum(axis=1), 1.0)
-    assert np.array_equal(p.delay, np.floor(p.t50 + 0.5))
+    assert np.array_equal(p.delay, np.floor(p.place + 0.5))
     held = np.where(p.in_set, p.probability, 0.0).sum(axis=1)
     assert (held >= 0.9).all()
     assert (p.right >= p.probability.max(axis=1) - 1e-6).all()
-    assert np.array_equal(p.place, p.t50) and np.array_equal(p.place_low, p.t50_low)
-    assert np.array_equal(p.place_high, p.t50_high)
 
 
 def test_another_rivers_inflow_is_not_answered():
@@ -104,15 +102,15 @@ def test_still_windows_are_told_and_do_not_touch_the_others():
     flat[1] = 70.0
     p, alone = posterior_river(flat, y), posterior_river(u[2:], y[2:])
     assert p.message[1] == "inflow or output does not move"
-    assert np.isnan(p.t50[1]) and np.isnan(p.probability[1]).all() and p.link[1] == 0.0
-    assert p.t50[2] == alone.t50[0]
+    assert np.isnan(p.place[1]) and np.isnan(p.probability[1]).all() and p.link[1] == 0.0
+    assert p.place[2] == alone.place[0]
     assert np.array_equal(p.fir[2], alone.fir[0])
 
 
 def test_unit_and_constant_do_not_matter():
     u, y, _ = river_windows(1, 11, days=1)
     p, q = posterior_river(u, y), posterior_river(35.3 * u, 35.3 * y + 400.0)
-    assert q.t50 == pytest.approx(p.t50, abs=1e-5)
+    assert q.place == pytest.approx(p.place, abs=1e-5)
     assert q.gain == pytest.approx(p.gain, abs=1e-5)
 
 
@@ -137,7 +135,7 @@ def test_wrong_arrays_are_named():
     u, y, _ = river_windows(2, 12, days=1)
     with pytest.raises(RividError, match="output has shape"):
         posterior_river(u, y[:, 1:])
-    with pytest.raises(RividError, match="not finite in 1 windows, first in row 1"):
+    with pytest.raises(RividError, match="not finite on 1 windows, first on row 1"):
         posterior_river(np.where(np.arange(2)[:, None] == 1, np.nan, u), y)
     with pytest.raises(RividError, match="samples a window"):
         posterior_river(u[:, :100], y[:, :100])

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
 
 from rivid.core.posterior.noise import SINE, daily_sine, river_noises, whitened_sums
+from rivid.core.posterior.response import response_grid
 from rivid.core.posterior.river import evidence, marginal, nothing
-from rivid.core.posterior.river_response import response_grid
 from rivid.core.settings import RiverSettings
 from tests.core.river_windows import river_windows
 

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import invgauss
 
-from rivid.core.posterior.river_response import (
+from rivid.core.posterior.response import (
     EXCHANGE_CV,
     EXCHANGED,
     FAMILIES,

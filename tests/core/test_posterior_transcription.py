@@ -7,8 +7,7 @@ from scipy.special import expit, logsumexp
 from scipy.stats import norm
 
 from rivid.core.posterior.daily import posterior
-from rivid.core.posterior.fir import MODELS
-from rivid.core.posterior.front import log_evidence, structures
+from rivid.core.posterior.front import MODELS, log_evidence, structures
 from rivid.core.posterior.noise import DRIFT_MEMORY, gram, noise_bank, prewhiten, spectral_factor
 from rivid.core.settings import GUARD, PosteriorSettings
 from tests.core.posterior_days import commands, linear_days, wave_days

@@ -1,40 +1,184 @@
-"""p(d | y) of every day: the probability of each delay, averaged over equations, noises and fronts.
+"""From the evidence of fronts to a day's travel time: flattened weights, and what a front's place means.
 
-Beyond the paper. The level follows one of a few equations (:mod:`rivid.core.posterior.front`) whose noise is
-one of a few kinds (:mod:`rivid.core.posterior.noise`); coefficients are profiled, the rest is averaged by its
-flattened evidence (:mod:`rivid.core.posterior.fold`).
+In a store the place of the front is the travel time. A sharp wave moves the level as it arrives, and the
+sample after the arrival holds it whole: within most of a sample its place does not move, then it runs through
+the rest. What the gate takes to move, and what blunts a wave on its way, make the place follow the arrival
+more evenly, and a little before it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.posterior.fir import averaged_fir
-from rivid.core.posterior.fold import fold, meant, weights
-from rivid.core.posterior.front import log_evidence, structures
+from rivid.core.posterior.front import SHARES, Fronts, averaged_fir, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.errors import RividError
-from rivid.types import Bools, Floats, Strings
+from rivid.types import Bools, Floats, Ints, Strings
 
 BLOCK = 16
 """Days worked on together; a last block that is shorter is filled up, so that every block has one shape."""
 
 HELD = 0.9
-"""Probability that a day's set of delays holds."""
+"""Probability of a day's set of delays."""
+
+STEPS = 10
+"""Places in one sample at which the travel time's distribution is kept."""
+
+TOLERANCE = 0.1
+"""So close to the edge between two delays [samples], both are right."""
+
+KNEE = 0.62
+"""Part of a sample in which the place of a sharp wave stays where it is."""
+
+GROWTH = 0.05
+"""By how much the error of a wave's place grows with each sample of its travel, as a share."""
+
+BULGE = 0.5
+"""By how much the error of a wave's place is larger amid two sampling instants, as a share."""
+
+
+def weights(
+    fronts: list[Floats], nothing: list[Floats], stores: list[bool], s: PosteriorSettings
+) -> tuple[list[Floats], Floats]:
+    """Flattened evidence, and the probability that there is a front at all.
+
+    Parameters
+    ----------
+    fronts, nothing : list of ndarray
+        From :func:`rivid.core.posterior.front.log_evidence`.
+    stores : list of bool
+        Which equations know volumes only.
+    s : PosteriorSettings
+
+    Returns
+    -------
+    q : list of ndarray, shape (candidates, shares, days)
+        For each equation; together they sum to one for each day. NaN where nothing moves.
+    link : ndarray, shape (days,)
+    """
+    q, mass, none = [], [], []
+    top = np.max([f.max(axis=(0, 1, 2)) for f in fronts] + [z.max(axis=0) for z in nothing], axis=0)
+    even = np.full(len(SHARES), 1.0 / len(SHARES))
+    sharp = (1.0 - s.sharp) * even
+    sharp[0] += s.sharp
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for f, z, store in zip(fronts, nothing, stores, strict=True):
+            prior = (even if store else sharp)[:, None]
+            between = np.exp((f - top) / s.between_temperature).sum(axis=0) * prior
+            mass.append(between.sum(axis=(0, 1)))
+            none.append(np.exp((z - top) / s.between_temperature).sum(axis=0))
+            own = s.store_temperature if store else s.wave_temperature
+            inside = np.exp((f - f.max(axis=(0, 1, 2))) / own).sum(axis=0) * prior
+            q.append(inside / inside.sum(axis=(0, 1)))
+        total = np.sum(mass, axis=0)
+        share = [np.where(m > 0.0, m / total, 0.0) for m in mass]
+        q = [np.where(p > 0.0, p * inside, 0.0) for p, inside in zip(share, q, strict=True)]
+        q = [np.where(total > 0.0, part, np.nan) for part in q]
+        seen = total / fronts[0].shape[1]
+        link = seen / (seen + np.sum(none, axis=0))
+    return q, np.where(np.isfinite(link), link, 0.0)
+
+
+def wave_place(travel: Floats, s: PosteriorSettings) -> Floats:
+    """Place of the front [samples] of a wave with this travel time [samples]; it never falls."""
+    whole = np.floor(travel)
+    part = travel - whole
+    sharp = np.clip(1.0 - s.wave_lag * travel, 0.0, 1.0)
+    return (
+        whole - s.wave_lead + (1.0 - sharp) * part + sharp * np.clip((part - KNEE) / (1.0 - KNEE), 0.0, None)
+    )
+
+
+def candidates_of(s: PosteriorSettings) -> tuple[int, int]:
+    """First and last delay computed [samples]: the range and :data:`GUARD` beyond each edge."""
+    return max(s.d_min - GUARD, 0), s.d_max + GUARD
+
+
+def places(s: PosteriorSettings) -> Floats:
+    """Places of the front [samples] of the candidates, shape (candidates, shares)."""
+    first, last = candidates_of(s)
+    return np.arange(first, last + 1)[:, None] + 1.0 - SHARES
+
+
+def meant(s: PosteriorSettings) -> tuple[Floats, Floats]:
+    """The delay of each place of the front, (candidates, shares): of stores, and of waves."""
+    x = places(s)
+    return np.floor(x + 1e-9), np.floor(x + s.wave_lead + 1e-9)
+
+
+@lru_cache(maxsize=8)
+def _kernel(s: PosteriorSettings) -> Floats:
+    """Distribution function of the travel time for each place, shape (2, candidates * shares, edges): at
+    steps of a sample, then a tolerance before and behind each whole sample."""
+    first, last = candidates_of(s)
+    whole = np.arange(first, last + 2, dtype=float)
+    steps = np.arange(first * STEPS, (last + 1) * STEPS + 1) / STEPS
+    edges = np.concatenate([steps, whole - TOLERANCE, whole + TOLERANCE])
+    x = places(s).reshape(-1, 1)
+    part = edges - np.floor(edges)
+    width = s.wave_error * (1.0 + GROWTH * edges) * (1.0 + BULGE * 4.0 * part * (1.0 - part))
+    order = np.argsort(edges, kind="stable")
+    tables = []
+    for away in ((edges - x) / s.store_error, (wave_place(edges, s) - x) / width):
+        table = 1.0 / (1.0 + np.exp(-np.clip(away, -50.0, 50.0)))
+        table[:, order] = np.maximum.accumulate(table[:, order], axis=1)  # where the width grows faster
+        table[:, edges <= first], table[:, edges >= last + 1] = 0.0, 1.0  # what lies outside counts there
+        tables.append(table)
+    return np.stack(tables)
+
+
+def fold(q: list[Floats], stores: list[bool], s: PosteriorSettings) -> tuple[Floats, Floats, Floats]:
+    """Distribution of the travel time from the weights of the fronts.
+
+    Parameters
+    ----------
+    q, stores, s
+        As for :func:`weights`.
+
+    Returns
+    -------
+    probability : ndarray, shape (candidates, days)
+        That the travel time lies in [d, d + 1).
+    right : ndarray, shape (candidates, days)
+        That it lies there or within a tenth of a sample of it: that d is a right answer.
+    place : ndarray, shape (3, days)
+        Median, 5 and 95 % of the travel time [samples].
+    """
+    first, last = candidates_of(s)
+    days = q[0].shape[-1]
+    both = np.zeros((days, 2, 1, q[0].shape[0] * q[0].shape[1]))
+    for part, store in zip(q, stores, strict=True):
+        both[:, 0 if store else 1, 0] += part.reshape(-1, days).T
+    # one product of a fixed size for each day: a day's bits do not depend on its neighbours
+    F = np.matmul(both, _kernel(s)).sum(axis=(1, 2)).T
+    steps, before, behind = np.split(
+        F, [(last + 1 - first) * STEPS + 1, (last + 1 - first) * (STEPS + 1) + 2]
+    )
+    probability = np.diff(steps[::STEPS], axis=0)
+    right = behind[1:] - before[:-1]
+    levels = np.array([0.5, 0.05, 0.95])
+    at = np.maximum(np.array([np.argmax(steps >= level, axis=0) for level in levels]), 1)
+    here = np.arange(days)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        below = steps[at - 1, here]
+        part = (levels[:, None] - below) / (steps[at, here] - below)
+    return probability, right, first + (at - 1 + part) / STEPS
 
 
 @dataclass(frozen=True)
 class PosteriorResult:
-    """What each day says of its delay; a leading axis of days.
+    """Probabilities of the delay, with a leading axis of days.
 
     Attributes
     ----------
     candidates : ndarray of int, shape (D,)
         d_min to d_max.
     probability : ndarray, shape (days, D)
-        p(d | y) within the range; NaN where the data say nothing at all.
+        p(d | y) within the range; NaN where the data have no information.
     beyond : ndarray, shape (days, 2)
         Probability below d_min and above d_max, before `probability` was made to sum to one.
     delay : ndarray, shape (days,)
@@ -50,11 +194,11 @@ class PosteriorResult:
         Response of the level to the inflow at that delay, the outflow held where it is logged, and its
         standard deviation [output unit per m3/s].
     link : ndarray, shape (days,)
-        Probability that a front of the inflow is seen at all.
+        Probability that the level follows the inflow at all.
     status : ndarray of str, shape (days,)
         "ok", "at_bound" (the delay lies beyond the range) or "unidentifiable".
     message : ndarray of str, shape (days,)
-        Why there is no answer.
+        Why there is no delay.
     """
 
     candidates: NDArray[np.intp]
@@ -98,80 +242,120 @@ def posterior(
         For shapes that do not fit, values that are not finite, or days too short for d_max.
     """
     s = settings or PosteriorSettings()
-    inputs, outputs, regulated = _checked(u, y, o, s)
-    days = len(inputs)
+    inflow, level, *outflow = check_days(named(u, y, o), 3 * (s.d_max + GUARD + 4), s)
+    return in_blocks(inflow, level, outflow[0] if outflow else None, s, _block)
+
+
+def named(u: ArrayLike, y: ArrayLike, o: ArrayLike | None) -> dict[str, Floats]:
+    """Series by the names they have in messages."""
+    given = {"inflow": u, "level": y, "outflow": o}
+    return {name: np.asarray(values, float) for name, values in given.items() if values is not None}
+
+
+def check_days(series: dict[str, Floats], needed: int, s: PosteriorSettings) -> list[Floats]:
+    """Deviations from the first sample of each day, after a check of shapes, values and length."""
+    check_series(series, "days")
+    n = len(series["inflow"][0])
+    if n < needed:
+        raise RividError(f"{n} samples a day: d_max = {s.d_max} and order = {s.order} need {needed} or more")
+    return [values - values[:, :1] for values in series.values()]
+
+
+def check_series(series: dict[str, Floats], rows: str) -> None:
+    """Refuse series that differ in shape, have no rows, or are not finite."""
+    shape = series["inflow"].shape
+    for name, values in series.items():
+        if values.ndim != 2 or values.shape != shape or not len(values):
+            raise RividError(
+                f"{name} has shape {values.shape}: expected ({rows}, N), that of the inflow {shape}"
+            )
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise RividError(f"{name}: not finite on {len(bad)} {rows}, first on row {bad[0]}: mask them")
+
+
+Block = Callable[[Floats, Floats, Floats | None, PosteriorSettings], tuple[Floats, ...]]
+"""Probability and that of being right (days, candidates with guards), place, FIR, its spread, link."""
+
+
+def in_blocks(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings, block: Block) -> PosteriorResult:
+    """Apply `block` to :data:`BLOCK` days at a time, and condense what it returns."""
+    n = len(u)
     found = [
-        _block(inputs[take], outputs[take], None if regulated is None else regulated[take], s)
-        for take in (np.minimum(np.arange(begin, begin + BLOCK), days - 1) for begin in range(0, days, BLOCK))
+        block(u[take], y[take], None if o is None else o[take], s)
+        for take in (np.minimum(np.arange(begin, begin + BLOCK), n - 1) for begin in range(0, n, BLOCK))
     ]
     probability, right, place, fir, sd, link = (
-        np.concatenate([block[i] for block in found])[:days] for i in range(6)
+        np.concatenate(parts)[:n] for parts in zip(*found, strict=True)
     )
-    still = (np.ptp(inputs, axis=1) <= 0.0) | (np.ptp(outputs, axis=1) <= 0.0)
+    still = (np.ptp(u, axis=1) <= 0.0) | (np.ptp(y, axis=1) <= 0.0)
     probability[still], link[still] = np.nan, 0.0
     return _answer(s, probability, right, place, fir, sd, link, still)
 
 
-def _checked(
-    u: ArrayLike, y: ArrayLike, o: ArrayLike | None, s: PosteriorSettings
-) -> tuple[Floats, Floats, Floats | None]:
-    """Deviations from the day's first sample."""
-    named = {"inflow": u, "level": y} | ({} if o is None else {"outflow": o})
-    arrays = {name: np.asarray(values, float) for name, values in named.items()}
-    shape = arrays["inflow"].shape
-    for name, values in arrays.items():
-        if values.ndim != 2 or values.shape != shape or not len(values):
-            raise RividError(
-                f"{name} has shape {values.shape}: expected (days, N), that of the inflow {shape}"
-            )
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise RividError(f"{name}: not finite on {len(bad)} days, first on row {bad[0]}: mask them")
-    needed = 3 * (s.d_max + GUARD + 4)
-    if shape[1] < needed:
-        raise RividError(f"{shape[1]} samples a day: d_max = {s.d_max} needs {needed} or more")
-    deviations = [values - values[:, :1] for values in arrays.values()]
-    return deviations[0], deviations[1], None if o is None else deviations[2]
-
-
 def _block(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings) -> tuple[Floats, ...]:
-    """Probability and that of being right (days, candidates with guards), place, FIR, its spread, link."""
-    first, last = max(s.d_min - GUARD, 0), s.d_max + GUARD
-    kinds = structures(o is not None)
-    stores = [kind.is_store for kind in kinds]
-    G, n_rows = gram(u, y, o, noise_bank(), last + 4)
-    fronts, nothing = log_evidence(G, n_rows, o is not None, first, last)
-    q, link = weights(fronts, nothing, stores, s)
-    probability, right, place = fold(q, stores, s, first, last)
-    delay = s.d_min + np.argmax(probability[s.d_min - first : s.d_max + 1 - first], axis=0)
-    means = meant(s, first, last)
-    belongs = [means[0 if store else 1][..., None] == delay for store in stores]
-    fir, sd = averaged_fir(
-        G, n_rows, fronts, belongs, kinds, first, s.between_temperature, s.order, o is not None
-    )
+    """The equations of :func:`structures` alone."""
+    fronts, q, stores, link = weighted_fronts(u, y, o, s)
+    probability, right, place = fold(q, stores, s)
+    fir, sd = fir_of(fronts, likeliest(probability, s), stores, s)
     return probability.T, right.T, place.T, fir, sd, link
+
+
+def weighted_fronts(
+    u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings
+) -> tuple[Fronts, list[Floats], list[bool], Floats]:
+    """Fronts, their weights (:func:`weights`), which equations are stores, and the probability of a front."""
+    first, last = candidates_of(s)
+    stores = [kind.is_store for kind in structures(o is not None)]
+    G, n_rows = gram(u, y, o, noise_bank(), last + 4)
+    evidence, nothing = log_evidence(G, n_rows, o is not None, first, last)
+    q, link = weights(evidence, nothing, stores, s)
+    return Fronts(G, n_rows, evidence, o is not None), q, stores, link
+
+
+def likeliest(probability: Floats, s: PosteriorSettings) -> Ints:
+    """Delay of highest probability within the range [samples], shape (days,)."""
+    first, _ = candidates_of(s)
+    inside = probability[s.d_min - first : s.d_max + 1 - first]
+    return np.asarray(s.d_min + np.argmax(inside, axis=0), np.int64)
+
+
+def fir_of(fronts: Fronts, delay: Ints, stores: list[bool], s: PosteriorSettings) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of h (days, M) at the delay of each day."""
+    means = meant(s)
+    belongs = [means[0 if store else 1][..., None] == delay for store in stores]
+    return averaged_fir(fronts, belongs, candidates_of(s)[0], s.between_temperature, s.order)
+
+
+def smallest_set(values: Floats, probability: Floats) -> Bools:
+    """The fewest delays of each row, by falling `values`, that hold a probability of :data:`HELD`."""
+    ranked = np.argsort(-values, axis=1, kind="stable")
+    falling = np.take_along_axis(np.nan_to_num(probability), ranked, axis=1)
+    in_set: Bools = np.zeros(probability.shape, bool)
+    np.put_along_axis(in_set, ranked, np.cumsum(falling, axis=1) - falling < HELD, axis=1)
+    return in_set
+
+
+def normalised(within: Floats) -> Floats:
+    """Rows that sum to one, also where all of a row's probability lies beyond the range."""
+    probability = within + 1e-300
+    return np.asarray(probability / probability.sum(axis=1, keepdims=True), float)
 
 
 def _answer(
     s: PosteriorSettings, p: Floats, right: Floats, place: Floats, fir: Floats, sd: Floats, link: Floats,
     still: Bools,
 ) -> PosteriorResult:  # fmt: skip
-    """Who is answered, and why the others are not."""
-    first = max(s.d_min - GUARD, 0)
+    """Delays of the days that have one, and the reasons of the others."""
+    first, _ = candidates_of(s)
     inside = slice(s.d_min - first, s.d_max + 1 - first)
     beyond = np.stack([p[:, : inside.start].sum(axis=1), p[:, inside.stop :].sum(axis=1)], axis=1)
     candidates = np.arange(s.d_min, s.d_max + 1)
     within, right = p[:, inside], right[:, inside]
     known: Bools = np.asarray(np.isfinite(p).all(axis=1))
-    probability = within + 1e-300  # where all lies beyond the range, nothing tells its delays apart
-    probability /= probability.sum(axis=1, keepdims=True)
-    ranked = np.argsort(-np.where(known[:, None], within, 0.0), axis=1, kind="stable")
-    best = ranked[:, 0]
-    every = np.arange(len(p))
-    sorted_p = np.take_along_axis(np.nan_to_num(probability), ranked, axis=1)
-    before = np.cumsum(sorted_p, axis=1) - sorted_p
-    in_set: Bools = np.zeros(probability.shape, bool)
-    np.put_along_axis(in_set, ranked, before < HELD, axis=1)
+    probability = normalised(within)
+    certain = np.where(known[:, None], within, 0.0)
+    best, every = np.argmax(certain, axis=1), np.arange(len(p))
     sure = right[every, best]
     outside = known & (beyond.max(axis=1) > within[every, best])
     unseen = known & ~(link >= 0.5)
@@ -188,13 +372,13 @@ def _answer(
         "",
     )
     status = np.where(message == "", "ok", np.where(outside & ~unseen & ~still, "at_bound", "unidentifiable"))
-    low, middle, high = place[:, 1], place[:, 0], place[:, 2]
-    nothing = ~known | still
-    for values in (beyond, sure, low, middle, high, fir, sd):
-        values[nothing] = np.nan
+    middle, low, high = place.T
+    for values in (beyond, sure, place, fir, sd):
+        values[~known | still] = np.nan
     return PosteriorResult(
         candidates=candidates, probability=probability, beyond=beyond,
-        delay=np.where(status == "ok", candidates[best], np.nan), right=sure, in_set=in_set & known[:, None],
+        delay=np.where(status == "ok", candidates[best], np.nan), right=sure, 
+        in_set=smallest_set(certain, probability) & known[:, None],
         place=middle, place_low=low, place_high=high, fir=fir, fir_sd=sd, link=link, status=status,
         message=message,
     )  # fmt: skip

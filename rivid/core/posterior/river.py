@@ -11,14 +11,15 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import log_ndtr, ndtr
 
+from rivid.core.posterior.daily import TOLERANCE, PosteriorResult, check_series, normalised, smallest_set
 from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
-from rivid.core.posterior.river_response import ResponseGrid, hastened, response_grid
+from rivid.core.posterior.response import ResponseGrid, hastened, response_grid
 from rivid.core.settings import RiverSettings
 from rivid.errors import RividError
-from rivid.types import Bools, Floats, Strings
+from rivid.types import Floats
 
 SURE_T = 7.0
 """Beyond so many standard errors a gain is positive."""
@@ -172,85 +173,31 @@ LEAD_SHARE = 0.8
 EDGE_STEP = 0.05
 """Between places at which the distribution of t50 is kept [samples]."""
 
-TOLERANCE = 0.1
-"""So close to the middle between two samples, both are right."""
-
-HELD = 0.9
-"""Probability that a window's set of delays holds."""
-
 NEGLIGIBLE = 35.0
 """Flattened log evidence below the best at which a response adds nothing."""
 
 LEAST_ROWS = 24
-"""Rows of a window beside its history."""
+"""Fewest rows of a window after its history."""
 
 
 @dataclass(frozen=True)
-class RiverPosterior:
-    """What each window says of its travel time; a leading axis of windows.
+class RiverPosterior(PosteriorResult):
+    """Probabilities of the travel time t50 of a river, with a leading axis of windows.
+
+    `place` is t50, the lag by which half of a step has arrived, at the window's median inflow. A delay d
+    stands for the t50 that round to it; `right` allows a tenth of a sample more. `link` has a prior of 1/2.
 
     Attributes
     ----------
-    t50, t50_low, t50_high : ndarray, shape (windows,)
-        Lag by which half of a step has arrived [samples], at the window's median inflow: median, 5 and 95 %.
     gain, gain_sd : ndarray, shape (windows,)
         Share of the inflow's change that arrives [-], and its standard deviation.
     lead : ndarray, shape (windows,)
         How much sooner e times as much water arrives [samples], mean.
-    link : ndarray, shape (windows,)
-        Probability that the output follows the inflow at all, half of it given before.
-    fir, fir_sd : ndarray, shape (windows, n_lags + 1)
-        Averaged response at the median inflow, gain included, and its standard deviation; h[0] is lag 0.
-    candidates : ndarray of int, shape (D,)
-        d_min to d_max.
-    probability : ndarray, shape (windows, D)
-        That t50 rounds to d, within the range; NaN where nothing moves.
-    beyond : ndarray, shape (windows, 2)
-        Probability below and above the range.
-    delay : ndarray, shape (windows,)
-        t50 rounded [samples]; NaN unless the status is "ok".
-    right : ndarray, shape (windows,)
-        Probability that t50 rounds to it, or would but for a tenth of a sample.
-    in_set : ndarray of bool, shape (windows, D)
-        The smallest set of delays that holds 90 %.
-    status : ndarray of str, shape (windows,)
-        "ok", "at_bound" (t50 lies beyond the range) or "unidentifiable".
-    message : ndarray of str, shape (windows,)
-        Why there is no answer.
     """
 
-    t50: Floats
-    t50_low: Floats
-    t50_high: Floats
     gain: Floats
     gain_sd: Floats
     lead: Floats
-    link: Floats
-    fir: Floats
-    fir_sd: Floats
-    candidates: NDArray[np.intp]
-    probability: Floats
-    beyond: Floats
-    delay: Floats
-    right: Floats
-    in_set: Bools
-    status: Strings
-    message: Strings
-
-    @property
-    def place(self) -> Floats:
-        """t50, by the name it has in :class:`rivid.core.posterior.daily.PosteriorResult`."""
-        return self.t50
-
-    @property
-    def place_low(self) -> Floats:
-        """5 % of t50."""
-        return self.t50_low
-
-    @property
-    def place_high(self) -> Floats:
-        """95 % of t50."""
-        return self.t50_high
 
 
 @dataclass(frozen=True)
@@ -286,30 +233,19 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
         For shapes that do not fit, values that are not finite, or windows too short.
     """
     s = settings or RiverSettings()
-    inflow, output = _checked(u, y, s)
+    series = {"inflow": np.asarray(u, float), "output": np.asarray(y, float)}
+    check_series(series, "windows")
+    inflow, output = series.values()
+    if inflow.shape[1] < s.warm + LEAST_ROWS:
+        raise RividError(
+            f"{inflow.shape[1]} samples a window: expected {LEAST_ROWS} or more after warm = {s.warm}"
+        )
     grid = response_grid(s)
     still = (np.ptp(inflow, axis=1) <= 0.0) | (np.ptp(output[:, s.warm :], axis=1) <= 0.0)
     windows = [
         None if dead else _window(a, b, grid, s) for a, b, dead in zip(inflow, output, still, strict=True)
     ]
     return _answer(windows, grid, s)
-
-
-def _checked(u: ArrayLike, y: ArrayLike, s: RiverSettings) -> tuple[Floats, Floats]:
-    inflow, output = np.asarray(u, float), np.asarray(y, float)
-    for name, values in (("inflow", inflow), ("output", output)):
-        if values.ndim != 2 or values.shape != inflow.shape or not len(values):
-            raise RividError(
-                f"{name} has shape {values.shape}: expected (windows, N), that of the inflow {inflow.shape}"
-            )
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise RividError(f"{name}: not finite in {len(bad)} windows, first in row {bad[0]}: mask them")
-    if inflow.shape[1] < s.warm + LEAST_ROWS:
-        raise RividError(
-            f"{inflow.shape[1]} samples a window: expected {LEAST_ROWS} or more after warm = {s.warm}"
-        )
-    return inflow, output
 
 
 def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Window:
@@ -361,7 +297,7 @@ def _spread(s: RiverSettings) -> tuple[Floats, Floats]:
 
 
 def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings) -> RiverPosterior:
-    """Who is answered, and why the others are not."""
+    """Travel times of the windows that have one, and the reasons of the others."""
     edges, table = _spread(s)
     empty = _Window(
         np.full(len(grid.t50), np.nan), 0.0, np.nan, np.nan, np.nan, *np.full((2, s.n_lags + 1), np.nan)
@@ -404,18 +340,23 @@ def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings)
     )
     outside = (beyond.max(axis=1) > 0.5) & (link >= s.link_above)
     status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
-    probability = within + 1e-300  # where all lies beyond the range, nothing tells its delays apart
-    probability /= probability.sum(axis=1, keepdims=True)
-    ranked = np.argsort(-np.nan_to_num(probability), axis=1, kind="stable")
-    sorted_p = np.take_along_axis(np.nan_to_num(probability), ranked, axis=1)
-    in_set: Bools = np.zeros(probability.shape, bool)
-    np.put_along_axis(in_set, ranked, np.cumsum(sorted_p, axis=1) - sorted_p < HELD, axis=1)
+    probability = normalised(within)
     return RiverPosterior(
-        t50=t50, t50_low=low, t50_high=high,
-        gain=np.array([w.gain for w in all_windows]), gain_sd=np.array([w.gain_sd for w in all_windows]),
-        lead=np.array([w.lead for w in all_windows]), link=link,
-        fir=np.stack([w.fir for w in all_windows]), fir_sd=np.stack([w.fir_sd for w in all_windows]),
-        candidates=candidates, probability=probability, beyond=beyond,
-        delay=np.where(status == "ok", nearest, np.nan), right=right, in_set=in_set & ~still[:, None],
-        status=status, message=message,
-    )  # fmt: skip
+        candidates=candidates,
+        probability=probability,
+        beyond=beyond,
+        delay=np.where(status == "ok", nearest, np.nan),
+        right=right,
+        in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
+        place=t50,
+        place_low=low,
+        place_high=high,
+        fir=np.stack([w.fir for w in all_windows]),
+        fir_sd=np.stack([w.fir_sd for w in all_windows]),
+        link=link,
+        status=status,
+        message=message,
+        gain=np.array([w.gain for w in all_windows]),
+        gain_sd=np.array([w.gain_sd for w in all_windows]),
+        lead=np.array([w.lead for w in all_windows]),
+    )
