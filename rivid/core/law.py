@@ -1,21 +1,25 @@
-"""Settings of the law of delay and discharge: the one home of their defaults."""
+"""The law of delay and discharge, ``T = T0 (Q / Q0)^-b``: a robust line of ln T against ln Q.
+
+Both variables have errors (York), far days count less (Student's t), and the intervals come from a jackknife
+over blocks of neighbouring days.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from rivid.errors import ConfigError, RividError
+from rivid.core.settings import Checked, Limits, Part, Positive
+from rivid.errors import RividError
 from rivid.types import Floats
 
 
 @dataclass(frozen=True)
-class LawSettings:
-    """How the law is found.
+class LawSettings(Checked):
+    """Settings of the law of delay and discharge.
 
     Parameters
     ----------
@@ -24,51 +28,35 @@ class LawSettings:
     tails : float
         Degrees of freedom of Student's t, above 2: the fewer, the less a far day pulls.
     block : int
-        Calendar days that are left out together, at least; more where the days' distances from the law stay
-        alike for longer than a quarter of that, as long as `least_blocks` remain.
+        Smallest number of calendar days that are left out together; more where the residuals are correlated
+        for longer than a quarter of that, as long as `least_blocks` remain.
     least_blocks : int
         Fewer blocks give no law, 4 or more.
     least_range : float
-        Least range of ln Q [-].
+        Smallest range of ln Q [-].
     least_sd : float
-        Smallest standard deviation of ln T that a day is believed to have [-].
+        Smallest standard deviation of a day's ln T [-].
     level : float
-        What the intervals hold.
+        Probability of the intervals.
     classes : int
         Rows of the table.
     """
 
-    discharge_error: float = 0.0
-    tails: float = 4.0
-    block: int = 14
-    least_blocks: int = 6
-    least_range: float = 0.1
-    least_sd: float = 1e-4
-    level: float = 0.9
-    classes: int = 5
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.discharge_error < 1.0:
-            raise ConfigError(f"discharge_error = {self.discharge_error}: expected 0 or more, below 1")
-        if not 2.0 < self.tails < inf:
-            raise ConfigError(f"tails = {self.tails}: expected more than 2")
-        if self.least_blocks < 4:
-            raise ConfigError(f"least_blocks = {self.least_blocks}: expected 4 or more")
-        for name in ("block", "classes"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} = {getattr(self, name)}: expected 1 or more")
-        for name in ("least_range", "least_sd"):
-            if not 0.0 < getattr(self, name) < inf:
-                raise ConfigError(f"{name} = {getattr(self, name)}: expected a positive number")
-        if not 0.0 < self.level < 1.0:
-            raise ConfigError(f"level = {self.level}: expected a share above 0, below 1")
+    discharge_error: Part = 0.0
+    tails: Annotated[float, Limits(gt=2)] = 4.0
+    block: Annotated[int, Limits(ge=1)] = 14
+    least_blocks: Annotated[int, Limits(ge=4)] = 6
+    least_range: Positive = 0.1
+    least_sd: Positive = 1e-4
+    level: Annotated[float, Limits(gt=0, lt=1)] = 0.9
+    classes: Annotated[int, Limits(ge=1)] = 5
 
 
 ROUNDS = 200
-"""Most rounds; a dozen are usual."""
+"""Largest number of iterations; a dozen are usual."""
 
 CONVERGED = 1e-8
-"""Change of the slope and of the scatter that ends them."""
+"""Change of the slope and of the scatter that ends the iteration."""
 
 LEAST_FIRMNESS = 0.2
 """Where most points lie far off it means nothing; it is 0.71 under Student's t of 4, 1 without tails."""
@@ -88,10 +76,10 @@ class Fit(NamedTuple):
     weight : ndarray, shape (n,)
         1 / variance of each point's distance, times its weight by Student's t.
     firmness : float
-        Mean slope of Student's pull over mean weight, below 1: the line is held less firmly than the weights
-        say, for they follow it.
+        Mean slope of Student's influence function over mean weight, below 1: the weights follow the line, so
+        that it is less certain than they indicate.
     instrument : ndarray, shape (n,)
-        x as far as it may be believed; with it the line solves ``sum weight (1, instrument) residual = 0``.
+        Estimate of the true x; with it the line solves ``sum weight (1, instrument) residual = 0``.
     """
 
     offset: float
@@ -144,7 +132,7 @@ def fit_line(x: Floats, y: Floats, own: Floats, x_error: float, tails: float) ->
 def bulk(tails: float) -> float:
     """Scale of Student's t that fits a normal variable of unit variance best.
 
-    What is known of errors are standard deviations of a normal bulk; the tails are for days that are wrong.
+    Errors are given as standard deviations of a normal bulk; the tails are for days that are wrong.
 
     Examples
     --------
@@ -162,7 +150,7 @@ def bulk(tails: float) -> float:
 
 
 def _believed(x: Floats, y: Floats, w: Floats, y_variance: Floats, x_error: float, slope: float) -> Floats:
-    """Where the true x lies, given the line: between what is read and what y says (York, 13b)."""
+    """Estimate of the true x, given the line: between the measured x and that of y (York, 13b)."""
     middle, height = np.average(x, weights=w), np.average(y, weights=w)
     variance = y_variance + (slope * x_error) ** 2
     moved = (y_variance * (x - middle) + slope * x_error**2 * (y - height)) / variance
@@ -178,7 +166,7 @@ def _solved(x: Floats, y: Floats, w: Floats, z: Floats) -> tuple[float, float]:
 
 
 def _scatter(residual: Floats, known: Floats, tails: float) -> float:
-    """Most likely scatter beside known scales, under Student's t."""
+    """Most likely scatter in addition to known scales, under Student's t."""
 
     def log_likelihood(scatter: Floats) -> Floats:
         variance = known**2 + scatter[:, None] ** 2
@@ -198,7 +186,7 @@ def _scatter(residual: Floats, known: Floats, tails: float) -> float:
 
 
 def alike(days: NDArray[np.intp], x: Floats, y: Floats, fit: Fit) -> float:
-    """For how many days their pulls on the line stay alike: 1 for unrelated days.
+    """Correlation time of the residuals [days]: 1 for unrelated days.
 
     One and twice the sum of the correlations between days so far apart, up to the first that is not positive.
     """
@@ -234,7 +222,7 @@ def block_covariance(x: Floats, y: Floats, fit: Fit, block: NDArray[np.intp]) ->
 
 
 IN_A_BLOCK = 4.0
-"""Length of a block over the days that stay alike: what is lost between two blocks is a small part."""
+"""Length of a block over the correlation time: the correlation lost between two blocks is then small."""
 
 BAND_SD = 3.289707
 """Standard deviations between 5 and 95 % of a normal variable."""
@@ -253,7 +241,7 @@ class DelayTable:
     delay, low, high : ndarray, shape (classes,)
         Delay by the law, and its interval [unit of the places].
     day_low, day_high : ndarray, shape (classes,)
-        Between these lies the delay of a single day as often as the interval holds.
+        Interval of the delay of a single day.
     observed : ndarray, shape (classes,)
         Median of the days' own places.
     n : ndarray of int, shape (classes,)
@@ -292,7 +280,7 @@ class DelayLaw:
     days, blocks : int
         Days that count, and blocks of days.
     level : float
-        That the intervals hold.
+        Probability of the intervals.
     table : DelayTable
         No rows without a law.
     status : str
@@ -320,7 +308,7 @@ class DelayLaw:
     def delay(self, discharge: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Delay by the law at any discharge [m3/s], and its interval, each of the discharge's shape.
 
-        Outside the discharges that were seen this is a guess.
+        Outside the range of the discharges this is an extrapolation.
         """
         x = np.log(np.asarray(discharge, float) / self.Q0)
         middle = np.log(self.T0) - self.b * x
@@ -349,7 +337,7 @@ def delay_law(
         Travel time of the day: median, 5 and 95 % [samples, or any unit of time]. A day with a NaN, or with a
         value that is not positive, does not count.
     day : array_like of int, shape (days,), optional
-        Number of the calendar day, rising: what tells which days are neighbours. Without it, the row.
+        Number of the calendar day, rising: it shows which days are neighbours. Without it, the row.
     settings : LawSettings, optional
 
     Returns
@@ -392,7 +380,7 @@ def delay_law(
     if np.ptp(x) < s.least_range:
         return _no_law(
             n, blocks, s, "even_discharge",
-            f"the discharge goes from {Q.min():.4g} to {Q.max():.4g} m3/s: too even to tell a law",
+            f"the discharge goes from {Q.min():.4g} to {Q.max():.4g} m3/s: too constant for a law",
         )  # fmt: skip
     fit = fit_line(x, y, own, s.discharge_error, s.tails)
     longest = max((int(days[-1] - days[0]) + 1) // s.least_blocks, s.block)
@@ -469,20 +457,4 @@ def _columns(rows: Floats, n: NDArray[np.intp]) -> DelayTable:
 
 def _no_law(n: int, blocks: int, s: LawSettings, status: str, message: str) -> DelayLaw:
     empty, nan = _columns(np.empty((0, 9)), np.empty(0, np.intp)), float("nan")
-    return DelayLaw(
-        nan,
-        nan,
-        nan,
-        nan,
-        nan,
-        nan,
-        nan,
-        np.full((2, 2), nan),
-        nan,
-        n,
-        blocks,
-        s.level,
-        empty,
-        status,
-        message,
-    )
+    return DelayLaw(*[nan] * 7, np.full((2, 2), nan), nan, n, blocks, s.level, empty, status, message)

@@ -1,57 +1,57 @@
-"""Settings of the posterior of a season: the one home of their defaults."""
+"""Probability of every delay, given the other days of a season too: a hidden Markov model.
+
+The travel time at the first day's discharge drifts from day to day on a grid, jumps now and then, and falls
+as a power of the discharge; drift and power are averaged over a few values. A further model takes the days
+as independent.
+"""
 
 from dataclasses import dataclass
-from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.core.posterior.daily import smallest_set
+from rivid.core.settings import Checked, Limits, Share
 from rivid.errors import ConfigError, RividError
 from rivid.types import Bools, Floats
 
 
 @dataclass(frozen=True)
-class SeasonSettings:
-    """How the days of a season help each other.
+class SeasonSettings(Checked):
+    """Settings of the posterior of a season.
 
-    Chosen on simulated seasons whose delay drifts, steps or has nothing to do with the day before, and
-    proved on others (`benchmarks/peers/seasons.py`).
+    Chosen on simulated seasons with a delay that drifts, steps or is independent from day to day, and
+    tested on others (`benchmarks/peers/seasons.py`).
 
     Parameters
     ----------
     drifts : tuple of float
-        Standard deviations of the travel time's drift from day to day [samples], each as likely.
+        Standard deviations of the travel time's drift from day to day [samples], equally likely.
     exponents : tuple of float
-        Powers by which the travel time falls as the discharge grows, each as likely; without a discharge
-        there is none.
+        Powers by which the travel time falls as the discharge grows, equally likely; 0 alone without a
+        discharge.
     jump : float
-        Chance that the travel time of a day is anywhere, whatever it was the day before.
+        Probability that the travel time of a day is anywhere, whatever it was the day before.
     trust : float
-        Probability that a day's probability may be believed.
+        Probability that the probability of a day is right.
     independent : float
-        Probability, beforehand, that the days of the season have nothing to do with each other.
+        Prior probability that the days of the season are independent.
     answer_above : float
-        Least probability at which a day is answered.
+        Smallest probability at which a day has a delay.
     """
 
-    drifts: tuple[float, ...] = (0.03, 0.1, 0.3)
-    exponents: tuple[float, ...] = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
-    jump: float = 0.03
-    trust: float = 0.98
-    independent: float = 0.3
-    answer_above: float = 0.72
+    drifts: Annotated[tuple[float, ...], Limits(ge=0)] = (0.03, 0.1, 0.3)
+    exponents: Annotated[tuple[float, ...], Limits(ge=-2, le=2)] = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
+    jump: Share = 0.03
+    trust: Annotated[float, Limits(gt=0, lt=1)] = 0.98
+    independent: Share = 0.3
+    answer_above: Share = 0.72
 
     def __post_init__(self) -> None:
-        if not self.drifts or not all(0.0 <= drift < inf for drift in self.drifts):
-            raise ConfigError(f"drifts = {self.drifts}: expected one or more, each 0 or above [samples]")
-        if not self.exponents or not all(-2.0 <= b <= 2.0 for b in self.exponents):
-            raise ConfigError(f"exponents = {self.exponents}: expected one or more, each from -2 to 2")
-        if not 0.0 < self.trust < 1.0:
-            raise ConfigError(f"trust = {self.trust}: expected a share above 0, below 1")
-        for name in ("jump", "independent", "answer_above"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ConfigError(f"{name} = {getattr(self, name)}: expected a share, 0 to 1")
+        super().__post_init__()
+        if not self.drifts or not self.exponents:
+            raise ConfigError("drifts and exponents: expected one value or more of each")
 
 
 PARTS = 4
@@ -62,7 +62,7 @@ COMMON = 2.0
 
 
 class Days(NamedTuple):
-    """What each day says.
+    """Probabilities of the days.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Days(NamedTuple):
     likely : ndarray, shape (days, D)
         The same as far as it is trusted, the rest even; rows sum to one.
     alike : ndarray, shape (days,)
-        How likely it was where days have nothing to do with their neighbours: :func:`foretold_alike`.
+        Its likelihood where days are independent: :func:`independent_likelihood`.
     observed : ndarray of bool, shape (days,)
     """
 
@@ -89,9 +89,9 @@ class Chain:
     ----------
     exponents, drifts : ndarray, shape (B,), (S,)
     kernels : ndarray, shape (S, K, K)
-        Chance to drift from one grid point to another; symmetric.
+        Probability to drift from one grid point to another; symmetric.
     jump : float
-        Chance that a day's travel time is drawn anew.
+        Probability that a day's travel time is drawn anew.
     edges : ndarray, shape (K + 1,)
         Between the grid points [samples].
     d_min, D : int
@@ -139,7 +139,7 @@ class Chain:
         return np.asarray(np.where(count > 0.0, inside / np.maximum(count, 1.0), 1.0 / inside.shape[1]))
 
     def step(self, mass: Floats, t: int) -> Floats:
-        """Mass before day t speaks, from that after day t - 1, shape (B, S, K)."""
+        """Mass before day t, from that after day t - 1, shape (B, S, K)."""
         moved = np.matmul(mass[:, :, None], self.kernels)[:, :, 0]
         drawn = mass.sum(axis=2, keepdims=True) * self.anew(t)[:, None]
         return np.asarray((1.0 - self.jump) * moved + self.jump * drawn)
@@ -165,11 +165,11 @@ def chain_of(d_min: int, D: int, flow: Floats | None, days: int, s: SeasonSettin
     return Chain(exponents, drifts, kernels, s.jump, edges, d_min, D, log_flow, start, s.independent)
 
 
-def foretold_alike(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
-    """How likely each day was, had the season's delays one distribution and no order, shape (days,).
+def independent_likelihood(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
+    """Likelihood of each day if the season's delays have one distribution and no order, shape (days,).
 
-    That distribution is learned from the days before: else a chain that wanders widely would be believed
-    for no more than knowing which delays occur. A day that is not observed is as likely as its even row.
+    That distribution is learned from the days before: otherwise a chain with a large drift would win
+    only because it knows which delays occur. A day that is not observed is as likely as its even row.
     """
     n, D = likely.shape
     seen, found = np.full(D, COMMON / D), np.empty(n)
@@ -182,7 +182,7 @@ def foretold_alike(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
 
 
 def drift_kernel(K: int, sd: float) -> Floats:
-    """Chances of a random walk that never rests, after a day, on K points with walls at both ends.
+    """Transition probabilities of a continuous random walk over a day, on K points with walls at both ends.
 
     Parameters
     ----------
@@ -218,13 +218,9 @@ def _log_flow(flow: Floats) -> Floats:
     return np.asarray(np.log(flow[latest] / flow[known[0]]))
 
 
-HELD = 0.9
-"""Probability that a day's set of delays holds."""
-
-
 @dataclass(frozen=True)
 class SeasonResult:
-    """What the days of a season say together; a leading axis of days.
+    """Probabilities of the delay, given other days; a leading axis of days.
 
     Attributes
     ----------
@@ -241,7 +237,7 @@ class SeasonResult:
     observed : ndarray of bool, shape (days,)
         The day had a probability of its own.
     independent : ndarray, shape (days,)
-        Probability that the days have nothing to do with each other.
+        Probability that the days are independent.
     exponent : ndarray, shape (days,)
         Mean of b, the power by which the travel time falls as the discharge grows, given that the days are
         related; 0 without a discharge.
@@ -282,7 +278,7 @@ def season(
     ----------
     probability : array_like, shape (days, D)
         p(d | y) of each calendar day for ``d = d_min ... d_min + D - 1``, made with a prior that is even:
-        the day's likelihood. NaN on a day that is missing or says nothing.
+        the day's likelihood. NaN on a day that is missing or has no information.
     link : array_like, shape (days,), optional
         Probability that a front is seen at all; 1 where not given.
     discharge : array_like, shape (days,), optional
@@ -290,8 +286,8 @@ def season(
     d_min : int
         The first delay [samples].
     both_ways : bool
-        False: a day knows the days before it only, so that no answer changes when later days come. True: it
-        knows all of them.
+        False: only the days before a day count, so that no result changes when later days come. True: all
+        days count.
     settings : SeasonSettings, optional
 
     Returns
@@ -357,11 +353,13 @@ def _checked(
         if (flow <= 0.0).any() or np.isinf(flow).any():
             raise RividError(f"discharge goes down to {np.nanmin(flow):g} m3/s: expected it positive, or NaN")
     likely = trust[:, None] * rows + (1.0 - trust[:, None]) / D
-    return Days(rows, likely, foretold_alike(likely, observed), observed), chain_of(d_min, D, flow, n, s)
+    return Days(rows, likely, independent_likelihood(likely, observed), observed), chain_of(
+        d_min, D, flow, n, s
+    )
 
 
 def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
-    """What each day and those before it say, and what was believed before the day itself spoke."""
+    """Filter: p(d | days up to this one), and the masses before each day."""
     mass, alone = chain.start, chain.alone
     answers, beliefs = np.empty(days.own.shape), []
     for t, (own, likely, alike) in enumerate(zip(days.own, days.likely, days.alike, strict=True)):
@@ -377,7 +375,7 @@ def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
 
 
 def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, list[_Belief]]:
-    """The same, and what the days after say too."""
+    """Smoother: p(d | all days)."""
     n, D = days.own.shape
     answers, beliefs = np.empty((n, D)), list(before)
     after, after_alone = np.ones_like(chain.start), 1.0
@@ -399,7 +397,7 @@ def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, 
 def _result(
     answers: Floats, beliefs: list[_Belief], days: Days, chain: Chain, d_min: int, s: SeasonSettings
 ) -> SeasonResult:
-    """Normalised, and what is believed of the season after each day has spoken."""
+    """Normalise, and average the parameters over the models after each day."""
     n, D = answers.shape
     independent, exponent, drift = np.empty(n), np.empty(n), np.empty(n)
     for t, (mass, alone) in enumerate(beliefs):
@@ -411,11 +409,7 @@ def _result(
         exponent[t] = (models.sum(axis=1) @ chain.exponents) / related if related > 0.0 else np.nan
         drift[t] = (models.sum(axis=0) @ chain.drifts) / related if related > 0.0 else np.nan
     p = answers / answers.sum(axis=1, keepdims=True)
-    candidates = np.arange(d_min, d_min + D)
-    ranked = np.argsort(-p, axis=1, kind="stable")
-    sorted_p = np.take_along_axis(p, ranked, axis=1)
-    in_set: Bools = np.zeros(p.shape, bool)
-    np.put_along_axis(in_set, ranked, np.cumsum(sorted_p, axis=1) - sorted_p < HELD, axis=1)
-    sure = sorted_p[:, 0]
-    delay = np.where(sure >= s.answer_above, candidates[ranked[:, 0]], np.nan)
+    candidates, sure = np.arange(d_min, d_min + D), p.max(axis=1)
+    delay = np.where(sure >= s.answer_above, candidates[np.argmax(p, axis=1)], np.nan)
+    in_set = smallest_set(p, p)
     return SeasonResult(candidates, p, delay, sure, in_set, days.observed, independent, exponent, drift)

@@ -85,19 +85,27 @@ Prior = Literal["rayleigh", "uniform"]
 Moment = Literal["onset", "alarm"]
 
 
-class _Checked:
-    """Settings that check the limits of their fields, and that ``1 <= d_min <= d_max``."""
+class Checked:
+    """Base of dataclasses that check the :class:`Limits` of their fields."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses
+            value = getattr(self, field.name)
+            given = value if isinstance(value, tuple) else () if value is None else (value,)
+            for part in (field.type, *get_args(field.type)):
+                for limits in getattr(part, "__metadata__", ()):
+                    if expected := next(filter(None, map(limits.fault, given)), ""):
+                        raise ConfigError(f"{field.name} = {value}: expected {expected}")
+
+
+class _Delays(Checked):
+    """Settings with ``1 <= d_min <= d_max``."""
 
     d_min: int
     d_max: int
 
     def __post_init__(self) -> None:
-        for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses
-            value = getattr(self, field.name)
-            for part in (field.type, *get_args(field.type)):
-                for limits in getattr(part, "__metadata__", ()):
-                    if value is not None and (expected := limits.fault(value)):
-                        raise ConfigError(f"{field.name} = {value}: expected {expected}")
+        super().__post_init__()
         if self.d_min > self.d_max:
             raise ConfigError(
                 f"d_min = {self.d_min} and d_max = {self.d_max}: expected 1 <= d_min <= d_max (samples)"
@@ -105,7 +113,7 @@ class _Checked:
 
 
 @dataclass(frozen=True)
-class JmapSettings(_Checked):
+class JmapSettings(_Delays):
     """Settings of the joint MAP estimate of the delay and the FIR.
 
     The model is ``y = U h + w`` (16) with ``w ~ N(0, sigma_w2 I)`` (19), ``D_d h ~ N(0, sigma_hD2 I)``
@@ -172,7 +180,7 @@ class JmapSettings(_Checked):
 
 
 @dataclass(frozen=True)
-class SearchSettings(_Checked):
+class SearchSettings(_Delays):
     """The delays that `direct` and `indirect` try.
 
     Parameters
@@ -191,7 +199,7 @@ class SearchSettings(_Checked):
 
 
 @dataclass(frozen=True)
-class CusumSettings(_Checked):
+class CusumSettings(_Delays):
     """Settings of the CUSUM test.
 
     The paper names the algorithm and states that it has to be tuned day by day, without a figure. The
@@ -240,7 +248,7 @@ class CusumSettings(_Checked):
 
 
 @dataclass(frozen=True)
-class PosteriorSettings(_Checked):
+class PosteriorSettings(_Delays):
     """Settings of the probability of the delay.
 
     The temperatures, errors and `wave_lag` were chosen on simulated reaches (`benchmarks/posterior`)
@@ -302,7 +310,7 @@ def lags_of(d_max: int) -> int:
 
 
 @dataclass(frozen=True)
-class RiverSettings(_Checked):
+class RiverSettings(_Delays):
     """Settings of the probability of a river's travel time.
 
     Temperatures and spread were chosen on simulated rivers and on a measured one, and tested on others (see

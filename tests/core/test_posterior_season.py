@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rivid.core.season import PARTS, SeasonSettings, drift_kernel, foretold_alike, season
+from rivid.core.season import PARTS, SeasonSettings, drift_kernel, independent_likelihood, season
 from rivid.errors import ConfigError, RividError
 
 
@@ -228,9 +228,9 @@ def test_the_discharge_explains_what_else_would_be_a_drift():
 
 def test_days_that_share_a_distribution_are_foretold_by_it():
     likely = np.tile([0.7, 0.2, 0.1], (50, 1))
-    found = foretold_alike(likely, np.ones(50, bool))
+    found = independent_likelihood(likely, np.ones(50, bool))
     assert found[0] == pytest.approx(1 / 3) and 0.65 < found[-1] < 0.7
-    np.testing.assert_allclose(foretold_alike(likely, np.zeros(50, bool)), 1 / 3)
+    np.testing.assert_allclose(independent_likelihood(likely, np.zeros(50, bool)), 1 / 3)
 
 
 @pytest.mark.parametrize(
