@@ -457,4 +457,7 @@ def _columns(rows: Floats, n: NDArray[np.intp]) -> DelayTable:
 
 def _no_law(n: int, blocks: int, s: LawSettings, status: str, message: str) -> DelayLaw:
     empty, nan = _columns(np.empty((0, 9)), np.empty(0, np.intp)), float("nan")
-    return DelayLaw(*[nan] * 7, np.full((2, 2), nan), nan, n, blocks, s.level, empty, status, message)
+    return DelayLaw(
+        nan, nan, nan, nan, nan, nan, nan, np.full((2, 2), nan), nan,
+        n, blocks, s.level, empty, status, message,
+    )  # fmt: skip

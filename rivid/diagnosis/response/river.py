@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from rivid.core.posterior.river_response import hayami
+from rivid.core.posterior.response import hayami
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences
 from rivid.errors import RividError
