@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rivid.logs.columns import NumberReader
+from rivid.logs.files import stem_of
 from rivid.logs.log import sentinels_in
 from rivid.logs.sniff.layout import Layout, TimeLayout
 from rivid.logs.text import MANY_TEXTS, is_unit_column
@@ -54,23 +55,15 @@ _SURE = {
     "flow": r"^q_l$",
 }
 _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo"
-"""Names that tell which way the water goes; all others tell a place or a device, on one side or the other."""
+"""Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
 
-@dataclass
-class Questions:
-    """Questions so far, each with the key that it is about."""
-
-    asked: list[tuple[str, str]] = field(default_factory=list)
-
-    def ask(self, key: str, text: str) -> None:
-        """Ask, unless there is nothing to ask."""
-        if text:
-            self.asked.append((key, text))
+Questions = list[tuple[str, str]]
+"""What could not be decided: the key of `[input]`, which may be empty, and the question."""
 
 
 def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> bool:
-    """Whether a column that is not read may say which values are doubtful.
+    """Whether a column that is not read may flag doubtful values.
 
     Parameters
     ----------
@@ -80,26 +73,14 @@ def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> boo
     read : set of str
         The columns of values.
     """
-    if texts is None or texts <= {""}:
+    if texts is None or texts <= {""} or is_unit_column(column):
         return False
     low = column.lower()
-    if is_unit_column(column):
-        return False
-    words = (
-        "qual",
-        "flag",
-        "status",
-        "valid",
-        "qc",
-        "state",
-        "etat",
-        "état",
-        "güte",
-        "remark",
-        "code",
-        "zone",
-    )
-    if any(word in low for word in words) or {"tz", "utc", "gmt"} & set(re.split(r"[^a-z]+", low)):
+    if re.search("qual|flag|status|valid|qc|state|etat|état|güte|remark|code|zone", low) or {
+        "tz",
+        "utc",
+        "gmt",
+    } & set(re.split(r"[^a-z]+", low)):
         return True
     if any(low != name.lower() and low.startswith(name.lower()) for name in read):
         return True
@@ -123,12 +104,12 @@ class ColumnGuess:
     ----------
     name : str
     role : str
-        u_Qi, u_Qo, h_L, flow for a discharge of which no more is known, or empty.
+        u_Qi, u_Qo, h_L, "flow" for another discharge, or empty.
     unit : str
         As `[input.units]` writes it; empty where the log does not say.
     sentinels : tuple of float
     texts : tuple of str
-        What stands in cells that hold no number.
+        Texts of cells that hold no number.
     every : int
         Rows from one value to the next, usually.
     sure : bool
@@ -200,7 +181,7 @@ def _guess_role(name: str, unit_text: str) -> tuple[str, str]:
 
 
 def stated_unit(name: str, unit: str, *, level: bool) -> str:
-    """The unit of a level, or else of a discharge, that its name or the text beside it tells; empty: none."""
+    """The unit of a level, or else of a discharge, in its name or in the text of its unit; empty for none."""
     return _unit_in(name.lower(), unit, _LEVEL_UNITS if level else _FLOW_UNITS)
 
 
@@ -226,13 +207,13 @@ class Tagged:
     Attributes
     ----------
     tag : str
-        Column of the tags; empty where lines or the file's name tell them.
+        Column of the tags; empty where lines or the file's name hold them.
     value : str
         Column of the values.
     cells : dict of list of str
         Values by tag.
     units : dict of str
-        By tag, where the file tells.
+        By tag, where the file states them.
     steps : dict of list of int
         Between the values of each tag [us].
     """
@@ -268,8 +249,8 @@ def by_tag(layout: Layout, time: TimeLayout, file: str) -> Tagged | None:
     value_at = _value_column(layout, time)
     if value_at is None:
         return None
-    if layout.zrxp is not None:
-        return _tagged("", value_at, layout.blocks, layout, time, layout.zrxp.units)
+    if layout.blocks:
+        return _tagged("", value_at, layout.blocks, layout, time, layout.block_units)
     tag_at = _tag_column(layout, time, value_at)
     if tag_at is not None:
         tags = [row[tag_at] for row in layout.rows]
@@ -277,9 +258,7 @@ def by_tag(layout: Layout, time: TimeLayout, file: str) -> Tagged | None:
         units = {} if unit_at is None else {row[tag_at]: row[unit_at] for row in layout.rows[::-1]}
         return _tagged(layout.names[tag_at], value_at, tags, layout, time, units)
     if VALUE.fullmatch(layout.names[value_at]):
-        plain = file[:-3] if file.lower().endswith(".gz") else file
-        stem = plain.rpartition(".")[0] or plain
-        return _tagged("", value_at, [stem] * len(layout.rows), layout, time, {})
+        return _tagged("", value_at, [stem_of(file)] * len(layout.rows), layout, time, {})
     return None
 
 
@@ -329,12 +308,12 @@ OFFSETS = {
 
 
 @dataclass(frozen=True)
-class Beside:
-    """What stands beside the values.
+class Flags:
+    """Columns of flags and zones.
 
     Attributes
     ----------
-    flags : dict of str
+    owned : dict of str
         Column of flags by the column it belongs to.
     of_row : str
         The one column of flags for the whole row; may be empty.
@@ -346,10 +325,10 @@ class Beside:
     zones : dict of str
         Offset by zone.
     doubtful : list of str
-        Columns that reading asks for, though they are no zone: flags, or to be ignored.
+        Columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored.
     """
 
-    flags: dict[str, str] = field(default_factory=dict)
+    owned: dict[str, str] = field(default_factory=dict)
     of_row: str = ""
     good: list[str] = field(default_factory=list)
     counted: str = ""
@@ -363,7 +342,7 @@ class Beside:
         return {*self.doubtful, self.zone_column}
 
 
-def look_beside(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Beside:
+def find_flags(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Flags:
     """Find flags and zones.
 
     Parameters
@@ -401,7 +380,7 @@ def look_beside(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Besi
     common = counts.most_common(1)[0][0] if counts else ""
     good = [flag for flag in counts if flag == common or flag.lower() in GOOD]
     counted = ", ".join(f"{flag!r} {count}" for flag, count in counts.most_common(12))
-    return Beside(flags, of_row, good, counted, zone_column, zones, doubtful)
+    return Flags(flags, of_row, good, counted, zone_column, zones, doubtful)
 
 
 def _numeric(cells: list[str]) -> bool:
@@ -428,27 +407,13 @@ _NO_SITE = re.compile(
     r"|wasserstand|durchfluss|zufluss|abfluss|caudal|nivel|portata|livello|total|sum|mean|avg"
     r"|(u|g|t|unit|units|groupe|turbines?|gates?|spill\w*|vannes?|tor|wehr|release)\d*)"
 )
-"""First words of names that tell a quantity or a machine, not a place."""
+"""First words of names that are a quantity or a machine, not a place."""
 _TOTAL = re.compile(r"(?<![a-z])(total|sum|gesamt|summe|somme|suma|totale)(?![a-z])")
 _TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|abajo")
 
 
-@dataclass
-class Roles:
-    """Which column is which.
-
-    Attributes
-    ----------
-    groups : dict of list of ColumnGuess
-        By canonical column; several of one are summed.
-    kind : {"pool", "river"}
-    instead : dict of list
-        By canonical column: what else it may be, as `groups`.
-    """
-
-    groups: dict[str, Group]
-    kind: str
-    instead: dict[str, list[Group]] = field(default_factory=dict)
+Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
+"""Columns by canonical column (several are summed), the kind of reach, and other choices by column."""
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
@@ -458,7 +423,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     ----------
     columns : list of ColumnGuess
     questions : Questions
-        Gets what names do not tell.
+        Gets what names do not determine.
     """
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
     levels = [c for c in columns if c.role == "h_L"]
@@ -468,18 +433,18 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     instead: dict[str, list[Group]] = {}
     if len(levels) > 1:
         names = ", ".join(c.name for c in levels)
-        questions.ask("h_L", f"h_L: which of {names} is the level at the downstream dam?")
+        questions.append(("h_L", f"h_L: which of {names} is the level at the downstream dam?"))
         instead["h_L"] = [[c] for c in levels if c is not level]
     sites = _sites([*flows, level])
     ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
     if not ins:
-        questions.ask("u_Qi", "no column is called like an inflow: set u_Qi")
+        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
     elif len(flows) > 1 or not ins[0].sure:
         _ask_which(ins, outs, flows, why, questions)
         if not _unmistakable(ins, outs, flows):
             instead |= _others(ins, outs, flows, sites)
     groups = {"h_L": [level], "u_Qi": ins, "u_Qo": outs}
-    return Roles({role: group for role, group in groups.items() if group}, "pool", instead)
+    return {role: group for role, group in groups.items() if group}, "pool", instead
 
 
 def _river(flows: Group, questions: Questions) -> Roles:
@@ -487,26 +452,26 @@ def _river(flows: Group, questions: Questions) -> Roles:
     rest = [c for kind in ("flow", "u_Qo") for c in flows if c.role == kind]
     order = [*named[:1], *rest, *named[1:]]  # what is not called an inflow is rather the output
     ins, outs = order[:1], order[1:2]
-    instead = {}
+    instead: dict[str, list[Group]] = {}
     if not ins:
-        questions.ask("u_Qi", "no column is called like an inflow: set u_Qi")
+        questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
     if not outs:
-        questions.ask(
-            "h_L", "no column is called like a level or a second discharge: set h_L, or Q_L of a river"
+        questions.append(
+            ("h_L", "no column is called like a level or a second discharge: set h_L, or Q_L of a river")
         )
     elif not _unmistakable(ins, outs, flows):
         many = "more than two discharges" if len(order) > 2 else "two discharges"
-        questions.ask("u_Qi", f"{many} and no level: which is the inflow, which the output?")
+        questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))
         instead = {
             "u_Qi": _distinct([[c] for c in order], ins),
             "Q_L": _distinct([[c] for c in order], outs),
         }
     groups = {"u_Qi": ins, "Q_L": outs}
-    return Roles({role: group for role, group in groups.items() if group}, "river", instead)
+    return {role: group for role, group in groups.items() if group}, "river", instead
 
 
 def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:
-    """Whether names alone tell the inflow and the outflow, and no other could be meant."""
+    """Whether names alone determine the inflow and the outflow."""
     sure_in = [c for c in flows if c.sure and c.role == "u_Qi"]
     sure_out = [c for c in flows if c.sure and c.role != "u_Qi"]
     return len(ins) == 1 and len(outs) <= 1 and ins == sure_in and outs == sure_out
@@ -536,8 +501,8 @@ def _by_site(
         return None
     outs = _leaving(own)
     ins = _leaving([c for c in flows if sites[c.name] == others[0]])
-    said = _said_site(ins[0].name, others[0]), _said_site(level.name, here)
-    return ins, outs, (f"of {said[0]}, not of the level's site", f"of {said[1]}, as the level")
+    shown = _shown_site(ins[0].name, others[0]), _shown_site(level.name, here)
+    return ins, outs, (f"of {shown[0]}, not of the level's site", f"of {shown[1]}, as the level")
 
 
 def _leaving(group: Group) -> Group:
@@ -546,7 +511,7 @@ def _leaving(group: Group) -> Group:
     return [c for c in group if _TOTAL.search(c.name.lower())][:1] or group
 
 
-def _said_site(name: str, site: str) -> str:
+def _shown_site(name: str, site: str) -> str:
     at = name.lower().find(site)
     return name[: at + len(site)]
 
@@ -576,9 +541,9 @@ def _ask_which(ins: Group, outs: Group, flows: Group, why: tuple[str, str], ques
     for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
         if len(group) > 1:
             names = ", ".join(c.name for c in group)
-            questions.ask(role, f"{role}: is the sum of {names} the {what}? ({reason}; a list is a sum)")
+            questions.append((role, f"{role}: is the sum of {names} the {what}? ({reason}; a list is a sum)"))
         elif group:
-            questions.ask(role, f"{role}: is {group[0].name} the {what}? ({reason})")
+            questions.append((role, f"{role}: is {group[0].name} the {what}? ({reason})"))
 
 
 def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
