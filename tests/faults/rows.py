@@ -326,7 +326,7 @@ ROWS = (
     Row(
         "Any finite input",
         "a result or a reason, and what symmetry demands",
-        own("test_check_anything", "test_any_finite_days_give_findings_in_words", "test_any_bytes_checked")
+        own("test_check_anything", "test_any_finite_days_give_finite_findings", "test_any_bytes_checked")
         | {
             f"{PROPERTIES}test_any_finite_input_gives_a_result_or_a_reason": (
                 "25 to 60 generated series from 1e-30 to 1e36, for each estimator"

@@ -60,7 +60,7 @@ def records(draw):
     return days, parse({"reach": reach, "input": given_}, Config)
 
 
-def test_any_finite_days_give_findings_render(tried):
+def test_any_finite_days_give_finite_findings(tried):
     told = seen = 0
 
     @settings(max_examples=250, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
