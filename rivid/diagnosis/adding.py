@@ -1,7 +1,7 @@
 """A named effect in the simulator: added, refitted, its events coded again, dropped when it is needless."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from rivid.diagnosis.events import as_effect, kind_of, search
 from rivid.diagnosis.fit import Evaluation, Linear, Model, calibrate, evaluate, limited, residual_of
 from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import vector_of
-from rivid.diagnosis.selection import LEVEL, Choice, Round
+from rivid.diagnosis.selection import LEVEL, Round
 from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import Floats
@@ -114,26 +114,25 @@ def varied(
         larger = replace(model, effects=(*model.effects[:-1], effect.with_values(**{key: sizes})))
         larger = calibrate(larger, fit, steps=3, report=report)
         other = larger.linear(linear.record, linear.split)
-        told = evaluate(other)
-        gain = limited((told.likelihood - after.likelihood)[linear.split.select]).sum()
+        evaluation = evaluate(other)
+        gain = limited((evaluation.likelihood - after.likelihood)[linear.split.select]).sum()
         if gain > 2.0 * knots:
-            return larger, other, told
+            return larger, other, evaluation
     return model, linear, after
 
 
 def recoded(
     model: Model,
-    choice: Choice,
+    proposal: Proposal,
     linear: Linear,
     after: Evaluation,
     kernels: dict[str, Floats],
     fit: Record,
     report: Report,
-) -> tuple[Model, Choice, Linear, Evaluation]:
+) -> tuple[Model, Proposal, Linear, Evaluation]:
     """Look for the events again with the refitted response and noise, until they no longer change."""
     effect = model.effects[-1]
     kind = kind_of(type(effect), kernels)
-    proposal = choice.proposal
     for _ in range(RECODINGS):
         report(f"coding the events of {effect.name} again")
         without = replace(model, effects=model.effects[:-1], free=model.free[:-1])
@@ -149,7 +148,7 @@ def recoded(
         proposal = replace(proposal, effect=effect, events=events, columns=events.coded[None])
         if after.likelihood.sum() < before.likelihood.sum() + len(events.events):
             break
-    return model, replace(choice, proposal=proposal), linear, after
+    return model, proposal, linear, after
 
 
 def dropped(
@@ -161,10 +160,10 @@ def dropped(
     once, the rest refitted; it goes if the selecting days miss it by less than :data:`NEEDED`.
     """
     kept = list(rounds)
-    first = len(model.effects) - sum(_in_the_simulator(r) for r in kept)
+    first = len(model.effects) - sum(not r.proposal.level_noise for r in kept)
     place = first
     for r in list(kept)[:-1]:
-        if not _in_the_simulator(r):
+        if r.proposal.level_noise:
             continue
         without = replace(
             model,
@@ -173,20 +172,15 @@ def dropped(
         )
         without = calibrate(without, fit, steps=2, report=report)
         other = without.linear(linear.record, linear.split)
-        told = evaluate(other)
-        missed = float((after.likelihood - told.likelihood)[linear.split.select].sum())
+        evaluation = evaluate(other)
+        missed = float((after.likelihood - evaluation.likelihood)[linear.split.select].sum())
         if missed < NEEDED:
             report(f"{model.effects[place].name} is no longer needed")
-            model, linear, after = without, other, told
+            model, linear, after = without, other, evaluation
             kept.remove(r)
         else:
             place += 1
     return model, linear, after, kept
-
-
-def _in_the_simulator(turn: Round) -> bool:
-    """Whether a round added an effect to the simulator; a noise is none."""
-    return turn.choice is not None and not turn.choice.proposal.level_noise
 
 
 def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
@@ -210,7 +204,7 @@ def patched(rounds: Sequence[Round]) -> bool:
     One schedule a dam is a release; a second one at other hours all the season long is a patch on a course
     that releases cannot follow.
     """
-    chosen = [r.choice.proposal for r in rounds if r.choice is not None]
+    chosen = [r.proposal for r in rounds]
     daily = [p for p in chosen if p.effect.repeatable and p.window[0] is None and p.window[1] is not None]
     return len(daily) >= 2
 
@@ -231,25 +225,6 @@ WORTH = 40.0
 """What a proposal that does not stand must gain to be tried all the same [nats]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """A proposal in the simulator.
-
-    Attributes
-    ----------
-    proposal : Proposal
-        With the gains, the likelihood and the noise of the fit.
-    model : Model
-    linear : Linear
-    after : Evaluation
-    """
-
-    proposal: Proposal
-    model: Model
-    linear: Linear
-    after: Evaluation
-
-
 def in_simulator(
     model: Model,
     linear: Linear,
@@ -257,7 +232,7 @@ def in_simulator(
     proposal: Proposal,
     fit: Record,
     report: Callable[[str], None],
-) -> Tried:
+) -> tuple[Proposal, Model, Linear, Evaluation]:
     """Fit the model with a proposal in it, and measure the proposal anew.
 
     A proposal whose reach cannot be simulated gains nothing.
@@ -267,20 +242,16 @@ def in_simulator(
         larger, spreads = added(model, proposal, fit, report)
         about = larger.linear(linear.record, linear.split)
     except RividError:
-        return Tried(replace(proposal, gain_fit=0.0, gain_select=0.0), model, linear, before)
+        return replace(proposal, gain_fit=0.0, gain_select=0.0), model, linear, before
     after = evaluate(about)
     active = np.abs(proposal.columns).max(axis=(0, 2))
     gain, select, t, better, blocks = compared(linear, before, after, np.zeros(linear.record.days), active)
-    told = replace(
-        after,
-        coefficients=proposal.evaluation.coefficients,
-        standard_errors=proposal.evaluation.standard_errors,
-    )
+    with_columns = replace(after, coefficients=proposal.evaluation.coefficients)
     measured = replace(
-        proposal, evaluation=told, gain_fit=gain, gain_select=select, t=t, improvement=better, blocks=blocks,
-        spreads=spreads,
+        proposal, evaluation=with_columns, gain_fit=gain, gain_select=select, t=t, improvement=better,
+        blocks=blocks, spreads=spreads,
     )  # fmt: skip
-    return Tried(measured, larger, about, after)
+    return measured, larger, about, after
 
 
 def can_be_tried(proposal: Proposal) -> bool:

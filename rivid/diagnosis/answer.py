@@ -140,25 +140,20 @@ def _named(
     quantile = _quantile(study)
     place = 0
     for r in named:
-        assert r.choice is not None
-        choice, proposal = r.choice, r.choice.proposal
+        proposal = r.proposal
         effect = proposal.effect
         index = None
         if not proposal.level_noise:
-            index = len(study.last.effects) - sum(
-                not x.choice.proposal.level_noise for x in named if x.choice
-            )
-            index += place
+            index = len(study.last.effects) - sum(not x.proposal.level_noise for x in named) + place
             place += 1
             effect = study.last.effects[index]
-        runner = choice.runner_up
         found.append(
             NamedEffect(
-                name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=choice.tied,
-                runner_up=runner.name if runner else None, margin=choice.margin,
+                name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=r.tied,
+                runner_up=r.runner_up, margin=r.margin,
                 parameters=_parameters(effect, index, errors, proposal.spreads, quantile),
                 where=_where(effect, study.record),
-                breaker=breaker(effect, (classes[name] for name in choice.tied)), table=effect.to_table(),
+                breaker=breaker(effect, (classes[name] for name in r.tied)), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
             )
         )  # fmt: skip
@@ -234,15 +229,14 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
     steps, coded = [], np.zeros(record.time.shape)
     forecast = end
     for r in named:
-        assert r.choice is not None and r.after is not None
         told = tuple(r.after.errors.rmse(sealed).tolist())
         ahead = None
-        if r.choice.proposal.events is not None:
-            coded = coded + r.choice.proposal.events.coded
+        if r.proposal.events is not None:
+            coded = coded + r.proposal.events.coded
             ahead = told
             told = tuple(_unforeseen(study, r.after, coded).rmse(sealed).tolist())
             forecast = np.array(told) if r is named[-1] else forecast
-        steps.append(Step(r.choice.proposal.name, told, ahead))
+        steps.append(Step(r.proposal.name, told, ahead))
     described = tuple(end.tolist()) if coded.any() else None
     if coded.any():
         forecast = _unforeseen(study, study.last_evaluation, coded).rmse(sealed)

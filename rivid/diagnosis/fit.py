@@ -147,7 +147,6 @@ class Evaluation:
     ----------
     coefficients : ndarray, shape (k,)
         Of the columns.
-    standard_errors : ndarray, shape (k,)
     shift, shift_errors : ndarray, shape (p,)
         Change of the response's parameters, and their standard errors.
     residual : ndarray, shape (days, n)
@@ -161,7 +160,6 @@ class Evaluation:
     """
 
     coefficients: Floats
-    standard_errors: Floats
     shift: Floats
     shift_errors: Floats
     residual: Floats
@@ -258,7 +256,7 @@ def evaluate(
     shift = b[:p]
     moved = (model.deviation + shift) / model.prior_sd
     return Evaluation(
-        b[p:], error[p:], shift, error[:p], left, noise, noise.log_likelihood(model.used(left)),
+        b[p:], shift, error[:p], left, noise, noise.log_likelihood(model.used(left)),
         0.5 * float(moved @ moved), day_errors(record, left, noise), weights,
     )  # fmt: skip
 

@@ -54,8 +54,8 @@ def regimes(study: "Study") -> tuple[Regime, ...]:
     first, last = study.first_evaluation, study.last_evaluation
     coded = np.zeros(record.time.shape)
     for turn in study.named:
-        if turn.choice is not None and turn.choice.proposal.events is not None:
-            coded = coded + turn.choice.proposal.events.coded
+        if turn.proposal.events is not None:
+            coded = coded + turn.proposal.events.coded
     found = []
     for state in states(record):
         part = only(record, state.samples)

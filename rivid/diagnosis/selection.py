@@ -53,27 +53,6 @@ CLOSE = 0.15
 """Gains this near to the best one's are weighed by likelihood on the fitting days."""
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """What was named.
-
-    Attributes
-    ----------
-    proposal : Proposal
-    tied : tuple of str
-        Other names that these data cannot tell from it.
-    runner_up : Proposal or None
-        The next best of another name.
-    margin : float or None
-        Share of the gain on the selecting days by which it is ahead.
-    """
-
-    proposal: Proposal
-    tied: tuple[str, ...]
-    runner_up: Proposal | None
-    margin: float | None
-
-
 def stands(proposal: Proposal, model: Linear, round_number: int) -> bool:
     """Whether a proposal may be named: unlikely by chance, confirmed on the selecting days, and material."""
     if proposal.p_value > LEVEL / 2**round_number or proposal.gain_select <= 0 or proposal.gain_fit <= 0:
@@ -147,8 +126,8 @@ def is_material(proposal: Proposal) -> bool:
 
 def choose(
     proposals: list[Proposal], model: Linear, before: Evaluation, round_number: int, taken: Sequence[Effect]
-) -> Choice | None:
-    """The proposal to name, if any.
+) -> tuple[Proposal, list[Proposal]] | None:
+    """The proposal to name, if any, and the best proposals of other names, best first.
 
     Parameters
     ----------
@@ -188,9 +167,7 @@ def choose(
     near = [p for p in able.values() if p.gain_select >= (1.0 - CLOSE) * top]
     named = max(near, key=lambda p: float(p.gain_fit + p.gain_select))
     others = sorted((p for p in best.values() if p.name != named.name), key=lambda p: -float(p.gain_select))
-    runner = others[0] if others else None
-    margin = None if runner is None else 1.0 - max(runner.gain_select, 0.0) / named.gain_select
-    return Choice(named, tied_with(named, others, model, before), runner, margin)
+    return named, others
 
 
 def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
@@ -349,21 +326,28 @@ def guarded(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One turn: what stood to choose from, and what was chosen.
+    """One round of the search: the named proposal, and the models before and after.
 
     Attributes
     ----------
     before : Evaluation
-    proposals : tuple of Proposal
-    choice : Choice or None
-    after : Evaluation or None
-        With the chosen effect in the simulator.
+    proposal : Proposal
+    tied : tuple of str
+        Other names that the data cannot separate from it.
+    runner_up : str or None
+        The next best name.
+    margin : float or None
+        Share of the gain on the selecting days by which it is ahead of that.
+    after : Evaluation
+        With the named effect in the simulator.
     """
 
     before: Evaluation
-    proposals: tuple[Proposal, ...]
-    choice: Choice | None
-    after: Evaluation | None
+    proposal: Proposal
+    tied: tuple[str, ...]
+    runner_up: str | None
+    margin: float | None
+    after: Evaluation
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,9 +360,10 @@ class Study:
     split : Split
     first, last : Model
         Calibrated without and with the named effects.
-    first_linear, last_linear : Linear
+    last_linear : Linear
+        Linearised about `last`.
     first_evaluation, last_evaluation : Evaluation
-    rounds : tuple of Round
+    named : tuple of Round
     kernels : dict of str to ndarray
         Step responses by place; see :func:`rivid.diagnosis.response.base.kernels_of`.
     notes : tuple of str
@@ -392,24 +377,18 @@ class Study:
     split: Split
     first: Model
     last: Model
-    first_linear: Linear
     last_linear: Linear
     first_evaluation: Evaluation
     last_evaluation: Evaluation
-    rounds: tuple[Round, ...]
+    named: tuple[Round, ...]
     kernels: dict[str, Floats]
     notes: tuple[str, ...] = field(default=())
     noises: tuple[Effect, ...] = ()
     contradicted: Proposal | None = None
 
-    @property
-    def named(self) -> tuple[Round, ...]:
-        """The rounds that named something."""
-        return tuple(r for r in self.rounds if r.choice is not None)
-
     def swings(self) -> tuple[float, ...]:
         """Periods of the seiches that are known or named [s]."""
-        named = (r.choice.proposal.effect for r in self.named if r.choice is not None)
+        named = (r.proposal.effect for r in self.named)
         swings = (e for e in (*self.noises, *named) if e.found_as == "swing")
         return tuple(float(getattr(e, "period")) for e in swings)  # noqa: B009 - every seiche has a period
 
@@ -522,7 +501,7 @@ def verdict_of(study: Study, gap: Gap, unknown: Unknown | None) -> tuple[Verdict
         if unknown is None:
             return "no_gap", "No candidate stands out, and what is left shows neither rhythm nor place."
         return "unknown", f"Something is left that no known effect explains: {unknown.drivers[0]}."
-    all_names = [r.choice.proposal.name.replace("_", " ") for r in named if r.choice is not None]
+    all_names = [r.proposal.name.replace("_", " ") for r in named]
     names = ", ".join(
         f"{name}, {n} times" if (n := all_names.count(name)) > 1 else name
         for name in dict.fromkeys(all_names)
@@ -530,8 +509,8 @@ def verdict_of(study: Study, gap: Gap, unknown: Unknown | None) -> tuple[Verdict
     shown = f"{base[1]:.3g} {unit} to {end[1]:.3g} {unit} after 4 h"
     if fails(study, base, end):
         return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
-    first = named[0].choice
-    if first is not None and first.tied:
+    first = named[0]
+    if first.tied:
         others = ", ".join(first.tied)
         return (
             "cannot_tell",
@@ -553,32 +532,28 @@ def fails(study: Study, base: Floats, end: Floats) -> bool:
     base, end : ndarray, shape (horizons,)
         Errors on the sealed days before and after.
     """
-    first = study.named[0].choice
-    assert first is not None
-    told = held_share(study.last, study.last_linear, study.last_evaluation, first.proposal.name)
-    if told is not None:  # the size itself tells more than what it gains
-        share, error = told
+    first = study.named[0]
+    held = held_share(study.last, study.last_linear, study.last_evaluation, first.proposal.name)
+    if held is not None:  # the size itself is more informative than its gain
+        share, error = held
         return share + 2.0 * error < HALF
     if _likelier(study):
         return False
     if bool((end > WORSE * base).all()):
         return True
-    turn = study.named[0]
-    assert turn.after is not None
     promised = first.proposal.improvement
     columns = first.proposal.columns
     active = np.abs(columns).max(axis=(0, 2)) if len(columns) else np.ones(study.record.days)
     sealed = study.split.sealed & (active > 0)
     if not sealed.any() or promised.max() < 0.1:
         return False
-    found = 1.0 - turn.after.errors.rmse(sealed) / turn.before.errors.rmse(sealed)
+    found = 1.0 - first.after.errors.rmse(sealed) / first.before.errors.rmse(sealed)
     return bool((np.nan_to_num(found) < HELD * np.maximum(promised, 0.1)).all())
 
 
 def _likelier(study: Study) -> bool:
     """Whether the sealed days gain a fair share of what the selecting days gain."""
-    first = study.named[0].choice
-    noise = first.proposal.gains if first is not None else None
+    noise = study.named[0].proposal.gains
     change = study.last_evaluation.likelihood - study.first_evaluation.likelihood if noise is None else noise
     gain = limited(change)
     sealed, select = gain[study.split.sealed].mean(), gain[study.split.select].mean()

@@ -5,13 +5,11 @@ looked at once, at the end.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from rivid.diagnosis.adding import (
     MOST_TRIALS,
-    Tried,
     added,
     can_be_tried,
     contradicted,
@@ -34,7 +32,7 @@ from rivid.diagnosis.events import event_proposals
 from rivid.diagnosis.fit import Evaluation, Linear, Model, evaluate
 from rivid.diagnosis.response.base import Response, kernels_of
 from rivid.diagnosis.result import Diagnosis
-from rivid.diagnosis.selection import Choice, Round, Study, choose, guarded
+from rivid.diagnosis.selection import Round, Study, choose, guarded, tied_with
 from rivid.effects import LEVEL_NOISES, Effect, Trial
 from rivid.types import Floats
 
@@ -46,6 +44,7 @@ FEWEST_DAYS = 15
 """One cycle of blocks."""
 Report = Callable[[str], None]
 Responses = Response | Sequence[Response]
+Fitted = tuple[Model, Linear, Evaluation]
 
 
 def diagnose(
@@ -123,10 +122,10 @@ def look(
     rounds, last = search.rounds, (search.model, search.linear, search.evaluation)
     if patched(rounds):
         notes.append("releases at several hours of every day: no schedule, but a course without a name here")
-        rounds = [replace(rounds[0], choice=None, after=None)]
+        rounds = []
         last = (chosen.model, chosen.linear, chosen.evaluation)
     return Study(
-        record, dealt, chosen.model, last[0], chosen.linear, last[1], chosen.evaluation, last[2],
+        record, dealt, chosen.model, last[0], last[1], chosen.evaluation, last[2],
         tuple(rounds), search.kernels, tuple(notes), noises, search.contradicted,
     )  # fmt: skip
 
@@ -193,9 +192,8 @@ class _Search:
         self.ahead = None
         chosen = self._chosen(found) if self.count < most else None
         if chosen is None:
-            self.rounds.append(Round(self.evaluation, tuple(found), None, None))
             return False
-        self._add(found, *chosen)
+        self._add(*chosen)
         self.count += 1
         return True
 
@@ -214,9 +212,7 @@ class _Search:
         found = proposals(
             self.linear, self.evaluation, self.trials, baseline, self.kernels, seed=len(self.rounds)
         )
-        pulses = any(
-            r.choice and r.choice.proposal.events and r.choice.proposal.effect.repeatable for r in self.rounds
-        )
+        pulses = any(r.proposal.events and r.proposal.effect.repeatable for r in self.rounds)
         names = self._names()
         found += event_proposals(self.linear, self.evaluation, self.classes, self.kernels, names, pulses)
         found = [p for p in found if not echoes(p, model.effects, self.record)]
@@ -224,41 +220,52 @@ class _Search:
 
     def _taken(self) -> tuple[Effect, ...]:
         """Effects that are in the model or were named."""
-        named = (r.choice.proposal.effect for r in self.rounds if r.choice is not None)
+        named = (r.proposal.effect for r in self.rounds)
         return (*self.noises, *self.model.effects, *named)
 
     def _names(self) -> tuple[str, ...]:
         return tuple(effect.name for effect in self._taken())
 
-    def _chosen(self, found: list[Proposal]) -> tuple[Choice, Tried | None] | None:
-        """What to name: the best once it and its rivals were in the simulator, and the guard agrees."""
-        pool, seen = list(found), dict[int, Tried]()
+    def _chosen(self, found: list[Proposal]) -> tuple[Proposal, list[Proposal], Fitted | None] | None:
+        """The best proposal once it and its rivals were in the simulator, if the guard agrees.
+
+        Returns
+        -------
+        Proposal
+        list of Proposal
+            The best of other names.
+        Fitted or None
+            Model, linearised model and evaluation with it, where it was tried in the simulator.
+        """
+        pool, fitted = list(found), dict[Proposal, Fitted]()
         while True:
-            choice = choose(pool, self.linear, self.evaluation, self.count, self._taken())
-            if choice is None:
+            chosen = choose(pool, self.linear, self.evaluation, self.count, self._taken())
+            if chosen is None:
                 trials = worth_trying(pool, self._names(), self.count)
-            elif can_be_tried(choice.proposal):
-                trials = [choice.proposal, *rivals(choice.proposal, pool)]
+            elif can_be_tried(chosen[0]):
+                trials = [chosen[0], *rivals(chosen[0], pool)]
             else:
                 trials = []
-            trials = [p for p in trials if id(p) not in seen][: MOST_TRIALS - len(seen)]
-            if choice is not None and can_be_tried(choice.proposal) and id(choice.proposal) not in seen:
-                if not trials:  # enough were tried; what was not is not named
-                    pool = [p for p in pool if p.name != choice.proposal.name]
+            trials = [p for p in trials if p not in fitted][: MOST_TRIALS - len(fitted)]
+            if chosen is not None and can_be_tried(chosen[0]) and chosen[0] not in fitted:
+                if not trials:  # enough were tried; a proposal that was not tried is not named
+                    pool = [p for p in pool if p.name != chosen[0].name]
                     continue
-            if not trials and choice is None:
+            if not trials and chosen is None:
                 if not self.rounds:
                     self.contradicted = contradicted(pool, self.linear)
                 return None
             for p in trials:
-                one = in_simulator(self.model, self.linear, self.evaluation, p, self.fit, self.report)
-                pool, seen[id(one.proposal)] = exchanged(pool, p, one.proposal), one
-            if trials or choice is None:
+                one, model, linear, after = in_simulator(
+                    self.model, self.linear, self.evaluation, p, self.fit, self.report
+                )
+                pool, fitted[one] = exchanged(pool, p, one), (model, linear, after)
+            if trials or chosen is None:
                 continue
-            if self._guarded(choice.proposal):
-                return choice, seen.get(id(choice.proposal))
-            self.report(f"{choice.proposal.name} does not show where the inflow alone moves the level")
-            pool = [p for p in pool if p.name != choice.proposal.name]
+            if self._guarded(chosen[0]):
+                return *chosen, fitted.get(chosen[0])
+            self.report(f"{chosen[0].name} does not show where the inflow alone moves the level")
+            pool = [p for p in pool if p.name != chosen[0].name]
 
     def _guarded(self, proposal: Proposal) -> bool:
         model = self.model
@@ -266,22 +273,24 @@ class _Search:
             proposal, self.linear, self.evaluation, lambda record, more: model.baseline(record, tuple(more))
         )
 
-    def _add(self, found: list[Proposal], choice: Choice, tried: Tried | None) -> None:
-        """The chosen effect in the simulator, all refitted, and what became needless taken out."""
+    def _add(self, proposal: Proposal, others: list[Proposal], fitted: Fitted | None) -> None:
+        """The chosen effect in the simulator, all refitted, and unnecessary effects taken out."""
         report, fit, before = self.report, self.fit, self.evaluation
-        report(f"adding {choice.proposal.name}")
-        if tried is not None:
-            model, linear, after = tried.model, tried.linear, tried.after
+        report(f"adding {proposal.name}")
+        tied = tied_with(proposal, others, self.linear, before)
+        runner_up = others[0].name if others else None
+        margin = 1.0 - max(others[0].gain_select, 0.0) / proposal.gain_select if others else None
+        if fitted is not None:
+            model, linear, after = fitted
         else:
-            model, _ = added(self.model, choice.proposal, fit, report)
+            model, _ = added(self.model, proposal, fit, report)
             linear = model.linear(self.record, self.dealt)
             after = evaluate(linear)
         model, linear, after = varied(model, linear, after, fit, report)
-        if choice.proposal.events is not None:
-            model, choice, linear, after = recoded(model, choice, linear, after, self.kernels, fit, report)
-        self.rounds.append(Round(before, tuple(found), choice, after))
+        if proposal.events is not None:
+            model, proposal, linear, after = recoded(
+                model, proposal, linear, after, self.kernels, fit, report
+            )
+        self.rounds.append(Round(before, proposal, tied, runner_up, margin, after))
         model, linear, after, self.rounds = dropped(model, linear, after, self.rounds, fit, report)
         self.model, self.linear, self.evaluation = model, linear, after
-
-
-__all__ = ["Round", "Study", "diagnose", "look"]

@@ -8,7 +8,7 @@ import pytest
 from rivid.diagnosis.adding import dropped, patched
 from rivid.diagnosis.candidates import Proposal
 from rivid.diagnosis.fit import calibrate, evaluate
-from rivid.diagnosis.selection import Choice, Round
+from rivid.diagnosis.selection import Round
 from rivid.effects import CATALOGUE
 from tests.diagnosis.pools import fitted, season
 
@@ -21,7 +21,7 @@ def turn(effect, evaluation, window=(None, None)):
         effect.name, "", effect, (), window, 1e-4, evaluation, np.empty((0, 1, 1)), 9.0, 9.0, 3.0,
         np.zeros(3), 4,
     )  # fmt: skip
-    return Round(evaluation, (), Choice(proposal, (), None, None), evaluation)
+    return Round(evaluation, proposal, (), None, None, evaluation)
 
 
 def with_both(record, stand_in):
@@ -39,7 +39,7 @@ def test_a_release_that_stood_in_for_a_wave_goes_when_the_wave_is_in():
     stand_in = CATALOGUE["unlogged_upstream_release"](size=5.0, hours=(11.0, 19.0))
     model, _, after, rounds = dropped(*_five(with_both(record, stand_in)))
     assert [e.name for e in model.effects] == ["diurnal_inflow"]
-    assert [r.choice.proposal.name for r in rounds] == ["diurnal_inflow"]
+    assert [r.proposal.name for r in rounds] == ["diurnal_inflow"]
     assert model.effects[0].amplitude == pytest.approx(6.0, abs=1.0)
     assert after.likelihood.shape == (40,)
 

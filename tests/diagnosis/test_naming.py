@@ -22,7 +22,7 @@ def model():
 
 def named(pool, model, taken=()):
     choice = choose(pool, *model, 0, [CATALOGUE[name]() for name in taken])
-    return None if choice is None else choice.proposal
+    return None if choice is None else choice[0]
 
 
 def test_a_name_is_unlikely_by_chance_confirmed_and_material(model):

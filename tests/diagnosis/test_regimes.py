@@ -22,7 +22,7 @@ def study_of(evidence=EVIDENCE, coded=None):
     named = ()
     if coded is not None:
         events = SimpleNamespace(coded=coded)
-        named = (SimpleNamespace(choice=SimpleNamespace(proposal=SimpleNamespace(events=events))),)
+        named = (SimpleNamespace(proposal=SimpleNamespace(events=events)),)
     return SimpleNamespace(
         record=record, split=split(record.dates), named=named,
         first_evaluation=SimpleNamespace(residual=evidence.residual_before, noise=NOISE),

@@ -71,4 +71,4 @@ def test_a_response_that_lacks_an_effect_is_not_left_for_more_coefficients():
     classes = {"outflow_lag": CATALOGUE["outflow_lag"]}
     study = look(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
     assert study.first.reach.name == "integrator-delay"
-    assert [r.choice.proposal.name for r in study.named] == ["outflow_lag"]
+    assert [r.proposal.name for r in study.named] == ["outflow_lag"]

@@ -42,14 +42,15 @@ def quiet(_):
 def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood(seed):
     record = season(seed, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
     model, linear, evaluation, pool = found(record, "diurnal_inflow")
-    tried = in_simulator(model, linear, evaluation, pool[0], record.take(linear.split.fit), quiet)
-    (effect,) = tried.model.effects
+    fit = record.take(linear.split.fit)
+    proposal, larger, _, after = in_simulator(model, linear, evaluation, pool[0], fit, quiet)
+    (effect,) = larger.effects
     assert effect.amplitude == pytest.approx(7.0, abs=1.2) and effect.hour == pytest.approx(9.0, abs=0.7)
-    gain = tried.after.likelihood - evaluation.likelihood
-    assert tried.proposal.gain_select == pytest.approx(gain[linear.split.select].sum(), rel=0.2)
-    assert tried.proposal.gain_select > 5.0
-    again = evaluate(tried.model.linear(record, linear.split))
-    np.testing.assert_allclose(again.likelihood, tried.after.likelihood)
+    gain = after.likelihood - evaluation.likelihood
+    assert proposal.gain_select == pytest.approx(gain[linear.split.select].sum(), rel=0.2)
+    assert proposal.gain_select > 5.0
+    again = evaluate(larger.linear(record, linear.split))
+    np.testing.assert_allclose(again.likelihood, after.likelihood)
 
 
 def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
@@ -62,8 +63,8 @@ def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
         raise RividError("dry")
 
     monkeypatch.setattr("rivid.diagnosis.adding.added", broken)
-    tried = in_simulator(model, linear, evaluation, pool[0], record, quiet)
-    assert tried.proposal.gain_select == 0.0 and tried.model is model
+    proposal, same, *_ = in_simulator(model, linear, evaluation, pool[0], record, quiet)
+    assert proposal.gain_select == 0.0 and same is model
 
 
 @pytest.mark.parametrize("band", [3.0, 6.0])

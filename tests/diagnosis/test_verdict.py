@@ -31,7 +31,7 @@ def study(end=(1.0, 2.0, 3.0), gain=0.0, tied=(), named=True, contradicted=None,
         level_noise=noise is not None,
     )  # fmt: skip
     turn = SimpleNamespace(
-        choice=SimpleNamespace(proposal=proposal, tied=tied), before=before, after=after
+        proposal=proposal, tied=tied, before=before, after=after
     )  # fmt: skip
     return SimpleNamespace(
         named=(turn,) if named else (), first_evaluation=before, last_evaluation=after,
