@@ -1,12 +1,12 @@
 """The augmented model as a scenario: what was calibrated and named."""
 
-import datetime as dt
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from rivid.atomic import write_text
 from rivid.config import Config, read_toml
@@ -16,6 +16,11 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.result import Diagnosis
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError
+
+HEAD = """\
+# The calibrated reach with the effects that a diagnosis found, in SI units. Only the water is known: the
+# programme and the operators are the default ones.
+"""
 
 
 def write_model(
@@ -66,20 +71,16 @@ def write_model(
         tables["weather"] = {
             "inflow": noise.get("inflow_sd", 0.0), "memory": noise.get("inflow_memory", 3600.0), "place": 0.5,
         }  # fmt: skip
-    lines = [
-        "# The reach as calibrated, with the effects that a diagnosis named. SI units. The programme and the",
-        "# people are the usual ones: what is known here is the water.",
-        f'name = "{reach.name}-augmented"',
-        f"first_day = {record.dates[0]}",
-        f"days = {(record.dates[-1] - record.dates[0]).days + 1}",
-    ]
-    if config.diagnose.effects_file is not None:
-        lines.append(f"effects_file = {_value(str(Path(config.diagnose.effects_file).resolve()))}")
-    for name, table in tables.items():
-        lines += ["", f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items())]
-    for effect in [e.to_table() for e in start] + [e.table for e in diagnosis.effects]:
-        lines += ["", "[[effects]]", *(f"{key} = {_value(value)}" for key, value in effect.items())]
-    write_text(path, "\n".join(lines) + "\n")
+    file = config.diagnose.effects_file
+    document = {
+        "name": f"{reach.name}-augmented",
+        "first_day": record.dates[0],
+        "days": (record.dates[-1] - record.dates[0]).days + 1,
+        **({} if file is None else {"effects_file": str(Path(file).resolve())}),
+        **tables,
+        "effects": [e.to_table() for e in start] + [e.table for e in diagnosis.effects],
+    }
+    write_text(path, HEAD + tomli_w.dumps(_rounded(document)))
 
 
 def _wave_depth(config: Config, record: Record, delay: float) -> float:
@@ -106,21 +107,15 @@ def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:
     return tuple(build(table, classes) for table in tables)
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, dt.date):
-        return value.isoformat()
+def _rounded(value: Any) -> Any:
+    """Values for TOML: numbers to nine decimals, and none that is not finite."""
+    if isinstance(value, dict):
+        return {key: _rounded(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
+        return [_rounded(inner) for inner in value]
+    if not isinstance(value, float | np.number):
+        return value
     number = float(value)
     if not math.isfinite(number):
         raise ConfigError(f"a parameter of the model is {number}: expected a finite number")
-    return (
-        repr(int(value))
-        if isinstance(value, int)
-        else repr(round(number, 9) if abs(number) > 1e-3 else number)
-    )
+    return round(number, 9) if abs(number) > 1e-3 else number
