@@ -26,8 +26,8 @@ DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
 import contract  # noqa: E402
-import house  # noqa: E402
 import keys  # noqa: E402
+import layers  # noqa: E402
 import links  # noqa: E402
 import markup  # noqa: E402
 
@@ -155,13 +155,12 @@ def test_every_public_name_is_in_the_reference():
         assert name == "__version__" or re.search(rf"(::|:members:) .*\b{name}\b", page), name
 
 
-def test_the_house_has_all_rooms_on_their_floors():
-    floors = house.floors()
-    drawn = house.drawing()
+def test_the_figure_of_the_layers_has_all_folders_and_modules_with_a_description():
+    drawn = layers.drawing()
     assert drawn.index("<b>cli/</b>") < drawn.index("<b>core/</b>") < drawn.index("<b>errors.py</b>")
-    for room in set().union(*floors):
-        assert house.says(room), f"{room} does not say what it is"
-        assert f"<b>{room}" in drawn
+    for name in set().union(*layers.layers()):
+        assert layers.summary(name), f"{name} has no docstring"
+        assert f"<b>{name}" in drawn
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names)

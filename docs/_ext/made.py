@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import contract
-import house
 import keys
+import layers
 from sphinx.application import Sphinx
 
 from rivid.config import Config
@@ -22,7 +22,7 @@ MADE: dict[str, Callable[[], str]] = {
     "effects": contract.effects,
     "exits": contract.exits,
     "verdicts": contract.verdicts,
-    "house": house.drawing,
+    "layers": layers.drawing,
 }
 
 

@@ -1,0 +1,1 @@
+"""Operators, transport and storage of a reach: the flows and levels that follow from the commands."""

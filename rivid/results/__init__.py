@@ -1,0 +1,1 @@
+"""Tables, store and record of a run, and how they are read."""

@@ -1,0 +1,1 @@
+"""A run: plan, batches of days, workers, figures."""
