@@ -24,7 +24,7 @@ OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
 
 @dataclass(frozen=True)
 class Reach:
-    """One reach of a fleet.
+    """One reach of a fleet, its configuration not yet validated.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class Reach:
     data_dir : Path
         Its logs.
     raw : dict
-        Its configuration as TOML gives it, own keys over shared ones; not validated.
+        Its TOML, own keys over shared ones.
     source : str
-        Where that came from, for messages.
+        File of the configuration, for messages.
     fault : str
-        Why it cannot be run; empty where nothing is known against it.
+        Why it cannot be run; empty if it can.
     fault_code : int
-        The exit code that goes with it.
+        Exit code of `fault`.
     """
 
     name: str
@@ -92,10 +92,10 @@ def find_fleet(
     data_dir : Path
     configs : Path, optional
     estimators : sequence of str
-        Taken in place of the configured ones.
+        Replace the configured ones.
     beside : callable, optional
-        Gives the configuration in the directory of a reach's logs, or None; its keys go over the shared ones.
-        May raise ConfigError: a fault of that reach.
+        Returns the configuration in the directory of a reach's logs, or None; its keys replace shared ones.
+        A ConfigError of it becomes the fault of that reach.
 
     Returns
     -------
@@ -104,9 +104,9 @@ def find_fleet(
     Raises
     ------
     ConfigError
-        Where what all reaches share cannot be read.
+        If the shared configuration cannot be read.
     NoDataError
-        Where there are configurations of a fleet and no reach.
+        If there are configurations of a fleet and no reach.
     """
     asked = configs is not None and configs.is_dir()
     if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
@@ -149,7 +149,7 @@ def holds_logs(folder: Path) -> bool:
                 for e in entries
             )
     except OSError:
-        return True  # its run will say why it cannot be read
+        return True  # its run reports why it cannot be read
 
 
 def _defaults(configs: Path | None) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def _defaults(configs: Path | None) -> dict[str, Any]:
         return {}
     if not configs.is_dir():
         raw = _read(configs)
-        parse(raw, Config, str(configs))  # what all share is refused once, not once for each
+        parse(raw, Config, str(configs))  # report a fault of it once, not for each reach
         return raw
     path = configs / DEFAULTS
     return _read(path) if path.exists() else {}
@@ -175,9 +175,9 @@ def _read(path: Path) -> dict[str, Any]:
     from rivid.config import read_toml
 
     raw = read_toml(path)
-    said = raw.get("diagnose")
-    if isinstance(said, dict) and isinstance(said.get("effects_file"), str):
-        said["effects_file"] = str(path.parent / said["effects_file"])  # beside the configuration
+    diagnose = raw.get("diagnose")
+    if isinstance(diagnose, dict) and isinstance(diagnose.get("effects_file"), str):
+        diagnose["effects_file"] = str(path.parent / diagnose["effects_file"])  # relative to the file
     return raw
 
 
@@ -208,8 +208,7 @@ def _reach(
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:
     if not NAME.fullmatch(name):
-        said = shown(name)
-        return f"{said!r} cannot name a reach: expected letters, digits, . _ - only, at most 80: rename it"
+        return f"{shown(name)!r} cannot name a reach: expected at most 80 letters, digits, . _ -: rename it"
     if name in OWN:
         return f"{name!r} cannot name a reach: OUT/{name} is the fleet's own: rename it"
     if path.is_symlink() and path.resolve().parent != data_dir.resolve():
@@ -218,7 +217,7 @@ def _fault(name: str, path: Path, data_dir: Path) -> str:
 
 
 def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Tables merged key by key; of anything else the own value counts.
+    """Merge tables key by key; any other own value replaces the shared one.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What came of one reach: kept in OUT/.rivid/outcomes, so that any process may have run it."""
+"""The outcome of one reach, stored in OUT/.rivid/outcomes: shards of a fleet run in other processes."""
 
 import datetime as dt
 import json
@@ -19,34 +19,34 @@ if TYPE_CHECKING:
 
 FOLDER = Path(".rivid", "outcomes")
 WORST_FIRST = (1, 2, 11, 10, 3, 0)
-"""Exit codes, the worst first: nothing is known of the reach, its configuration is wrong, another run holds
-it, it has no data, some of its days failed now, all well."""
+"""Exit codes, the worst first: failure, wrong configuration, held by another run, no data, days
+failed in this run, all well."""
 
 MOST_FAILURES = 5
-"""Failed days of the last week that are shown of a reach."""
+"""Most failed days of the last week that are listed for a reach."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one reach.
+    """The outcome of the run of one reach.
 
     Attributes
     ----------
     reach : str
     code : int
-        What `rivid run` of this reach alone would exit with.
+        Exit code of `rivid run` of this reach alone.
     error : str
         Why it could not be run; empty otherwise.
     data_sets, computed, dropped : int
         Data sets of its logs; those estimated in its last run; those of earlier runs whose logs are gone.
     failures, new_failures, bad_files : int
-        Days that failed; of them those told for the first time; files that are no logs.
+        Days that failed; those of them reported for the first time; files that are no logs.
     content : str
-        Changes whenever what OUT says of the reach does.
+        Digest of the results: it changes with them.
     first, last : str
         ISO dates of the record.
     estimator, quantity : str
-        Whose answers, and which, the band is of: delay or t50.
+        Estimator and quantity (delay or t50) of the band.
     sample_time : float
         T_s [s].
     answered_week, days_week : int
@@ -77,7 +77,7 @@ class Outcome:
     recent: list[tuple[str, str]] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """As a JSON object; null for NaN."""
         value = asdict(self)
         if value["band"] is not None and math.isnan(value["band"]["week_median"]):
             value["band"]["week_median"] = None
@@ -96,7 +96,7 @@ class Outcome:
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of a fleet: the worst of its reaches', in the order of :data:`WORST_FIRST`.
+    """The exit code of a fleet: the worst of its reaches, in the order of :data:`WORST_FIRST`.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def worst(codes: Iterable[int]) -> int:
 
 
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
-    """Condense the run of a reach."""
+    """Summarise the run of a reach."""
     dates = summary.rows["date"]
     estimator, quantity, days, values = _leading(config, summary)
     last = int(days[-1]) if len(days) else 0
@@ -145,7 +145,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
 def _leading(
     config: "Config", summary: "Summary"
 ) -> tuple[str, str, np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """The estimator that speaks for a reach, what it says, its days, and its answers that the data decide."""
+    """Main estimator of a reach, quantity, day numbers, and values [samples]; NaN where the prior decides."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -169,12 +169,12 @@ def _leading(
 
 
 def keep(out: Path, outcome: Outcome) -> None:
-    """Keep an outcome under OUT of the fleet."""
+    """Store an outcome under OUT of the fleet."""
     write_text(out / FOLDER / f"{outcome.reach}.json", json.dumps(outcome.to_json(), sort_keys=True) + "\n")
 
 
 def kept(out: Path) -> list[Outcome]:
-    """All outcomes that are kept, by reach; what cannot be read is left out."""
+    """All stored outcomes, by reach; those that cannot be read are left out."""
     found = []
     for path in sorted((out / FOLDER).glob("*.json")):
         try:

@@ -15,7 +15,6 @@ from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.files import shown
 from rivid.results import record
 from rivid.results.store import Store
-from rivid.run.drawing import forget_results
 from rivid.run.plan import Options
 from rivid.run.run import ONE_PROCESS_BELOW, TooManyError, run
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, Progress, cores, each, processes
@@ -141,8 +140,6 @@ def run_reach(
     except Exception as error:  # an internal error in one reach must not stop the others
         traceback.print_exc()
         outcome = Outcome(shown(reach.name), 1, f"{type(error).__name__}: {error}"[:500])
-    finally:
-        forget_results()
     if NAME.fullmatch(reach.name):
         keep(root, outcome)
     return outcome

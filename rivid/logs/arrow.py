@@ -24,6 +24,8 @@ from rivid.logs.text import Header, RowReader
 from rivid.logs.times import FIRST, LAST, UNIX, read_text
 from rivid.types import Bools, Floats, Ints
 
+pa.enable_signal_handlers(False)  # its CSV reader loses a signal that comes while a file is refused
+
 _OFFSET = re.compile(r"\d{1,2}:?\d\d.*?(Z|[+-]\d\d(?::?\d\d)?)$")
 _FLOAT = pa.float64()
 _NAIVE = pa.timestamp("us")

@@ -56,8 +56,9 @@ class FileFacts:
 
     Attributes
     ----------
-    size, mtime_ns : int
-        Where these have not changed, neither has the file, as far as one cares to look.
+    size, mtime_ns, ctime_ns : int
+        A file whose size, modification time and change time are the same is not hashed again. The change
+        time cannot be set: it finds a file whose modification time was restored.
     digest : str
         SHA-256 (hex) of the file.
     days : tuple of (str, str), or None
@@ -71,6 +72,7 @@ class FileFacts:
 
     size: int
     mtime_ns: int
+    ctime_ns: int
     digest: str
     days: tuple[tuple[str, str], ...] | None = None
     settings: str = ""
@@ -82,6 +84,7 @@ class FileFacts:
         return {
             "size": self.size,
             "mtime_ns": self.mtime_ns,
+            "ctime_ns": self.ctime_ns,
             "digest": self.digest,
             "days": days,
             "settings": self.settings,
@@ -95,6 +98,7 @@ class FileFacts:
         return cls(
             int(value["size"]),
             int(value["mtime_ns"]),
+            int(value.get("ctime_ns", -1)),
             str(value["digest"]),
             None if days is None else tuple((str(date), str(digest)) for date, digest in days),
             str(value.get("settings", "")),
@@ -254,11 +258,7 @@ def _look(
         raise DataError("is a directory: expected a file")
     if not stat.S_ISREG(status.st_mode):
         raise DataError("is not a regular file")
-    same = (
-        not verify
-        and known is not None
-        and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns)
-    )
+    same = not verify and known is not None and (known.size, known.mtime_ns, known.ctime_ns) == _stamp(status)
     single = is_day_file(path.name)
     date = _date_of(path.name) if single else None
     if same and known is not None and known.settings == settings and (single or known.days is not None):
@@ -268,7 +268,12 @@ def _look(
     digest, rows = _hash(path, status.st_size)
     few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
     days = () if spec.latest and few and _is_edge(path, spec, date) else None
-    return FileFacts(status.st_size, status.st_mtime_ns, digest, days, settings)
+    return FileFacts(*_stamp(status), digest, days, settings)
+
+
+def _stamp(status: os.stat_result) -> tuple[int, int, int]:
+    """Size, modification time and change time of a file."""
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
@@ -289,7 +294,7 @@ def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> Fil
     if not days:
         raise DataError("has no values in the columns that are asked for")
     edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
-    return FileFacts(status.st_size, status.st_mtime_ns, log.digest, days, settings, edges)
+    return FileFacts(*_stamp(status), log.digest, days, settings, edges)
 
 
 def _date_of(name: str) -> dt.date:

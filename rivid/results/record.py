@@ -1,4 +1,4 @@
-"""run.json: what a run was and did, and the hashes that tell whether its files are whole."""
+"""run.json: settings, counts and versions of a run, and the hashes of its files."""
 
 import datetime as dt
 import hashlib
@@ -27,7 +27,7 @@ def last(out: Path) -> dict[str, Any]:
     Raises
     ------
     RividError
-        Where a newer rivid wrote it.
+        If a newer rivid wrote it.
     """
     try:
         record = json.loads((out / NAME).read_text(encoding="utf-8"))
@@ -44,7 +44,7 @@ def last(out: Path) -> dict[str, Any]:
 
 
 def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, Any]:
-    """The part of the record that holds before anything is computed; order and delays are those of [jmap]."""
+    """The part of the record that is known before the run; order and delays are those of [jmap]."""
     settings = config.jmap_settings()
     versions = {"rivid": __version__, "python": platform.python_version()}
     versions |= {"numpy": np.__version__, "pyarrow": pa.__version__}
@@ -68,7 +68,7 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
 
 
 def assumed(config: Config) -> list[str]:
-    """Keys of the geometry that nobody gave: the defaults in their place are another reach's (Table I).
+    """Keys of the geometry that are not configured: their defaults are those of another reach (Table I).
 
     Examples
     --------
@@ -81,7 +81,7 @@ def assumed(config: Config) -> list[str]:
 
 
 def unfinished(out: Path, record: dict[str, Any]) -> None:
-    """Write a record that no run takes for finished: while files of OUT are being replaced."""
+    """Write a record without hashes, which no run takes for finished, while files of OUT are replaced."""
     write(out, record | {"content": None, "outputs": {}})
 
 
@@ -101,7 +101,7 @@ def _hash(path: Path) -> str:
 
 
 def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
-    """Whether all files that the record's run wrote are there, to the bit, and a report if one is wanted."""
+    """Whether all files of the recorded run, with `figures` also a report, have the recorded hashes."""
     outputs = record.get("outputs") or {}
     if not outputs or (figures and "report.html" not in outputs):
         return False

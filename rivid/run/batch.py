@@ -1,7 +1,9 @@
-"""One pure function on a batch of days: read, estimate, and give the rows.
+"""Estimate a batch of days, and map batches over an engine.
 
-It knows nothing of processes, of the store or of what other days say; the same batch gives the same
-rows, and a day the same row in any batch.
+:func:`estimate_batch` is a pure function: the same batch gives the same rows, and a day the same row in any
+batch. A worker writes the segment of its batch itself, so that rows never travel between processes and
+finished batches are kept. A killed worker costs only its batch, which is halved until the day that kills is
+alone and failed.
 """
 
 import datetime as dt
@@ -36,7 +38,7 @@ Done = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Window:
-    """One data set to be: the days it is made of, the key of its content under its settings, its content."""
+    """A data set to read: last date, logs, the key of content and settings, missing days, key of the content."""
 
     date: dt.date
     sources: tuple[DaySource, ...]
@@ -47,7 +49,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Batch:
-    """Windows to work on together, with all they need."""
+    """Windows to estimate together, with all that a worker needs."""
 
     root: Path
     config: Config
@@ -55,7 +57,7 @@ class Batch:
     now: dt.date | dt.datetime
 
     def halves(self) -> tuple["Batch", "Batch"]:
-        """The same work in two batches."""
+        """The same windows in two batches."""
         middle = len(self.windows) // 2
         return (
             Batch(self.root, self.config, self.windows[:middle], self.now),
@@ -96,7 +98,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
 
 
 def failed_batch(batch: Batch, reason: str) -> pa.Table:
-    """The rows of a batch that cannot be worked on at all."""
+    """The rows of a batch that cannot be estimated at all."""
     rows = [
         _unread(window, batch.config, name, "failed", DataError(reason))
         for window in batch.windows
@@ -221,7 +223,7 @@ def _row(
 
 
 def _search(answer: Answer, candidates: NDArray[np.intp], curve: Floats, i: int, delay: float) -> Row:
-    """What is to be said of the delays that were tried."""
+    """Columns of a search over candidate delays."""
     return {
         "at_bound": delay in (candidates[0], candidates[-1]),
         "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
@@ -237,7 +239,7 @@ def _at(values: Floats | None, i: int) -> float:
 
 
 def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
-    """What a delay at the edge of those tried means; nothing elsewhere."""
+    """A remark on a delay at the edge of the candidates; empty elsewhere."""
     if delay == candidates[-1]:
         return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
     if delay == candidates[0]:
@@ -246,7 +248,7 @@ def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
 
 
 def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
-    """What keeps a day from being identified."""
+    """Why a day cannot be identified."""
     if not days.u[i].any():
         return "the inflow does not move enough: nothing to identify"
     if not days.y[i].any():
@@ -254,7 +256,14 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
         return f"the {what} does not move: nothing to identify (gauge stuck?)"
     if answer.reason is not None and answer.reason[i]:
         return str(answer.reason[i])
-    return f"the inflow moves too little: condition number of U'U is {_at(answer.condition, i):.1e}"
+    condition = f"condition number of U'U is {_at(answer.condition, i):.1e}"
+    order, n = config.jmap_settings().order, days.u.shape[1]
+    if 2 * order > n:  # fewer than two samples for each coefficient
+        return (
+            f"an FIR of order {order} is too long for {n} samples ({condition}): lower [jmap] order, "
+            "or raise [run] window_days"
+        )
+    return f"the inflow moves too little: {condition}"
 
 
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
@@ -263,7 +272,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
     Parameters
     ----------
     batches : iterable of Batch
-        Taken as workers have room for them.
+        Consumed as workers become free.
     segments : Path
         Directory of the segments; every worker of the engine must see it.
     engine : Engine
@@ -273,7 +282,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
     Raises
     ------
     RividError
-        Where a worker does not see DATA_DIR or OUT.
+        If a worker does not see DATA_DIR or OUT.
     """
     for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
         if lost:
@@ -283,12 +292,12 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 
 
 def work(batch: Batch, segments: Path) -> None:
-    """What a worker does with a batch.
+    """Estimate a batch and write its segment, in a worker.
 
     Raises
     ------
     RividError
-        Where it does not see the logs' directory or that of the segments: a lost disk is no failed day.
+        If it does not see the directory of the logs or of the segments: a lost disk is no failed day.
     """
     for place in (batch.root, segments):
         if not place.exists():
@@ -300,7 +309,7 @@ def work(batch: Batch, segments: Path) -> None:
 
 
 def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
-    """A batch during which a worker died, by itself; halved for as long as it kills its worker."""
+    """Estimate alone a batch during which a worker died; halve it while it kills its worker."""
     try:
         with engine.one() as single:
             single.submit(work, batch, segments).result()

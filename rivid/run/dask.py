@@ -1,8 +1,8 @@
-"""Batches on a Dask cluster: one that stands already, or workers of this machine for the run's time.
+"""An engine of Dask workers: of a standing cluster, or of this machine for the duration of the run.
 
-Only Dask's futures are used: batches are rivid's own, few are in flight, and a worker writes its segment
-itself, so that tables are the same bytes as with processes. Workers must see DATA_DIR and OUT under the same
-paths, and have the same rivid.
+Only Dask's futures are used: few batches are in flight, and a worker writes its segment itself, so that the
+tables are the same bytes as with processes. Workers must see DATA_DIR and OUT under the same paths, and have
+the same version of rivid.
 """
 
 import importlib.util
@@ -21,19 +21,19 @@ from rivid.results.store import METHOD_VERSION
 from rivid.run.workers import Engine, without_pandas
 
 PATIENCE = 10
-"""How long a scheduler may take to answer [s]."""
+"""Time in which a scheduler must answer [s]."""
 
 LOOK_AGAIN = 5.0
-"""How old the number of a scheduler's workers may be [s]."""
+"""Interval at which the workers of a scheduler are counted [s]."""
 
 STARTS = 3
-"""How often a cluster on this machine is started before it is given up."""
+"""Attempts to start a cluster on this machine: a worker may be killed while it starts."""
 
 AT_LEAST = 16
-"""Tasks that a standing scheduler is offered even where it has few workers: an adaptive one grows by them."""
+"""Least tasks offered to a standing scheduler: an adaptive cluster grows with its queue."""
 
 OURS = {
-    "distributed.scheduler.allowed-failures": 0,  # the task that a worker died of is told at once
+    "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
     "distributed.worker.profile.enabled": False,
     # one thread of BLAS; and not Dask's MALLOC_TRIM_THRESHOLD_, which gives memory back after every array
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(
@@ -48,7 +48,7 @@ _one_at_a_time = threading.Lock()
 
 
 class Dask:
-    """Workers of a Dask cluster: ``with Dask() as engine``; it begins with the first task.
+    """Workers of a Dask cluster: ``with Dask() as engine``; it starts with the first task.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Dask:
 
     @property
     def slots(self) -> int:
-        """Tasks that run at a time, or that a standing scheduler is offered."""
+        """Tasks that run at a time, or that are offered to a standing scheduler."""
         if not self.scheduler:
             return self.workers
         self._begin()
@@ -110,7 +110,7 @@ class Dask:
         return n
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Have a worker execute the task."""
+        """Execute the task in a worker."""
         self._begin()
         future: Future[Any] = self._executor.submit(
             _execute, VERSION, not self.scheduler, task, *(_everywhere(value) for value in arguments)
@@ -118,11 +118,11 @@ class Dask:
         return future
 
     def renew(self) -> None:
-        """Nothing to renew: Dask gives up the task that killed its worker, and starts another worker."""
+        """Do nothing: Dask gives up the task that killed its worker, and starts another worker."""
 
     @contextmanager
     def one(self) -> Iterator[Engine]:
-        """The same workers: Dask tells which task a worker died of."""
+        """The same workers: Dask reports which task killed its worker."""
         yield self
 
     def _begin(self) -> None:
@@ -148,7 +148,7 @@ class Dask:
         self._executor = self._client.get_executor(pure=False)
 
     def _start(self, cluster: Callable[..., Any]) -> Any:
-        """A cluster on this machine; a worker may be killed while it begins."""
+        """Start a cluster on this machine."""
         for _ in range(STARTS):
             try:
                 return cluster(
@@ -176,14 +176,14 @@ class Dask:
 
 
 def _everywhere(value: Any) -> Any:
-    """The argument as another process of another directory understands it."""
+    """The argument for a process with another current directory: paths absolute."""
     return value.absolute() if isinstance(value, Path) else value
 
 
 def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any) -> Any:
-    """What a Dask worker does: one task at a time, for drawing is not made for threads.
+    """Execute a task in a Dask worker, one at a time: drawing is not safe with threads.
 
-    Other people's tasks may share the worker of a standing scheduler: nothing of it is changed.
+    The worker of a standing scheduler may execute tasks of other users: its state is not changed.
     """
     if version != VERSION:
         raise RividError(

@@ -1,4 +1,4 @@
-"""Shards: one part of a run for each of many jobs, the parts told apart by what they hold alone."""
+"""The plan of a run: its options, its shard, and the data sets to estimate."""
 
 import datetime as dt
 import hashlib
@@ -17,9 +17,10 @@ from rivid.results.store import METHOD_VERSION, digest
 from rivid.run.batch import Window
 
 BLOCK = 32
-"""Days in a row that stay together: neighbours share files and windows."""
+"""Consecutive days of one shard: neighbours share files and windows."""
 
 MOST = 100_000
+"""Most shards of a run."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Shard:
         Raises
         ------
         ConfigError
-            Where it is not two whole numbers with 1 <= I <= N.
+            If it is not two whole numbers with 1 <= I <= N.
         """
         first, slash, second = text.partition("/")
         if slash and first.isascii() and first.isdigit() and second.isascii() and second.isdigit():
@@ -55,24 +56,24 @@ class Shard:
 
     @property
     def name(self) -> str:
-        """For names of files."""
+        """The shard in names of files."""
         return f"{self.index}-of-{self.count}"
 
     def __str__(self) -> str:
         return f"{self.index}/{self.count}"
 
     def holds(self, date: dt.date) -> bool:
-        """Whether a day is of this shard; whatever other days there are."""
+        """Whether a day belongs to this shard; it depends on the date alone."""
         return date.toordinal() // BLOCK % self.count == self.index - 1
 
     def holds_place(self, place: int) -> bool:
-        """Whether the reach at this place, counted from 0, is of this shard."""
+        """Whether the reach at this place, counted from 0, belongs to this shard."""
         return place % self.count == self.index - 1
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a run is asked beyond its configuration.
+    """Options of a run beyond its configuration.
 
     Parameters
     ----------
@@ -81,17 +82,17 @@ class Options:
     first, last : datetime.date, optional
         The days to estimate.
     force : bool
-        Estimate again what is done already.
+        Estimate again data sets that are done already.
     verify : bool
-        Hash every file, also where its size and time are unchanged.
+        Hash every file, also where its size and times are unchanged.
     figures : bool
         Draw figures and report.
     today : datetime.date, optional
-        Taken for today.
+        Use instead of today's date.
     shard : Shard, optional
         Estimate this part of the days only, and leave tables and figures to the run that follows.
     most_new : int, optional
-        Leave a run with more new days than this alone.
+        Refuse a run with more new days than this.
     """
 
     workers: int | None = None
@@ -105,7 +106,7 @@ class Options:
     most_new: int | None = None
 
     def now(self, config: Config) -> dt.date | dt.datetime:
-        """Today's date in the reach's zone; without a zone the moment, for the log's own offset to date."""
+        """Today in the time zone of the reach; without one the current time, dated by the offset of a log."""
         moment = dt.datetime.now(dt.UTC)
         zone = config.input.time_zone
         return self.today or (moment.astimezone(ZoneInfo(zone)).date() if zone else moment)
@@ -113,7 +114,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Plan:
-    """The data sets of DATA_DIR, those asked for now, and what time it is."""
+    """The data sets of DATA_DIR, those selected by the options, and the current date or time."""
 
     catalog: Catalog
     windows: list[Window]
@@ -122,7 +123,7 @@ class Plan:
 
 
 def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str, Any] | None = None) -> Plan:
-    """Find the days and make windows of them.
+    """Find the days of DATA_DIR and make windows of them.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     config : Config
     options : Options
     known : dict, optional
-        What the last finished run saw of the files, to spare hashing them.
+        Files seen by the last finished run, to avoid hashing them.
 
     Returns
     -------
@@ -139,9 +140,9 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     Raises
     ------
     NoDataError
-        Where there is no log, no whole window, or none between the dates asked for.
+        If there is no log, no whole window, or none between the dates selected.
     ConfigError
-        Where the logs do not have the columns that the configuration names.
+        If the logs lack columns that the configuration names.
     """
     catalog = find_days(data_dir, config, _facts(known or {}), verify=options.verify)
     refuse_columns(data_dir, catalog.days, config)
@@ -193,7 +194,7 @@ def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
 
 
 def _facts(known: dict[str, Any]) -> dict[str, FileFacts]:
-    """What an earlier run noted; nothing where it cannot be read."""
+    """Facts stored by an earlier run; none where they cannot be read."""
     try:
         return {path: FileFacts.from_json(value) for path, value in known.items()}
     except (AttributeError, KeyError, TypeError, ValueError):

@@ -3,7 +3,7 @@
 import datetime as dt
 import time
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,28 +17,27 @@ from rivid.results import record
 from rivid.results.store import Rows, Store, digest, hash_of
 from rivid.results.tables import SCHEMA_VERSION, TABLES, write_tables
 from rivid.run.batch import Batch, Window, run_batches
-from rivid.run.drawing import draw_here, draw_with
+from rivid.run.drawing import draw_with
 from rivid.run.plan import Options, Plan, make_plan
 from rivid.run.workers import DRAWING, Engine, Here, Processes, Progress, cores, processes, warm
 
 BATCH_DAYS = 128
-"""Days of a batch at most: small enough to share out, large enough to be worth a file."""
+"""Most days of a batch: few enough to share out, enough to be worth a file."""
 
 ONE_PROCESS_BELOW = 1000
-"""With fewer new days than this, starting worker processes takes longer than the work itself."""
-
+"""New days below which starting worker processes takes longer than the estimates themselves."""
 
 MOST_PAINTERS = 4
-"""Processes that draw: there are a few figures only, and each process reads the results for itself."""
+"""Most processes that draw: there are a few figures only, and each process reads the results itself."""
 
 
 class TooManyError(RividError):
-    """More days are new than the run was to take on (``Options.most_new``)."""
+    """More days are new than ``Options.most_new``."""
 
 
 @dataclass
 class Summary:
-    """What a run did.
+    """Counts and short rows of a run.
 
     Attributes
     ----------
@@ -49,21 +48,22 @@ class Summary:
     windows : int
         Data sets of DATA_DIR.
     computed_keys, asked_keys : set of str
-        Keys of the data sets that were estimated now, and of those that were asked for.
+        Keys of the data sets estimated in this run, and of those selected by its options.
+    reused : int
+        Data sets taken over from earlier runs.
     dropped : int
         Data sets of earlier runs whose logs are gone: OUT mirrors DATA_DIR.
     failures, new_failures : int
-        Days that failed; of them those that no finished run has told of.
+        Days that failed; those of them that no finished run has reported.
     counts : dict
         Rows per estimator and status.
     bad_files, new_bad_files : list of (path, reason)
-        Files that are no logs; of them those that no finished run has told of.
+        Files that are no logs; those of them that no finished run has reported.
     damaged : list of str
         Segments that were damaged and dropped.
-    reused : int
-        Data sets taken over from earlier runs.
     unasked : list of str
-        Estimators of the run before that this one does not ask: their rows leave the tables.
+        Estimators of the run before that are no longer configured: their rows leave the tables.
+    seconds : float
     """
 
     out: Path
@@ -71,26 +71,26 @@ class Summary:
     windows: int
     computed_keys: set[str]
     asked_keys: set[str]
+    reused: int
+    dropped: int
+    failures: int
+    new_failures: int
+    counts: dict[str, dict[str, int]]
     bad_files: list[tuple[str, str]]
     new_bad_files: list[tuple[str, str]]
-    dropped: int
     damaged: list[str]
-    failures: int = 0
-    new_failures: int = 0
-    reused: int = 0
-    unasked: list[str] = field(default_factory=list)
+    unasked: list[str]
     seconds: float = 0.0
-    counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
-        """3 where days or files failed that no finished run has told of, or where every data set failed."""
-        told = self.new_failures or self.new_bad_files or 0 < self.failures == self.windows
-        return 3 if told else 0
+        """3 where days or files failed that no finished run has reported, or where every data set failed."""
+        new = self.new_failures or self.new_bad_files or 0 < self.failures == self.windows
+        return 3 if new else 0
 
     @property
     def computed(self) -> int:
-        """Data sets estimated now."""
+        """Data sets estimated in this run."""
         return len(self.computed_keys)
 
 
@@ -107,15 +107,15 @@ def run(
     Parameters
     ----------
     data_dir, out : Path
-        Where the logs are; where the results go.
+        Directories of the logs and of the results.
     config : Config
     options : Options
-        With a shard, its days are estimated and kept, and nothing else of OUT is touched: a run without
+        With a shard, its days are estimated and stored, and nothing else of OUT is changed: a run without
         shard makes the tables.
     progress : callable, optional
-        ``progress(total)`` gives a context manager whose value is called with each number of days done.
+        ``progress(total)`` returns a context manager; its value is called with each number of finished days.
     engine : Engine, optional
-        What executes batches; by default as many processes as pay off. They draw too; for a cluster
+        Executes batches; by default as many processes as pay off. Processes draw too; for a cluster,
         processes of this machine do.
 
     Returns
@@ -125,11 +125,11 @@ def run(
     Raises
     ------
     NoDataError, LockedError, ConfigError, RividError
-        Before anything is computed, where the run cannot begin.
+        If the run cannot begin; nothing has been computed then.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     painters = min(options.workers or cores(), MOST_PAINTERS)
-    build(config)  # settings that contradict each other are said before any work
+    build(config)  # refuses settings that contradict each other
     _refuse_places(data_dir, out)
     with Store(out, options.shard.name if options.shard else "") as store:
         before = record.last(out)
@@ -139,47 +139,33 @@ def run(
         kept = store.read()
         new = _missing(planned.asked, kept)
         if options.most_new is not None and len(new) > options.most_new:
-            raise TooManyError(
-                f"{len(new)} new days in {data_dir}: {options.most_new} at most were to be run"
-            )
+            raise TooManyError(f"{len(new)} new days in {data_dir}: expected {options.most_new} or fewer")
         if new:
             if options.figures and not options.shard and engine is None and painters > 1:
                 warm(DRAWING)  # while this process reads and estimates
             _estimate(store, data_dir, config, new, planned, options, progress, engine)
-        of = planned.asked if options.shard else planned.windows
-        rows = (store.read(kept) if new else kept).arranged([w.key for w in of], config.run.estimators)
-        summary, failed = _summarise(rows, planned, new, kept, before, store, out)
-        told = before.get("estimators")
-        names = map(str, told) if isinstance(told, list) else ()  # of a record that somebody may have edited
-        summary.unasked = [name for name in names if name not in config.run.estimators]
-        if options.shard:
-            summary.seconds = time.perf_counter() - began
-            return summary
-        content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
-        current = before.get("content") == content and record.is_whole(out, before, options.figures)
-        if options.force or not current:
-            record.unfinished(out, before)
-            write_tables(rows.chunks(), out, rows.spread)
-            now = record.describe(config, data_dir, started) | {
-                "data_sets": summary.windows,
-                "computed": summary.computed,
-                "reused": summary.reused,
-                "counts": summary.counts,
-                "bad_files": summary.bad_files,
-                "failed": failed,
-                "seconds": round(time.perf_counter() - began, 3),
-            }
-            files = [out / name for name in TABLES]
-            if options.figures:
-                record.unfinished(out, now | {"failed": before.get("failed", [])})
-                files += _draw(out, now, engine, painters)
-            else:
-                (out / "report.html").unlink(missing_ok=True)  # it would speak of older tables
-            record.write(out, now | {"content": content, "outputs": record.hashes(out, files)})
-            store.compact(rows)
-            if summary.dropped:
-                store.forget(_others(kept, rows))
-        store.remember_files(data_dir, {p: f.to_json() for p, f in planned.catalog.files.items()})
+        windows = planned.asked if options.shard else planned.windows
+        rows = (store.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
+        summary, failed = _summarise(rows, planned, new, kept, config, before, store)
+        if not options.shard:
+            content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
+            current = before.get("content") == content and record.is_whole(out, before, options.figures)
+            if options.force or not current:
+                now = record.describe(config, data_dir, started) | {
+                    "data_sets": summary.windows,
+                    "computed": summary.computed,
+                    "reused": summary.reused,
+                    "counts": summary.counts,
+                    "bad_files": summary.bad_files,
+                    "failed": failed,
+                }
+                files = _write(out, rows, now, before, began, options, engine, painters)
+                record.write(out, now | {"content": content, "outputs": record.hashes(out, files)})
+                store.compact(rows)
+                if summary.dropped:
+                    stale = pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks())
+                    store.forget(kept.table["key"].filter(pc.invert(stale)).to_pylist())
+            store.remember_files(data_dir, {p: f.to_json() for p, f in planned.catalog.files.items()})
     summary.seconds = time.perf_counter() - began
     return summary
 
@@ -189,12 +175,6 @@ def _missing(asked: list[Window], kept: Rows) -> list[Window]:
     keys = pa.array([window.key for window in asked], pa.string())
     done = pc.is_in(keys, value_set=kept.table["key"].combine_chunks())
     return [window for window, is_done in zip(asked, done.to_pylist(), strict=True) if not is_done]
-
-
-def _others(kept: Rows, rows: Rows) -> list[str]:
-    """Keys that were kept and are no longer part of OUT."""
-    stale = pc.invert(pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks()))
-    return list(kept.table["key"].filter(stale).to_pylist())
 
 
 def _refuse_places(data_dir: Path, out: Path) -> None:
@@ -221,7 +201,7 @@ def _estimate(
     progress: Progress | None,
     engine: Engine | None,
 ) -> None:
-    """Share the new windows out over batches and workers."""
+    """Estimate the new windows in batches, with as many workers as pay off."""
     if engine is None:
         workers = options.workers or (1 if len(new) < ONE_PROCESS_BELOW else cores())
     else:
@@ -240,38 +220,64 @@ def _summarise(
     planned: Plan,
     new: list[Window],
     kept: Rows,
+    config: Config,
     before: dict[str, Any],
     store: Store,
-    out: Path,
 ) -> tuple[Summary, list[str]]:
-    """The summary, and the content of the days that failed."""
+    """The summary, and the content keys of the days that failed."""
     table = rows.table
     dates = {window.date for window in planned.windows}
+    bad_files = planned.catalog.bad_files
+    estimators = before.get("estimators")  # of a file that users may have edited
+    counts: dict[str, dict[str, int]] = {}
+    for name in pc.unique(table["estimator"]).to_pylist():
+        of = table["status"].filter(pc.equal(table["estimator"], name))
+        counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
+    failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
+    failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
     summary = Summary(
-        out=out,
+        out=store.out,
         rows=table,
         windows=len(planned.windows),
         computed_keys={w.key for w in new},
         asked_keys={w.key for w in planned.asked},
-        bad_files=planned.catalog.bad_files,
-        new_bad_files=[b for b in planned.catalog.bad_files if list(b) not in before.get("bad_files", [])],
+        reused=len(pc.unique(table["key"])) - len(new),
         dropped=sum(date not in dates for date in pc.unique(kept.table["date"]).to_pylist()),
+        failures=len(failed),
+        new_failures=len(set(failed) - set(before.get("failed", []))),
+        counts=counts,
+        bad_files=bad_files,
+        new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
         damaged=store.damaged,
+        unasked=[
+            name
+            for name in map(str, estimators if isinstance(estimators, list) else ())
+            if name not in config.run.estimators
+        ],
     )
-    for name in pc.unique(table["estimator"]).to_pylist():
-        of = table["status"].filter(pc.equal(table["estimator"], name))
-        summary.counts[name] = {c["values"]: c["counts"] for c in pc.value_counts(of).to_pylist()}
-    failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
-    failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
-    summary.failures = len(failed)
-    summary.new_failures = len(set(failed) - set(before.get("failed", [])))
-    summary.reused = len(pc.unique(table["key"])) - summary.computed
     return summary, failed
 
 
-def _draw(out: Path, now: dict[str, Any], engine: Engine | None, painters: int) -> list[Path]:
-    """Figures and report; gives the files written."""
+def _write(
+    out: Path,
+    rows: Rows,
+    now: dict[str, Any],
+    before: dict[str, Any],
+    began: float,
+    options: Options,
+    engine: Engine | None,
+    painters: int,
+) -> list[Path]:
+    """Write tables, and figures and report where wanted; return the files. Adds `seconds` to the record."""
+    record.unfinished(out, before)
+    write_tables(rows.chunks(), out, rows.spread)
+    now["seconds"] = round(time.perf_counter() - began, 3)
+    files = [out / name for name in TABLES]
+    if not options.figures:
+        (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
+        return files
+    record.unfinished(out, now | {"failed": before.get("failed", [])})
     if isinstance(engine, Here | Processes):
-        return draw_here(out, now) if isinstance(engine, Here) else draw_with(engine, out, now)
+        return files + draw_with(engine, out, now)
     with processes(painters, DRAWING) as painting:
-        return draw_here(out, now) if painters == 1 else draw_with(painting, out, now)
+        return files + draw_with(painting, out, now)

@@ -1,5 +1,6 @@
 """SIGINT and SIGTERM in the middle of a run: its code, soon, nobody left, and what was done is kept."""
 
+import datetime as dt
 import signal
 import time
 
@@ -8,7 +9,7 @@ import pytest
 import rivid.run.run as running
 from rivid.config import Config
 from rivid.run.run import run
-from tests.daily import write_days
+from tests.daily import FIRST, write_days
 from tests.faults.processes import end, forked, is_locked, moments, start, wait_until
 from tests.faults.test_kills import QUICK, duration, kept, resume
 from tests.run.test_run import bytes_of
@@ -56,6 +57,18 @@ def test_many_signals_in_the_middle_of_a_run(season, tmp_path, tried):
     came = interrupt(season, tmp_path, 40, seed=4)
     assert came >= 20
     tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
+
+
+def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path):
+    for k in range(2000):
+        (tmp_path / f"{FIRST + dt.timedelta(days=k)}.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+    for number, code in CODES.items():
+        out = tmp_path / f"out{code}"
+        child = start("run", tmp_path, "--out", out, "--workers", 1, "--quiet")
+        assert wait_until(lambda out=out: is_locked(out / ".rivid" / "lock"))
+        time.sleep(0.7)
+        came, seconds, _ = end(child, number)
+        assert came == code and seconds < 2
 
 
 @pytest.mark.parametrize("done", [1, 3, 5])

@@ -70,7 +70,8 @@ def test_shards_at_any_time_and_in_any_order_make_the_same_fleet(data, tmp_path)
         code, said = rivid("run", data, "--out", parts, "--no-figures", "--shard", part)
         assert code == 0 and f"shard {part}" in said
     assert not (parts / "fleet.html").exists()
-    assert rivid("fleet", parts)[0] == 0
+    code, said = rivid("fleet", parts)
+    assert code == 0 and "estimated now" not in said
     for name in REACHES:
         assert bytes_of(parts / name) == bytes_of(whole / name)
     for name in ("fleet.csv", "fleet.parquet"):
@@ -163,6 +164,7 @@ def test_a_large_reach_that_is_left_over_is_shared_out(data, tmp_path, monkeypat
 def test_only_what_is_new_is_estimated_and_only_what_changed_is_told(data, tmp_path):
     out = tmp_path / "out"
     rivid("run", data, "--out", out, "--no-figures")
+    assert told(out)["changed"] == [], "there was no report before"
     write_days(data / "beta", 1, first=dt.date(2008, 3, 16))
     _, said = rivid("run", data, "--out", out, "--no-figures")
     assert "19 data sets, 1 estimated now" in said

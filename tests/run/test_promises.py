@@ -88,7 +88,7 @@ def test_a_failure_is_told_until_a_run_that_finished_has_told_it(data, tmp_path,
     def dies(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rivid.run.run._draw", dies)
+    monkeypatch.setattr("rivid.run.run.draw_with", dies)
     with pytest.raises(KeyboardInterrupt):
         run(data, out, Config(), Options())
     monkeypatch.undo()
@@ -230,6 +230,14 @@ def test_a_file_name_that_is_not_utf8_is_no_obstacle(data, tmp_path):
     assert done.returncode == 3
     assert "Traceback" not in done.stderr and "bit.csv" in done.stderr
     assert load_results(str(tmp_path / "out")).estimators[0].status == ["ok"] * 5
+
+
+def test_a_fir_too_long_for_the_window_is_the_reason_given(data, tmp_path):
+    config = settings(tmp_path, "c.toml", "[jmap]\norder = 640\n")
+    rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")
+    (jmap,) = load_results(tmp_path / "out").estimators
+    assert jmap.status == ["unidentifiable"] * 5
+    assert all("order 640 is too long for 650 samples" in message for message in jmap.messages)
 
 
 def test_rounds_that_do_not_settle_are_told(data, tmp_path):

@@ -153,15 +153,15 @@ def test_touching_a_file_computes_nothing_and_changing_settings_computes_all(dat
     assert "12 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--config", config)[1]
 
 
-def test_verify_finds_a_change_that_size_and_time_hide(data, tmp_path):
+def test_a_change_is_found_where_size_and_modification_time_are_restored(data, tmp_path):
     out, day = tmp_path / "out", data / "2008-03-13.csv"
     rivid("run", data, "--out", out, "--no-figures")
     was = day.stat()
     day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
     os.utime(day, ns=(was.st_atime_ns, was.st_mtime_ns))
     assert day.stat().st_size == was.st_size
-    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
-    assert "1 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--verify")[1]
+    assert "1 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
+    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--verify")[1]
 
 
 def test_a_bad_day_is_a_row_with_its_reason_and_nothing_else_is_lost(data, tmp_path):
