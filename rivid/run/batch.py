@@ -38,7 +38,7 @@ Done = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Window:
-    """A data set to read: last date, logs, the key of content and settings, missing days, key of the content."""
+    """A data set to read: last date, logs, key of content and settings, missing days, key of content."""
 
     date: dt.date
     sources: tuple[DaySource, ...]

@@ -52,7 +52,7 @@ def test_tables_left_by_an_interrupted_run_of_other_settings_are_not_taken_for_o
     def dies(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(record, "describe", dies)  # right after the tables were replaced
+    monkeypatch.setattr(record, "hashes", dies)  # right after the tables were replaced
     with pytest.raises(KeyboardInterrupt):
         run(data, out, other, Options(figures=False))
     monkeypatch.undo()
