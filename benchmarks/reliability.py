@@ -23,15 +23,15 @@ ROOT = Path(__file__).parent.parent
 RECORD = ROOT / "build" / "reliability.json"
 PAGE = ROOT / "docs" / "reliability.md"
 
-HEAD = """# What was done to it, and what came of it
+HEAD = """# Faults injected, and the results
 
 Written by `python -m benchmarks.reliability --long` from the records of the tests themselves; do not edit. Faults are
-real: processes are killed with SIGKILL, disks are full, limits are the kernel's, bombs are made and met.
+real: processes are killed with SIGKILL, disks are full, limits are set in the kernel, bombs are written and read.
 `tests/faults/rows.py` names the tests of each fault.
 
 {summary}
 
-After each injection stands how often it was made, if more than once. What a test repeats within itself ("150 mutations") counts once.
+The number after an injection is how often it was made, if more than once. Repetitions inside one test ("150 mutations") count once.
 """
 
 

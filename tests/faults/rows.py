@@ -54,7 +54,6 @@ ROWS = (
             "test_killed_at_many_random_moments",
         )
         | {
-            f"{RUN}test_a_killed_run_is_taken_up_where_it_was": "SIGKILL four times, one after the other",
             f"{PROMISES}test_tables_left_by_an_interrupted_run_of_other_settings_are_not_taken_for_ours": (
                 "stopped between the tables and run.json, with other settings"
             ),
@@ -80,12 +79,7 @@ ROWS = (
     Row(
         "The parent is killed",
         "its workers are gone within 2 s",
-        own("test_kills", "test_killed_at_random_moments", "test_killed_at_many_random_moments")
-        | {
-            "tests/run/test_workers.py::test_workers_do_not_outlive_a_killed_parent": (
-                "SIGKILL as soon as there are workers"
-            )
-        },
+        own("test_kills", "test_killed_at_random_moments", "test_killed_at_many_random_moments"),
     ),
     Row(
         "SIGINT, SIGTERM",
@@ -93,12 +87,12 @@ ROWS = (
         own(
             "test_signals",
             "test_signals_in_the_middle_of_a_run",
+            "test_a_signal_is_not_lost_while_file_after_file_is_refused",
             "test_many_signals_in_the_middle_of_a_run",
             "test_what_was_done_before_a_signal_is_kept",
         )
         | {
-            f"{RUN}test_signals_end_a_run_with_their_code": "a signal to a run with workers",
-            f"{PROMISES}test_signals_at_any_moment_end_the_run": "twelve signals, the first at the first import",
+            f"{PROMISES}test_signals_at_any_moment_end_the_run": "four signals, the first at the first import",
         },
     ),
     Row(
@@ -110,7 +104,6 @@ ROWS = (
             "test_runs_that_start_together_write_one_result",
         )
         | {
-            f"{RUN}test_two_runs_into_one_out": "the lock held by another process",
             "tests/run/test_shard.py::test_shards_at_the_same_time_lose_nothing": "shards at the same time",
             "tests/run/test_shard.py::test_shards_work_side_by_side_and_keep_a_whole_run_out": (
                 "a whole run beside shards"
@@ -131,8 +124,6 @@ ROWS = (
             "test_a_full_standard_output",
         )
         | {
-            f"{PROMISES}test_a_full_stdout_is_one_line": "/dev/full as standard output of a run",
-            f"{PROMISES}test_a_file_size_limit_is_one_line_and_leaves_nothing_partial": "RLIMIT_FSIZE = 14,000",
             "tests/test_ingest.py::TestWhatIsThere::test_a_full_disk_is_one_line_and_leaves_no_torn_file": (
                 "RLIMIT_FSIZE of an ingest"
             ),

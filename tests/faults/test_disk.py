@@ -144,7 +144,9 @@ def test_out_that_can_be_no_directory(season, tmp_path, tried, place):
     tried(f"OUT is {place}")
 
 
-@pytest.mark.parametrize("words", [("check",), ("run", "--dry-run"), ("effects",), ("sniff",)])
+@pytest.mark.parametrize(
+    "words", [("check",), ("run", "--no-figures"), ("run", "--json"), ("effects",), ("sniff",)]
+)
 def test_a_full_standard_output(season, tmp_path, tried, words):
     data, _ = season
     name, *more = words

@@ -59,7 +59,7 @@ def test_many_signals_in_the_middle_of_a_run(season, tmp_path, tried):
     tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
 
 
-def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path):
+def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path, tried):
     for k in range(2000):
         (tmp_path / f"{FIRST + dt.timedelta(days=k)}.csv").write_text("time,u_Qi,u_Qo,h_L\n")
     for number, code in CODES.items():
@@ -69,6 +69,7 @@ def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path):
         time.sleep(0.7)
         came, seconds, _ = end(child, number)
         assert came == code and seconds < 2
+        tried("a signal while 2,000 files with a header only are refused")
 
 
 @pytest.mark.parametrize("done", [1, 3, 5])

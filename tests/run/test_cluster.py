@@ -103,6 +103,7 @@ def test_a_fleet_has_the_same_tables(season, scheduler, tmp_path):
         assert bytes_of(out / name) == bytes_of(tmp_path / "plain" / name)
 
 
+@pytest.mark.long
 def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path):
     (tmp_path / "site").mkdir()
     (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)
@@ -129,7 +130,14 @@ def words_of(process):
         return []
 
 
-@pytest.mark.parametrize("who", ["worker", "parent", "interrupt"])
+@pytest.mark.parametrize(
+    "who",
+    [
+        pytest.param("worker", marks=pytest.mark.long),
+        "parent",
+        pytest.param("interrupt", marks=pytest.mark.long),
+    ],
+)
 def test_whoever_is_killed_at_the_start_nothing_is_lost(who, season, tmp_path):
     data, whole = season
     words = ["run", data, "--out", tmp_path, "--engine", "dask", "--workers", 2, "--no-figures"]
@@ -147,6 +155,7 @@ def test_whoever_is_killed_at_the_start_nothing_is_lost(who, season, tmp_path):
     assert bytes_of(tmp_path) == whole
 
 
+@pytest.mark.long
 def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
     data, whole = season
     monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)
@@ -169,6 +178,7 @@ def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
     assert bytes_of(tmp_path) == whole
 
 
+@pytest.mark.long
 def test_few_batches_are_under_way_however_many_there_are(season, tmp_path, monkeypatch):
     data, _ = season
     monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)

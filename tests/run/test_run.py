@@ -4,10 +4,8 @@ import csv
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
-import time
 
 import pyarrow.parquet as pq
 import pytest
@@ -293,15 +291,6 @@ def test_a_config_that_contradicts_itself_is_exit_2_in_one_line(data, tmp_path):
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
 
 
-def test_two_runs_into_one_out(data, tmp_path):
-    from rivid.results.store import Store
-
-    with Store(tmp_path / "out"):
-        done = command("run", data, "--out", tmp_path / "out")
-        assert done.returncode == 11
-        assert "another run" in done.stderr
-
-
 def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
     out = tmp_path / "out"
     rivid("run", data, "--out", out, "--no-figures")
@@ -313,51 +302,6 @@ def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
     code, said = rivid("run", data, "--out", out, "--no-figures")
     assert code == 0 and "12 estimated now" in said
     assert bytes_of(out) == before
-
-
-def test_a_killed_run_is_taken_up_where_it_was(data, tmp_path):
-    whole, out = tmp_path / "whole", tmp_path / "out"
-    command("run", data, "--out", whole, "--no-figures")
-    for wait in (0.25, 0.4, 0.55, 0.7):
-        words = [
-            sys.executable,
-            "-m",
-            "rivid",
-            "run",
-            str(data),
-            "--out",
-            str(out),
-            "--no-figures",
-            "--workers",
-            "2",
-        ]
-        child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(wait)
-        child.kill()
-        child.wait()
-    assert command("run", data, "--out", out, "--no-figures").returncode == 0
-    assert bytes_of(out) == bytes_of(whole)
-    assert not list(out.glob(".*.part"))
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signals_end_a_run_with_their_code(tmp_path, number, code):
-    write_days(tmp_path / "data", 80)
-    words = [
-        sys.executable,
-        "-m",
-        "rivid",
-        "run",
-        str(tmp_path / "data"),
-        "--out",
-        str(tmp_path / "out"),
-        "--workers",
-        "2",
-    ]
-    child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(0.6)
-    child.send_signal(number)
-    assert child.wait(timeout=10) == code
 
 
 def test_an_appended_day_in_a_file_of_many_days_is_the_only_new_one(tmp_path):

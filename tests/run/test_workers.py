@@ -12,10 +12,8 @@ import pytest
 
 from rivid.config import Config
 from rivid.results.read import load_results
-from rivid.run import workers
 from rivid.run.run import Options, run
 from tests.daily import write_days
-from tests.faults.processes import remaining
 
 DEADLY = """
 import os, sys
@@ -55,32 +53,6 @@ def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch
     assert "worker process died" in jmap.messages[3]
 
 
-def test_workers_do_not_outlive_a_killed_parent(tmp_path):
-    write_days(tmp_path / "data", 200)
-    words = [
-        sys.executable,
-        "-m",
-        "rivid",
-        "run",
-        str(tmp_path / "data"),
-        "--out",
-        str(tmp_path / "out"),
-        "--workers",
-        "2",
-    ]
-    child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    family = []
-    for _ in range(100):
-        time.sleep(0.02)
-        family = psutil.Process(child.pid).children(recursive=True)
-        if len(family) >= 3:
-            break
-    assert family
-    child.kill()
-    child.wait()
-    assert not remaining(family)  # within 2 s
-
-
 def test_progress_counts_every_day(tmp_path):
     write_days(tmp_path / "data", 5)
     seen = []
@@ -96,16 +68,6 @@ def test_progress_counts_every_day(tmp_path):
         tmp_path / "data", tmp_path / "out", Config(), Options(workers=2, figures=False), lambda n: Bar()
     )
     assert summary.computed == sum(seen) == 5
-
-
-@pytest.mark.parametrize("n", [1, 2, 7])
-def test_halves_hold_the_same_windows(n):
-    from rivid.run.batch import Batch
-
-    batch = Batch(None, Config(), tuple(range(n)), None)
-    first, second = batch.halves()
-    assert first.windows + second.windows == batch.windows
-    assert workers.IN_FLIGHT >= 1
 
 
 def test_one_worker_draws_in_the_process_itself(tmp_path):
