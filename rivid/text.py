@@ -314,3 +314,31 @@ def about(seconds: float) -> str:
     ('about 29 min', 'about 7.2 min', 'about 2.5 h')
     """
     return f"about {seconds / 60:.0f} min" if 600 <= seconds < HOURS_FROM else f"about {duration([seconds])}"
+
+
+def flow(value: float) -> str:
+    """A discharge [m3/s] to three digits or to whole units.
+
+    Examples
+    --------
+    >>> flow(279.1), flow(12.345), flow(1315.4)
+    ('279', '12.3', '1,315')
+    """
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def power(value: float) -> str:
+    """A number to two digits, with a power of ten where it is very large or small.
+
+    Examples
+    --------
+    >>> power(24877.7), power(0.0041), power(12.3)
+    ('2.5 × 10⁴', '0.0041', '12')
+    """
+    if not math.isfinite(value):
+        return "–"
+    if value == 0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:,.0f}" if abs(value) >= 10 else f"{value:.2g}"
+    digits, exponent = f"{value:.1e}".split("e")
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{digits} × 10{superscript}"

@@ -1,34 +1,54 @@
-"""Days to look at, with reasons: those without an answer, and answers to doubt."""
+"""Days to look at, as codes and numbers: days without an answer, and doubtful answers."""
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from rivid.estimators import ESTIMATORS
+from rivid.report.summary import LastWeek, leading
 from rivid.results.read import EstimatorResults, Results
-from rivid.results.selection import candidates, found
-from rivid.text import NO_ANSWER, day_range, number, samples_first, share
+from rivid.results.selection import candidates, estimates_delay, found
+from rivid.text import NO_ANSWER
+from rivid.types import Bools, Floats
 
 SHOWN = 25
-"""Rows of days to look at that are open on the page; the others unfold."""
+"""Rows that are open on the page; the others unfold. More fill more than one screen."""
 
 CROWD = 0.25
-"""Days at a bound are one row where they are more than this share, and more than the page shows open."""
+"""Days at a bound share one row where they are more than this share of the days, and more than :data:`SHOWN`."""
+
+BAND_DAYS = 30
+"""Fewest days of a band: with fewer, its ends are the two most extreme days."""
+
+TAIL = 0.05
+"""Share of the days beyond each end of the band."""
 
 
 @dataclass(frozen=True)
 class Attention:
-    """Consecutive days with the same thing to look at.
+    """Consecutive days with the same reason to look at them.
 
     Attributes
     ----------
     first, last : datetime.date
     days : int
     kind : str
-        failed, unidentifiable, pending, degenerate or at a bound.
+        failed, unidentifiable, pending, degenerate, at_bound or far.
     estimators : tuple of str
-        Who says so.
-    reason : str
+        Estimators that report it.
+    message : str
+        Reason given by the run.
+    value : float
+        The delay, travel time or t50 of the day [samples]; NaN where it has none, or where days differ.
+    band : tuple of (float, float), or None
+        Of `far`, the band of the record; of many days at the bounds in one row, the bounds [samples].
+    of : int
+        Days of the record where `days` are counted as a share of it; otherwise 0.
+    decided : bool
+        Whether the data decide the value.
     """
 
     first: dt.date
@@ -36,101 +56,159 @@ class Attention:
     days: int
     kind: str
     estimators: tuple[str, ...]
-    reason: str
+    message: str = ""
+    value: float = float("nan")
+    band: tuple[float, float] | None = None
+    of: int = 0
+    decided: bool = True
 
-    @property
-    def when(self) -> str:
-        """The day, or the days from first to last."""
-        return day_range(self.first, self.last)
 
+def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
+    """Return the days to look at, the latest first.
 
-def attention(results: Results) -> list[Attention]:
-    """Days to look at, in date order, with reasons.
+    jmap-degenerate is degenerate on purpose and not listed where it has an answer. An estimator with many days
+    at its bounds has one row for all of them.
 
-    An estimator that is degenerate by its making (jmap-degenerate) is left out where it answers; one that
-    piles up at its bounds has one row for all these days.
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+    recent : LastWeek or None
+        The estimator that represents the reach; only its days are compared with a band.
+
+    Returns
+    -------
+    list of Attention
+        By their last day, the latest first.
     """
-    said: dict[tuple[dt.date, str, str], list[str]] = {}
-    runs: list[Attention] = []
-    piles: list[Attention] = []
+    rows, alike = [], dict[tuple[dt.date, str, str, float], list[str]]()
     for e in results.estimators:
-        doubts = _doubts(e, results.sample_time)
-        edges = [date for date, kind, _ in doubts if kind == "at a bound"]
+        doubts = _doubts(e)
+        edges = [doubt[0] for doubt in doubts if doubt[1] == "at_bound"]
         if len(edges) > max(SHOWN, CROWD * len(e.dates)):
-            piles.append(_pile(e, edges))
-            doubts = [doubt for doubt in doubts if doubt[1] != "at a bound"]
-        for date, kind, reason in doubts:
-            said.setdefault((date, kind, reason), []).append(e.estimator)
-    open_runs: dict[tuple[str, str, tuple[str, ...]], int] = {}
-    for (date, kind, reason), names in sorted(said.items()):
-        same = (kind, reason, tuple(names))
-        at = open_runs.get(same)
-        if at is not None and (date - runs[at].last).days == 1:
-            runs[at] = Attention(runs[at].first, date, runs[at].days + 1, kind, same[2], reason)
+            ends = float(candidates(e)[0]), float(candidates(e)[-1])
+            rows.append(
+                Attention(
+                    edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=len(e.dates)
+                )
+            )
+            doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
+        for doubt in doubts:
+            alike.setdefault(doubt, []).append(e.estimator)
+    latest: dict[tuple[str, str, float, tuple[str, ...]], int] = {}
+    for (date, kind, message, value), names in sorted(alike.items()):
+        same = (kind, message, value, tuple(names))
+        at = latest.get(same)
+        if at is not None and (date - rows[at].last).days == 1:
+            rows[at] = replace(rows[at], last=date, days=rows[at].days + 1)
         else:
-            open_runs[same] = len(runs)
-            runs.append(Attention(date, date, 1, kind, same[2], reason))
-    return sorted(piles + runs, key=lambda row: row.first)
+            latest[same] = len(rows)
+            given = float("nan") if value < 0 else value
+            rows.append(Attention(date, date, 1, kind, tuple(names), message, given))
+    rows += far(recent) if recent else []
+    return sorted(rows, key=lambda row: (row.last, row.first), reverse=True)
 
 
-def _pile(e: EstimatorResults, edges: list[dt.date]) -> Attention:
-    """Many days at the bounds of one estimator as one row."""
-    low, high = (number(float(candidates(e)[k])) for k in (0, -1))
-    reason = (
-        f"the delay is {low} or {high}, the edges of what was tried, on {share(len(edges), len(e.dates))}"
-    )
-    return Attention(
-        edges[0],
-        edges[-1],
-        len(edges),
-        "at a bound",
-        (e.estimator,),
-        f"{reason} of days: listed in delays.csv",
-    )
-
-
-def _doubts(e: EstimatorResults, sample_time: float) -> list[tuple[dt.date, str, str]]:
-    by_making = ESTIMATORS[e.estimator].degenerates
-    with_delay = found(e)
+def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
+    """Date, kind, message and delay of each day of an estimator; a delay of -1 where it does not matter."""
+    by_making, with_delay = ESTIMATORS[e.estimator].degenerates, found(e)
     doubts = []
     for i, (date, status, message) in enumerate(zip(e.dates, e.status, e.messages, strict=True)):
-        if status in NO_ANSWER:
-            doubts.append((date, status, message))
-        elif status == "degenerate" and not by_making:
-            doubts.append((date, status, message or "alpha ran away: the data do not hold the response"))
+        if status in NO_ANSWER or (status == "degenerate" and not by_making):
+            doubts.append((date, status, message, -1.0))
         elif with_delay[i] and e.at_bound[i] and not by_making:
-            words = samples_first([float(e.delay[i])], sample_time)
-            doubts.append((date, "at a bound", f"the delay is {words}, the edge of what was tried"))
+            doubts.append((date, "at_bound", "", float(e.delay[i])))
     return doubts
 
 
-def missing(dates: Sequence[dt.date]) -> list[dt.date]:
-    """Days between the first and the last that have no row: there is no log of them.
+def band(values: Floats) -> tuple[float, float] | None:
+    """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty.
 
     Examples
     --------
-    >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
-    [datetime.date(2024, 6, 12)]
+    >>> band(np.array([6.0, 7.0] * 20 + [9.0, np.nan]))
+    (6.0, 7.0)
     """
-    if not dates or (dates[-1] - dates[0]).days + 1 == len(dates):
+    given = values[np.isfinite(values)]
+    if given.size < BAND_DAYS:
+        return None
+    low = float(np.quantile(given, TAIL, method="lower"))
+    return low, float(np.quantile(given, 1 - TAIL, method="higher"))
+
+
+def outside(values: Floats, limits: tuple[float, float]) -> Bools:
+    """Return the values further from a band than its width and than one sample; False where there is none.
+
+    Examples
+    --------
+    >>> outside(np.array([6.0, 8.0, 9.0, np.nan]), (6.0, 7.0))
+    array([False, False,  True, False])
+    """
+    margin = max(limits[1] - limits[0], 1.0)
+    return np.asarray((values < limits[0] - margin) | (values > limits[1] + margin))
+
+
+def far(recent: LastWeek) -> list[Attention]:
+    """Return the days far outside the band of the record, a row each; not those with a row for other reasons."""
+    limits, e = band(recent.values), recent.estimator
+    if limits is None:
         return []
-    there = set(dates)
-    every = (dates[0] + dt.timedelta(days=k) for k in range((dates[-1] - dates[0]).days))
-    return [day for day in every if day not in there]
+    listed = np.array([status == "degenerate" for status in e.status], bool)
+    if recent.quantity != "t50":
+        listed |= e.at_bound
+    return [
+        Attention(
+            e.dates[i],
+            e.dates[i],
+            1,
+            "far",
+            (e.estimator,),
+            value=float(recent.values[i]),
+            band=limits,
+            decided=bool(recent.decided[i]),
+        )
+        for i in np.flatnonzero(outside(recent.values, limits) & ~listed)
+    ]
 
 
-def spans(days: Sequence[dt.date]) -> list[str]:
-    """Days in order, with neighbours joined.
+def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> dict[str, Any]:
+    """Count the days of the rows for the estimators that represent the reach.
 
-    Examples
-    --------
-    >>> spans([dt.date(2024, 6, 12), dt.date(2024, 6, 14), dt.date(2024, 6, 15)])
-    ['2024-06-12', '2024-06-14 to 2024-06-15']
+    Returns
+    -------
+    dict
+        `links` (first and last day inside the last week, kind, index of the row), `days` of the last week,
+        `earlier` days and the `latest` of them, `others`: days that only other estimators report, and `no_log`:
+        whether a day of the last week has no log.
     """
-    runs: list[list[dt.date]] = []
-    for day in days:
-        if runs and (day - runs[-1][1]).days == 1:
-            runs[-1][1] = day
-        else:
-            runs.append([day, day])
-    return [day_range(first, last) for first, last in runs]
+    lead = leading(results)
+    speaking = {recent.estimator.estimator} | ({lead.estimator} if lead and estimates_delay(lead) else set())
+    late, early, others = (set[dt.date]() for _ in range(3))
+    links = []
+    for k, row in enumerate(rows):
+        days = dates_of(row, results)
+        if not speaking & set(row.estimators):
+            others |= days
+            continue
+        inside = {day for day in days if day >= recent.first}
+        late |= inside
+        early |= days - inside
+        if inside:
+            links.append((min(inside), max(inside), row.kind, k))
+    begin = max(recent.first, recent.estimator.dates[0])
+    return {
+        "links": links,
+        "days": len(late),
+        "earlier": len(early),
+        "latest": max(early) if early else None,
+        "others": len(others - late - early),
+        "no_log": int(recent.week.sum()) < (recent.last - begin).days + 1,
+    }
+
+
+def dates_of(row: Attention, results: Results) -> set[dt.date]:
+    """Return the days of a row, also where they are not consecutive."""
+    if (row.last - row.first).days + 1 == row.days:
+        return {row.first + dt.timedelta(days=k) for k in range(row.days)}
+    (e,) = (e for e in results.estimators if e.estimator == row.estimators[0])
+    return {date for date, edge in zip(e.dates, e.at_bound, strict=True) if edge}

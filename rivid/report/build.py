@@ -1,54 +1,43 @@
-"""report.html: one self-contained page that says what a run found, and shows it."""
+"""report.html and the page of the paper's figures: numbers and files for the templates."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots.style import FigureFile
-from rivid.report.attention import SHOWN, Attention, missing, spans
-from rivid.report.glance import glance
-from rivid.report.headline import facts, headline, leading
-from rivid.report.lately import Lately, lately
-from rivid.report.looking import dates_of, to_look_at
+from rivid.report import strip
+from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page
-from rivid.report.strip import sign, strip, svg
-from rivid.results.passage import leading_response, passage
-from rivid.results.read import EstimatorResults, Results
+from rivid.report.summary import WEEKS, facts, last_week, summarise
+from rivid.results.passage import CLEAR, passage
+from rivid.results.read import Results
 from rivid.results.selection import estimates_delay
-from rivid.text import (
-    count,
-    day_range,
-    delays,
-    number,
-    output_words,
-    probability,
-    samples_first,
-    share,
-)
+
+if TYPE_CHECKING:
+    from rivid.plots.paper.sheets import PaperFigure
+    from rivid.plots.paper.year import Year
 
 MOST = 400
-"""Rows of days to look at on the page at all; delays.csv has every one."""
+"""Most rows of days to look at on the page, which a browser lays out at once; delays.csv has all days."""
 
-UNITS = re.compile(r"(\d) (min|h|s|samples?|days?)\b")
-"""A number and its unit: no line of the headline ends between them."""
+MOST_GAPS = 40
+"""Most gaps of days without a log that are listed, the latest."""
 
-MOST_SPANS = 40
-"""Days or spans of days without a log that are listed at all, the latest."""
+NAMED = 6
+"""Most days to look at, and gaps, that are listed at the top of the page."""
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
 
-LOOKS = {
-    "sure": "the data decide",
-    "prior": "the data alone say otherwise, or nothing",
-    "doubt": "at a bound or degenerate",
-    "none": "no answer",
-}
-"""Marks of the last weeks, in the words of a legend."""
+PARTS = (
+    ("The reach and its hydraulics", ("2", "3", "4", "5", "6")),
+    ("The data, and the simple models", ("7", "9", "10")),
+    ("One day", ("11", "12")),
+    ("The year", ("13", "14", "15", "16", "17", "18")),
+    ("The cascade", ("19",)),
+)
+"""Headings of the page of the paper's figures, and the figures under each."""
 
 
 def write_report(
@@ -65,147 +54,79 @@ def write_report(
     out : Path
         OUT.
     summary : mapping
-        run.json; of it the page shows ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of
-        file and reason) and, where they stand, d_min, d_max, order and delay_scale in use.
+        run.json; the page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file and
+        reason) and, where given, d_min, d_max, order and delay_scale in use.
 
     Returns
     -------
     Path
-        The page; it needs no other file and asks no server for anything.
+        The page; it needs no other file and requests nothing from any server.
 
     Raises
     ------
     RividError
-        Where the page cannot be written or a figure cannot be read.
+        If the page cannot be written or a figure cannot be read.
     """
-    return write_page(out / "report.html", "report", _context(results, figures, summary))
-
-
-def _context(results: Results, figures: Sequence[FigureFile], summary: Mapping[str, Any]) -> dict[str, Any]:
-    recent = lately(results)
-    rows = to_look_at(results, recent)
-    dates = sorted({date for e in results.estimators for date in e.dates})
-    sentences = headline(results)
-    top = glance(results, recent, rows) if recent else None
-    first = top.headline if top else sentences[0]
-    lead, river = leading(results), leading_response(results)
-    speaker = river or lead
-    gone = missing(dates)
-    by_prior = facts(results, lead).prior_only if lead and not river else 0
-    numbered = list(enumerate(rows[:MOST]))
-    return {
-        "reach": results.reach,
-        "period": day_range(dates[0], dates[-1]) if dates else "no days",
-        "days": count(len(dates), "day"),
-        "sample_time": number(results.sample_time),
-        "output": output_words(results.output_unit),
-        "unit": results.output_unit,
-        "river": river is not None,
-        "speaks": _speaks(lead, river),
-        "names": [e.estimator for e in results.estimators],
-        "unjudged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
-        "probable": any(ESTIMATORS[e.estimator].has_probability for e in results.estimators),
-        "headline": UNITS.sub("\\1\u00a0\\2", first),
-        "lines": top.lines if top else (),
-        "sentences": [text for text in sentences if text != first],
-        **(_strip(results, recent, rows) if recent else {"strip": None}),
-        "most": MOST,
-        "attention": numbered[:SHOWN],
-        "more": numbered[SHOWN:],
-        "no_log": spans(gone)[-MOST_SPANS:],
-        "most_spans": MOST_SPANS,
-        "gone": count(len(gone), "day"),
-        "by_prior": count(by_prior, "day") if by_prior else "",
+    recent = last_week(results)
+    rows = attention(results, recent)
+    s = summarise(results, recent)
+    place = {}
+    if recent:
+        shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row.estimators]
+        place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
+    represents = s["passage"] or s["record"]
+    names = [e.estimator for e in results.estimators]
+    context = {
+        "s": s,
+        "look": counted(results, recent, rows) if recent else None,
+        "strip": strip.strip(recent, results.sample_time, place) if recent else None,
+        "frame": strip.FRAME,
+        "rows": list(enumerate(rows[:MOST])),
         "unlisted": max(len(rows) - MOST, 0),
-        "estimators": [_row(results, e) for e in results.estimators if e.dates],
-        "groups": _groups(figures, speaker.estimator if speaker else ""),
+        "open": SHOWN,
+        "named": NAMED,
+        "most": MOST,
+        "most_gaps": MOST_GAPS,
+        "weeks": WEEKS,
+        "clear": CLEAR,
+        "unit": results.output_unit.replace("m3", "m³"),
+        "not_judged": any(ESTIMATORS[name].unjudged for name in names),
+        "estimators": [
+            {
+                "name": e.estimator,
+                "words": ESTIMATORS[e.estimator].words,
+                "facts": facts(results, e),
+                "passage": passage(results, e),
+                "with_delay": estimates_delay(e),
+                "probable": ESTIMATORS[e.estimator].has_probability,
+                "judged": not ESTIMATORS[e.estimator].unchecked,
+            }
+            for e in results.estimators
+            if e.dates
+        ],
+        "groups": _groups(figures, represents["estimator"] if represents else ""),
         "bad_files": [(str(f), str(why)) for f, why in summary.get("bad_files") or ()][:MOST],
         "settings": _settings(summary),
         "versions": [(str(k), str(v)) for k, v in dict(summary.get("versions") or {}).items()],
     }
+    return write_page(out / "report.html", "report", context)
 
 
-def _strip(results: Results, recent: Lately, rows: Sequence[Attention]) -> dict[str, Any]:
-    """The drawing of the last weeks, its legend, and its words."""
-    name = recent.estimator.estimator
-    place = {
-        date: k
-        for k, row in reversed(list(enumerate(rows)))
-        if name in row.estimators
-        for date in dates_of(row, results)
+def write_gallery(year: "Year", figures: Sequence["PaperFigure"], folder: Path) -> Path:
+    """Write index.html, the page of the paper's figures, into the folder of the figures; return its path."""
+    context = {
+        "reach": year.config.reach.name,
+        "first": year.dates[0],
+        "last": year.dates[-1],
+        "days": len(year.dates),
+        "left_out": year.left_out,
+        "sample_time": year.sample_time,
+        "parts": [
+            (heading, f"part{i}", [f for f in figures if f.number in numbers])
+            for i, (heading, numbers) in enumerate(PARTS, 1)
+        ],
     }
-    drawn = strip(results, recent, place)
-    if drawn is None:
-        return {"strip": None}
-    named = LOOKS | {"sure": "t50"} if recent.passage else LOOKS
-    if ESTIMATORS[name].unchecked and not recent.passage:
-        named = LOOKS | {"sure": "travel time" if recent.travel else "delay"}
-    looks = [(sign(look), words) for look, words in named.items() if look in drawn.looks]
-    what = "t50" if recent.passage else "Travel time" if recent.travel else "Delay"
-    text = f"{what} of each day by {name}; the last week is shaded, the time is on the right."
-    if not (recent.passage or recent.travel):
-        text += " A delay of d samples is a travel time of d to d + 1 samples; the time stands at its middle."
-    if drawn.medians:
-        looks.append((sign("median"), "median of a week"))
-    return {"strip": svg(drawn, text, MOST), "looks": looks, "strip_words": text}
-
-
-def _speaks(lead: EstimatorResults | None, river: EstimatorResults | None) -> list[tuple[str, str]]:
-    """The estimators the headline speaks of, each with what it says of it where they differ."""
-    if river is None:
-        return [(lead.estimator, "")] if lead else []
-    if lead is None or lead is river or not estimates_delay(lead):
-        return [(river.estimator, "")]
-    return [(river.estimator, " for t50"), (lead.estimator, " for the jump delay")]
-
-
-def _row(results: Results, e: EstimatorResults) -> dict[str, str]:
-    """The line of one estimator in the table; a dash where it has no such number."""
-    f = facts(results, e)
-    with_delay = estimates_delay(e) and f.with_delay > 0
-    T_s = results.sample_time
-
-    def given(text: str) -> str:
-        return text if with_delay else "–"
-
-    p = passage(results, e)
-    modal = ""
-    if with_delay:
-        days = f"{f.common_days:,} of {count(f.with_delay, 'day')}"
-        modal = f"{' and '.join(number(d) for d in f.common)}: {days}"
-    return {
-        "name": e.estimator,
-        "words": ESTIMATORS[e.estimator].words,
-        "answered": f"{f.answered:,} of {f.days:,}",
-        "t50": delays([round(p.median, 1)], T_s) if p.with_t50 else "–",
-        "median": samples_first([f.median], T_s) if with_delay else "–",
-        "modal": given(modal),
-        "at_bound": given(f"{f.at_bound:,}"),
-        "probability": "–" if e.probability is None else given(probability(f.probability)),
-        "prior_only": "–"
-        if ESTIMATORS[e.estimator].unchecked
-        else given(f"{f.prior_only:,} ({share(f.prior_only, f.with_delay)})"),
-        "condition": power(f.condition),
-        "noise": power(f.noise_sd),
-        "alpha": power(f.alpha),
-    }
-
-
-def power(value: float) -> str:
-    """A number to two digits, with a power of ten where it is very large or small.
-
-    Examples
-    --------
-    >>> power(24877.7), power(0.0041), power(12.3)
-    ('2.5 × 10⁴', '0.0041', '12')
-    """
-    if not np.isfinite(value):
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e4:
-        return f"{value:,.0f}" if abs(value) >= 10 else f"{value:.2g}"
-    digits, exponent = f"{value:.1e}".split("e")
-    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{digits} × 10{superscript}"
+    return write_page(folder / "index.html", "paper", context)
 
 
 def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
@@ -228,7 +149,7 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Sections of the configuration as text, and what "bounds" came to."""
+    """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
     sections = []
     used = [
         (name, _plain(summary[name]))

@@ -5,17 +5,34 @@ Every page ``name.html.j2`` extends ``base.html.j2`` and uses the one style shee
 
 import base64
 import hashlib
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rivid import __version__
+from rivid import __version__, text
 from rivid.atomic import write_text
 from rivid.errors import RividError
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
+
+WORDS = (
+    "count", "day_range", "delays", "duration", "flow", "listed", "minutes_first", "number",
+    "output_words", "power", "probability", "samples", "samples_first", "share", "step", "travel_first",
+    "travel_within",
+)  # fmt: skip
+"""Functions of :mod:`rivid.text` that templates use."""
+
+UNITS = re.compile(r"(\d) (min|h|s|samples?|days?|%|m³/s|mm)\b")
+"""A number and its unit: a headline has no line break between them."""
+
+
+def tight(text: "Markup") -> "Markup":
+    """Return a text in one line, with units that stay with their numbers where lines are broken."""
+    return type(text)(UNITS.sub("\\1\u00a0\\2", " ".join(text.split())))
 
 
 @cache
@@ -30,6 +47,9 @@ def environment() -> "Environment":
     )
     style = loader.get_source(made, "base.css")[0]
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
+    made.globals |= {name: getattr(text, name) for name in WORDS}
+    made.globals["seconds"] = text.duration
+    made.filters["tight"] = tight
     made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
     return made
 

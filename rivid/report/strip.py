@@ -1,31 +1,27 @@
-"""The last weeks day by day, as a drawing of a few lines that the page holds itself: sharp at any size.
+"""The last weeks day by day, as the numbers of a drawing that the page holds itself: sharp at any size.
 
-Its colours are those of the page: classes here, rules in report.css. It is written here since a template
-with so many small parts takes longer to compile than all of the page to fill.
+The template draws it; colours are classes, with rules in base.css.
 """
 
 import datetime as dt
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rivid.report.lately import FEWEST_DAYS, WEEK, WEEKS, Lately, weeks_ago
-from rivid.results.read import Results
+from rivid.report.summary import FEWEST_DAYS, WEEK, WEEKS, LastWeek, weeks_ago
 from rivid.results.selection import kinds
-from rivid.text import duration, minutes_first, samples, time_unit, travel_first
+from rivid.text import time_unit
 from rivid.types import Floats
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
 
 WIDTH, HEIGHT = 720.0, 216.0
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
 """The drawing and its margins, in its own units; text is 11 of them high."""
 
+FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "height": HEIGHT}
+"""Edges of the drawing, for the template."""
+
 LEAST = 4.0
-"""The delays shown span so many samples at least: a calm record has to look calm."""
+"""Smallest span of the delays shown [samples]: a calm record looks calm."""
 
 LOOKS = {
     "data decide": "sure",
@@ -38,12 +34,15 @@ LOOKS = {
 
 @dataclass(frozen=True)
 class Mark:
-    """A day: where it lies, how it looks (sure, prior, doubt, none), what it says, its row in the table."""
+    """A day: position, class (sure, prior, doubt, none), value and delay [samples] or status, row of the table."""
 
     x: float
     y: float
     look: str
-    words: str
+    date: dt.date
+    value: float
+    delay: float
+    status: str
     row: int | None
 
 
@@ -53,43 +52,40 @@ class Strip:
 
     Attributes
     ----------
-    marks : tuple of Mark
-    medians : tuple of (float, float, float)
+    marks : list of Mark
+    medians : list of (float, float, float)
         Of each week: x of its ends, y.
-    lags, times : tuple of (float, str)
+    lags, times : list of (float, str)
         Ticks at y: samples on the left, `unit` on the right.
-    dates : tuple of (float, str)
+    dates : list of (float, str)
         Ticks at x.
     week : float
         x where the last week begins.
     floor : float
         y below which days without an answer are marked.
-    looks : frozenset of str
-        Those of the marks, for the legend.
     unit : str
         minutes or hours.
     """
 
-    marks: tuple[Mark, ...]
-    medians: tuple[tuple[float, float, float], ...]
-    lags: tuple[tuple[float, str], ...]
-    times: tuple[tuple[float, str], ...]
-    dates: tuple[tuple[float, str], ...]
+    marks: list[Mark]
+    medians: list[tuple[float, float, float]]
+    lags: list[tuple[float, str]]
+    times: list[tuple[float, str]]
+    dates: list[tuple[float, str]]
     week: float
     floor: float
-    looks: frozenset[str]
     unit: str
 
 
-def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip | None:
+def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Strip | None:
     """Lay out the last week and the eight before it.
 
     Parameters
     ----------
-    results : Results
-        All of OUT.
-    recent : Lately
-        Of :func:`rivid.report.lately.lately`.
+    recent : LastWeek
+        As of :func:`rivid.report.summary.last_week`.
+    sample_time : float
+        T_s [s].
     rows : dict
         The row of the table of days that a day has, where it has one.
 
@@ -98,10 +94,9 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
     Strip or None
         None where these weeks have fewer than two days with a value.
     """
-    e, T_s = recent.estimator, results.sample_time
+    e = recent.estimator
     ago = weeks_ago(e.dates)
-    shown = ago <= WEEKS
-    given = np.isfinite(recent.values)
+    shown, given = ago <= WEEKS, np.isfinite(recent.values)
     values = recent.values[shown & given]
     if values.size < 2:
         return None
@@ -116,50 +111,33 @@ def strip(results: Results, recent: Lately, rows: dict[dt.date, int]) -> Strip |
     def y(value: float) -> float:
         return round(TOP + (high - value) / (high - low) * (floor - TOP), 1)
 
-    looks = _looks(recent)
-    marks = []
+    looks, marks = _looks(recent), []
     for i in np.flatnonzero(shown):
         date, value = e.dates[i], float(recent.values[i])
-        told, at = e.status[i], floor + 7
-        if np.isfinite(value):
-            told, at = _told(recent, int(i), T_s), y(value)
-        marks.append(Mark(x(date), at, looks[i], f"{date}: {told}", rows.get(date)))
+        at = y(value) if np.isfinite(value) else floor + 7
+        marks.append(
+            Mark(x(date), at, looks[i], date, value, float(e.delay[i]), e.status[i], rows.get(date))
+        )
+    begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
     medians = []
-    for w in range(WEEKS + 1):
+    for w, begin in zip(range(WEEKS, -1, -1), begins, strict=True):
         days = np.flatnonzero((ago == w) & given)
         if days.size >= FEWEST_DAYS:
-            begin = max(first, e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1))
-            end = e.dates[-1] - dt.timedelta(days=WEEK * w)
-            ends = x(begin) - step / 2, x(end) + step / 2
+            ends = x(max(first, begin)) - step / 2, x(begin + dt.timedelta(days=WEEK - 1)) + step / 2
             medians.append((round(ends[0], 1), round(ends[1], 1), y(float(np.median(recent.values[days])))))
-    unit, seconds = time_unit(high * T_s)
-    scale = T_s / seconds
-    late = 0.0 if recent.passage or recent.travel else 0.5  # d is a time from d to d + 1: its middle
-    begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
+    unit, seconds = time_unit(high * sample_time)
+    scale = sample_time / seconds
+    late = 0.5 if recent.quantity == "delay" else 0.0  # d is a time from d to d + 1: its middle
     return Strip(
-        marks=tuple(marks),
-        medians=tuple(medians),
-        lags=tuple((y(lag), text) for lag, text in ticks(low, high)),
-        times=tuple(
-            (y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)
-        ),
-        dates=tuple((x(date), f"{date:%m-%d}") for date in begins if date >= first)
-        or ((x(first), f"{first:%m-%d}"),),
+        marks=marks,
+        medians=medians,
+        lags=[(y(lag), text) for lag, text in ticks(low, high)],
+        times=[(y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)],
+        dates=[(x(date), f"{date:%m-%d}") for date in begins if date >= first] or [(x(first), f"{first:%m-%d}")],
         week=round(x(max(first, recent.first)) - step / 2, 1),
         floor=floor,
-        looks=frozenset(mark.look for mark in marks),
         unit=unit,
     )
-
-
-def _told(recent: Lately, i: int, sample_time: float) -> str:
-    """The value of a day."""
-    value, d = float(recent.values[i]), float(recent.estimator.delay[i])
-    if recent.passage:
-        return minutes_first(value, sample_time)
-    if recent.travel:
-        return f"{duration([value * sample_time])} (delay d = {samples([d])})"
-    return travel_first([d], sample_time)
 
 
 def _limits(values: Floats) -> tuple[float, float]:
@@ -169,17 +147,17 @@ def _limits(values: Floats) -> tuple[float, float]:
     return max(low - 0.5 - short, 0.0), high + 0.5 + short
 
 
-def _looks(recent: Lately) -> list[str]:
+def _looks(recent: LastWeek) -> list[str]:
     """The class of each day's mark."""
     looks = np.where(np.isfinite(recent.values), "sure", "none").astype(object)
-    if not recent.passage:
+    if recent.quantity != "t50":
         for kind, days in kinds(recent.estimator).items():
             looks[days] = LOOKS[kind]
     return [str(look) for look in looks]
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
-    """Round numbers inside a range, at most so many, each as a text.
+    """Return round numbers inside a range, at most so many, each with its text.
 
     Examples
     --------
@@ -195,56 +173,3 @@ def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
     step = size * 10.0**power
     found = (k * step for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1))
     return [(value, f"{value:.{max(-power, 0)}f}") for value in found]
-
-
-def svg(drawn: Strip, words: str, rows: int) -> "Markup":
-    """The drawing as an element of the page.
-
-    Parameters
-    ----------
-    drawn : Strip
-    words : str
-        What it shows.
-    rows : int
-        Rows of the table of days that the page has; a mark leads to its own, where it is among them.
-    """
-    from markupsafe import Markup, escape
-
-    end, floor, week = WIDTH - RIGHT, drawn.floor, drawn.week
-    axis = ['<text class="unit" x="0" y="9">samples</text>']
-    parts = [
-        f'<rect class="week" x="{week}" y="{TOP}" width="{end - week:.1f}" height="{floor - TOP}"/>',
-        f'<path class="floor" d="M{LEFT} {floor}H{end}"/>',
-        f'<text class="unit" x="{WIDTH}" y="9" text-anchor="end">{drawn.unit}</text>',
-    ]
-    for y, text in drawn.lags:
-        parts.append(f'<path class="grid" d="M{LEFT} {y}H{end}"/>')
-        axis.append(f'<text x="{LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{text}</text>')
-    for y, text in drawn.times:
-        parts.append(f'<text class="unit" x="{end + 7}" y="{y + 4:.1f}">{text}</text>')
-    for x, text in drawn.dates:
-        parts.append(f'<text x="{x}" y="{floor + 28}" text-anchor="middle">{text}</text>')
-    for begin, to, y in drawn.medians:
-        parts.append(f'<path class="median" d="M{begin} {y}H{to}"/>')
-    for mark in drawn.marks:
-        shape = f"<g><title>{escape(mark.words)}</title>{shown(mark.x, mark.y, mark.look)}</g>"
-        leads = mark.row is not None and mark.row < rows
-        parts.append(f'<a href="#look-{mark.row}">{shape}</a>' if leads else shape)
-    head = f'<svg class="axis" viewBox="0 0 {LEFT:g} {HEIGHT:g}" aria-hidden="true">'
-    body = f'<svg viewBox="{LEFT:g} 0 {WIDTH - LEFT:g} {HEIGHT:g}" role="img" aria-label="{escape(words)}">'
-    return Markup("\n".join(["<div>", head, *axis, "</svg>", body, *parts, "</svg>", "</div>"]))
-
-
-def sign(look: str) -> "Markup":
-    """A mark, or the line of a median, by itself: for the legend."""
-    from markupsafe import Markup
-
-    shape = '<path class="median" d="M0 5h10"/>' if look == "median" else shown(5, 5, look)
-    return Markup(f'<svg viewBox="0 0 10 10" aria-hidden="true">{shape}</svg>')
-
-
-def shown(x: float, y: float, look: str) -> str:
-    """A mark: a disc, or a cross for a day without an answer."""
-    if look == "none":
-        return f'<path class="none" transform="translate({x} {y})" d="M-3-3l6 6m0-6l-6 6"/>'
-    return f'<circle class="{look}" cx="{x}" cy="{y}" r="3.4"/>'

@@ -27,6 +27,13 @@ def found(estimator: EstimatorResults) -> Bools:
     return ~np.isnan(estimator.delay) & estimator.answered
 
 
+def decided(estimator: EstimatorResults) -> Bools:
+    """Days with a delay that the data decide, shape (n,): not prior_only, not degenerate where that is a fault."""
+    e = estimator
+    degenerate = np.array([s == "degenerate" and not ESTIMATORS[e.estimator].degenerates for s in e.status], bool)
+    return np.asarray(found(e) & ~e.prior_only & ~degenerate)
+
+
 def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
     """How far to trust each day's delay: each day with a delay is in one class, the gravest that holds.
 

@@ -63,7 +63,7 @@ def draw_paper(
     from rivid.plots import style
     from rivid.plots.paper import bars, delays, hydraulics, one_day, theory
     from rivid.plots.paper import cascade as row
-    from rivid.report import gallery
+    from rivid.report.build import write_gallery
 
     i = one_day.choose(estimates, day)
     T = year.sample_time
@@ -87,5 +87,5 @@ def draw_paper(
             figures += made if isinstance(made, list) else [made]
             if progress is not None:
                 progress()
-    gallery.write(year, figures, folder)
+    write_gallery(year, figures, folder)
     return figures

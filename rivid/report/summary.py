@@ -1,0 +1,596 @@
+"""The summary of a run as numbers, dates and codes: pages and the terminal word it.
+
+One week is one observation: its days share weather, flow and programme, so that a test that counts days
+finds moves in records without any (:func:`trend`).
+"""
+
+import datetime as dt
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rivid.estimators import ESTIMATORS
+from rivid.results.passage import has_t50, leading_response, passage
+from rivid.results.read import EstimatorResults, Results
+from rivid.results.selection import candidates, day_numbers, decided, estimates_delay, found, rayleigh
+from rivid.text import NO_ANSWER
+from rivid.types import Bools, Floats, Ints
+
+WEEK = 7
+"""Days of a week; the last week ends with the record."""
+
+WEEKS = 8
+"""Weeks before the last one that it is compared with: about the length of a season of flow and programme."""
+
+FEWEST_DAYS = 3
+"""A week with fewer decided days is left out: a trimmed mean of two is no mean."""
+
+FEWEST_WEEKS = 4
+"""Fewest weeks before the last one for a test: with three, Student's t would need a factor of 9.9."""
+
+LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
+"""Two-sided 1 % limits of Student's t with one degree of freedom less than the number of weeks before. A table,
+since scipy.stats takes longer to load than a page to write."""
+
+SPREAD_OUT = 0.5
+"""With a smaller share of days at the two most frequent delays, a range describes the record better."""
+
+MOST_REASONS = 3
+"""Reasons of unidentifiable days that are listed; the table of days has all."""
+
+LITTLE = 0.25
+"""A river's jump delay is called of little use where the prior decides a larger share of days."""
+
+OFTEN = 1 / 3
+"""The headline mentions the prior where it decides this share of the days or more."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The numbers of one estimator over the record.
+
+    Attributes
+    ----------
+    days, answered, with_delay : int
+        Rows; those with an answer; those with a delay.
+    common : tuple of float
+        The two most frequent delays [samples], in order; one or none where there are no two.
+    common_days : int
+        Days at these delays.
+    median, low, high : float
+        Median delay, and the range of 80 % of the days [samples].
+    at_bound, prior_only, degenerate, too_fast : int
+        Days, among those with a delay; `too_fast` as of :func:`too_fast`.
+    condition, noise_sd, alpha : float
+        Medians; noise_sd in the output's unit, alpha in (m3/s)^2.
+    probability, least : float
+        Median and lowest probability of the delays; NaN where the estimator gives none.
+    """
+
+    days: int
+    answered: int
+    with_delay: int
+    common: tuple[float, ...]
+    common_days: int
+    median: float
+    low: float
+    high: float
+    at_bound: int
+    prior_only: int
+    degenerate: int
+    too_fast: int
+    condition: float
+    noise_sd: float
+    alpha: float
+    probability: float
+    least: float
+
+
+@dataclass(frozen=True)
+class Trend:
+    """The last week against the weeks before, on decided days.
+
+    Attributes
+    ----------
+    now, before : float
+        Median of the last week, and of all days of the weeks before [samples].
+    low, high : float
+        Lowest and highest median of the weeks before [samples].
+    days, weeks : int
+        Days of the last week; weeks before that count.
+    t : float
+        Difference of the last week from the mean of the weeks before, over its standard error.
+    moved : bool
+        The result of the test.
+    """
+
+    now: float
+    before: float
+    low: float
+    high: float
+    days: int
+    weeks: int
+    t: float
+    moved: bool
+
+
+@dataclass(frozen=True)
+class LastWeek:
+    """The last week of the estimator that represents the reach.
+
+    Attributes
+    ----------
+    estimator : EstimatorResults
+    quantity : str
+        "t50", "travel" (travel times with their fraction) or "delay" (d).
+    values : ndarray, shape (n,)
+        Of every day of the record [samples]; NaN where there is none.
+    decided : ndarray of bool, shape (n,)
+        Days with a value that the data decide (not prior_only, not degenerate).
+    week : ndarray of bool, shape (n,)
+        Rows of the last week.
+    first, last : datetime.date
+        Its ends; the record may have begun later than `first`.
+    median : float
+        Of the last week [samples]; NaN where none of its days has a value.
+    trend : Trend or None
+        None where there are too few days or weeks for a test.
+    """
+
+    estimator: EstimatorResults
+    quantity: str
+    values: Floats
+    decided: Bools
+    week: Bools
+    first: dt.date
+    last: dt.date
+    median: float
+    trend: Trend | None
+
+    @property
+    def whole(self) -> bool:
+        """Whether the record is no longer than a week."""
+        return self.estimator.dates[0] >= self.first
+
+    @property
+    def given(self) -> Bools:
+        """Days of the last week with a value, shape (n,)."""
+        given: Bools = self.week & np.isfinite(self.values)
+        return given
+
+    @property
+    def by_prior(self) -> int:
+        """Days of the last week with a value that the data do not decide."""
+        return int((self.given & ~self.decided).sum())
+
+
+def facts(results: Results, estimator: EstimatorResults) -> Facts:
+    """Count and condense the rows of one estimator."""
+    e, days = estimator, found(estimator)
+    values, times = np.unique(e.delay[days], return_counts=True)
+    top = np.argsort(-times, kind="stable")[:2]
+    sure = np.empty(0) if e.probability is None else e.probability[days]
+    tails = np.quantile(e.delay[days], (0.1, 0.9), method="inverted_cdf") if days.any() else (np.nan, np.nan)
+    return Facts(
+        days=len(e.dates),
+        answered=int(e.answered.sum()),
+        with_delay=int(days.sum()),
+        common=tuple(sorted(float(v) for v in values[top])),
+        common_days=int(times[top].sum()),
+        median=_median(e.delay[days]),
+        low=float(tails[0]),
+        high=float(tails[1]),
+        at_bound=int((e.at_bound & days).sum()),
+        prior_only=int((e.prior_only & days).sum()),
+        degenerate=e.status.count("degenerate"),
+        too_fast=int((too_fast(results, e) & days).sum()),
+        condition=_median(e.condition[e.answered]),
+        noise_sd=_median(e.noise_sd[e.answered]),
+        alpha=_median(e.alpha[e.answered]),
+        probability=_median(sure),
+        least=float(sure.min()) if sure.size else float("nan"),
+    )
+
+
+def _median(values: Floats) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
+def leading(results: Results) -> EstimatorResults | None:
+    """Return the estimator that represents the record; None without any row.
+
+    One that gives probabilities, or else jmap, the first that judges its delays, the first with delays, or the
+    first at all.
+    """
+    having = [e for e in results.estimators if e.dates]
+    with_delay = [e for e in having if estimates_delay(e)]
+    named = [e for e in with_delay if ESTIMATORS[e.estimator].has_probability]
+    named += [e for e in with_delay if e.estimator == "jmap"]
+    judging = [e for e in with_delay if not ESTIMATORS[e.estimator].unjudged]
+    return next(iter(named + judging + with_delay + having), None)
+
+
+def last_week(results: Results) -> LastWeek | None:
+    """Return the last week of a river's t50, or of a pool's delay; None where no estimator gives any."""
+    river = leading_response(results)
+    e = river or leading(results)
+    if e is None or (river is None and not estimates_delay(e)):
+        return None
+    if river:
+        quantity, values, days = "t50", e.t50, has_t50(e)
+    elif e.travel_s is not None:
+        quantity, values, days = "travel", e.travel_s / results.sample_time, found(e)
+    else:
+        quantity, values, days = "delay", e.delay, found(e)
+    values = np.where(days, values, np.nan)
+    sound = np.isfinite(values) & (days if river else decided(e))
+    ago = weeks_ago(e.dates)
+    last = e.dates[-1]
+    return LastWeek(
+        estimator=e,
+        quantity=quantity,
+        values=values,
+        decided=sound,
+        week=ago == 0,
+        first=last - dt.timedelta(days=WEEK - 1),
+        last=last,
+        median=_median(values[ago == 0]),
+        trend=trend(values[sound], ago[sound]),
+    )
+
+
+def weeks_ago(dates: Sequence[dt.date]) -> Ints:
+    """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week.
+
+    Examples
+    --------
+    >>> weeks_ago([dt.date(2008, 12, 24), dt.date(2008, 12, 25), dt.date(2008, 12, 31)])
+    array([1, 0, 0])
+    """
+    days = day_numbers(dates).astype(np.int64)
+    return np.asarray((days[-1] - days) // WEEK)
+
+
+def trend(values: Floats, ago: Ints) -> Trend | None:
+    """Test whether the delay has moved: the last week against up to eight weeks before it.
+
+    A week is the mean of its days without the lowest and the highest, so that one day at a bound moves no week.
+    The delay has moved where the median of the last week lies outside those of all weeks before, and Student's t
+    of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken below the one that
+    their days would give if they were independent.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Delay, travel time or t50 of the decided days [samples].
+    ago : ndarray of int, shape (n,)
+        Weeks before the last one, as of :func:`weeks_ago`.
+
+    Returns
+    -------
+    Trend or None
+        None with fewer than three days in the last week, or fewer than four weeks before that have three.
+
+    Notes
+    -----
+    The alternative considered counts the days of the week outside the band that holds 90 % of the 365 days
+    before, against a binomial distribution (level 0.1 %). It takes days for independent, needs 30 days, and a
+    season widens its band. Simulated (4,000 records each; delays rounded to samples, standard deviation 0.6
+    samples, 3 % of days anywhere between 1 and 15; `r` is the correlation from day to day; standard error of a
+    size 0.2 %, of a power 1 %):
+
+    ====  ============  ==================  =====================  =====================
+    r     days missing  size: t, binomial   power, +1 sample       power, +2 samples
+    ====  ============  ==================  =====================  =====================
+    0     none          0.2 %, 0.05 %       45 %, 1 %              98 %, 78 %
+    0     30 %          0.2 %, 0.03 %       23 %, 1 %              79 %, 56 %
+    0.5   none          1.0 %, 0.2 %        24 %, 3 %              85 %, 72 %
+    0.5   30 %          0.7 %, 0.1 %        14 %, 2 %              66 %, 56 %
+    0.8   none          1.6 %, 1.2 %        14 %, 8 %              63 %, 68 %
+    0.8   30 %          1.3 %, 0.8 %        11 %, 7 %              50 %, 60 %
+    ====  ============  ==================  =====================  =====================
+
+    The t test keeps its level to within a factor of 1.6 and finds small moves; the binomial test exceeds its
+    level twelvefold where days are correlated.
+    """
+    count = np.bincount(ago, minlength=WEEKS + 1)[: WEEKS + 1]
+    weeks = np.flatnonzero(count >= FEWEST_DAYS)
+    if not len(weeks) or weeks[0] != 0 or len(weeks) <= FEWEST_WEEKS:
+        return None
+    whole = [values[ago == w] for w in weeks]
+    middles = [_middle(days) for days in whole]
+    means = np.array([days.mean() for days in middles])
+    medians = np.array([np.median(days) for days in whole])
+    K = len(weeks) - 1
+    among = float(means[1:].var(ddof=1))
+    spread = sum(float(days.size * days.var()) for days in middles) / sum(days.size - 1 for days in middles)
+    alone = spread / count[weeks]  # the variance of a week's mean, were its days independent
+    error = float(np.sqrt(max(among, alone[1:].mean()) / K + max(among, alone[0])))
+    change = float(means[0] - means[1:].mean())
+    low, high = float(medians[1:].min()), float(medians[1:].max())
+    return Trend(
+        now=float(medians[0]),
+        before=float(np.median(np.concatenate(whole[1:]))),
+        low=low,
+        high=high,
+        days=int(count[0]),
+        weeks=K,
+        t=change / error if error > 0 else float(np.copysign(np.inf, change)) if change else 0.0,
+        moved=not low <= medians[0] <= high and abs(change) > LIMITS[K] * error,
+    )
+
+
+def _middle(days: Floats) -> Floats:
+    """A week's values without the lowest and the highest, where that leaves three."""
+    return np.sort(days)[1:-1] if days.size >= FEWEST_DAYS + 2 else days
+
+
+def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:
+    """Return the days on which the inflow would arrive more than a sample before the gravity wave, shape (n,).
+
+    Compared is t50 where that is the `quantity`, or else the travel time, or the latest one that d allows.
+    """
+    e, T_s = estimator, results.sample_time
+    if quantity == "t50":
+        latest, days = e.t50 * T_s, has_t50(e)
+    else:
+        latest, days = (e.delay + 1) * T_s if e.travel_s is None else e.travel_s, found(e)
+    fast: Bools = days & (latest + T_s < e.bound_gravity_s)
+    return fast
+
+
+def _ends(values: Floats) -> tuple[float, float] | None:
+    """Lowest and highest finite value."""
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else None
+
+
+def missing(dates: Sequence[dt.date]) -> list[dt.date]:
+    """Return the days between the first and the last that have no row: no log of them exists.
+
+    Examples
+    --------
+    >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
+    [datetime.date(2024, 6, 12)]
+    """
+    if not dates or (dates[-1] - dates[0]).days + 1 == len(dates):
+        return []
+    there = set(dates)
+    every = (dates[0] + dt.timedelta(days=k) for k in range((dates[-1] - dates[0]).days))
+    return [day for day in every if day not in there]
+
+
+def joined(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
+    """Return days in order as first and last days of unbroken sequences."""
+    runs: list[tuple[dt.date, dt.date]] = []
+    for day in days:
+        if runs and (day - runs[-1][1]).days == 1:
+            runs[-1] = runs[-1][0], day
+        else:
+            runs.append((day, day))
+    return runs
+
+
+def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
+    """Condense a run into one record of numbers, dates and codes.
+
+    Parameters
+    ----------
+    results : Results
+        All of OUT.
+    recent : LastWeek or None
+        As of :func:`last_week`.
+
+    Returns
+    -------
+    dict
+        `reach`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`, `days`,
+        `no_log` (first and last days of gaps), `missing` (days), `facts` and `lead` (estimators that represent
+        the record), and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where
+        there is nothing to report. Lags are in samples, bounds in seconds.
+    """
+    lead, river = leading(results), leading_response(results)
+    dates = sorted({date for e in results.estimators for date in e.dates})
+    gone = missing(dates)
+    return {
+        "reach": results.reach,
+        "sample_time": results.sample_time,
+        "unit": results.output_unit,
+        "river": river is not None,
+        "sigma_d": results.delay_scale,
+        "assumed": results.assumed,
+        "first": dates[0] if dates else None,
+        "last": dates[-1] if dates else None,
+        "days": len(dates),
+        "missing": len(gone),
+        "no_log": joined(gone),
+        "names": [e.estimator for e in results.estimators],
+        "now": _now(results, recent) if recent else None,
+        "moved": _moved(recent) if recent and np.isfinite(recent.values).any() else None,
+        "prior": _prior(results, recent, lead) if recent else None,
+        "waves": _waves(results, recent) if recent else None,
+        "record": _record(results, lead) if lead else None,
+        "passage": _passage(results, river) if river else None,
+    }
+
+
+def _statuses(status: Sequence[str]) -> dict[str, int]:
+    """Days without an answer by status, the gravest first."""
+    return {name: n for name in NO_ANSWER if (n := list(status).count(name))}
+
+
+def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
+    """The value of the last week."""
+    e, given, asked = recent.estimator, recent.given, int(recent.week.sum())
+    finite = np.flatnonzero(np.isfinite(recent.values))
+    tried = candidates(e)
+    d = _median(e.delay[given])
+    code, statuses = "given", {}
+    if set(e.status) == {"pending"}:
+        code = "pending"
+    elif not finite.size:
+        code, statuses = "none", _statuses(e.status)
+    elif not given.any():
+        code = "none_in_week"
+        statuses = _statuses([s for s, inside in zip(e.status, recent.week, strict=True) if inside])
+    fast = int((too_fast(results, e, recent.quantity) & given).sum())
+    return {
+        "code": code,
+        "quantity": recent.quantity,
+        "estimator": e.estimator,
+        "first": max(recent.first, e.dates[0]),
+        "last": recent.last,
+        "rows": len(e.dates),
+        "days": asked,
+        "given": int(given.sum()),
+        "by_prior": recent.by_prior,
+        "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,
+        "whole": recent.whole,
+        "median": recent.median,
+        "delay": d,
+        "range": _ends(recent.values[given]),
+        "statuses": statuses,
+        "latest": (e.dates[finite[-1]], float(recent.values[finite[-1]])) if finite.size else None,
+        "at_end": recent.quantity != "t50" and tried.size > 2 and d in (tried[0], tried[-1]),
+        "fast": bool(given.any() and 2 * fast >= given.sum()),
+    }
+
+
+def _moved(recent: LastWeek) -> dict[str, Any]:
+    """The test, or why there is none."""
+    t, e = recent.trend, recent.estimator
+    ago = weeks_ago(e.dates)
+    there = min(int(ago.max()), WEEKS)
+    days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
+    undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
+    inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & part] for part in (ago == 0, (ago > 0) & (ago <= WEEKS))]
+    if t is not None:
+        code = "moved" if t.moved else "same" if t.now == t.before else "scatter"
+    elif recent.whole:
+        code = "one_week"
+    else:
+        code = "few_days" if days[0] < FEWEST_DAYS else "few_weeks"
+    return {
+        "code": code,
+        "trend": t,
+        "days": int(days[0]),
+        "weeks": there,
+        "weeks_used": int((days[1:] >= FEWEST_DAYS).sum()),
+        "fewest_days": FEWEST_DAYS,
+        "fewest_weeks": FEWEST_WEEKS,
+        "decided_only": bool(undecided.any()),
+        "not_judged": recent.quantity != "t50" and ESTIMATORS[e.estimator].unjudged,
+        "inflow": [float(part.mean()) for part in inflow] if all(part.size for part in inflow) else None,
+    }
+
+
+def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) -> dict[str, Any] | None:
+    """How many days the prior, or chance, decides; or how probable the delays are."""
+    e, given = recent.estimator, recent.given
+    n = int(given.sum())
+    if recent.quantity == "t50":
+        part: dict[str, Any] = {"code": "response", "estimator": e.estimator, "jump": estimates_delay(e), "lead": None}
+        if lead is not None and estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
+            f = facts(results, lead)
+            if f.with_delay:
+                part |= {"lead": lead.estimator, "record": (f.prior_only, f.with_delay)}
+        return part | {"rayleigh": lead is not None and ESTIMATORS[lead.estimator].rayleigh, "decides": None}
+    f = facts(results, e)
+    if not f.with_delay:
+        return None
+    decides = None
+    if recent.by_prior and recent.by_prior >= OFTEN * n:
+        decides = ("week", recent.by_prior, n)
+    elif f.prior_only and f.prior_only >= OFTEN * f.with_delay:
+        decides = ("record", f.prior_only, f.with_delay)
+    part = {
+        "code": "prior",
+        "estimator": e.estimator,
+        "rayleigh": ESTIMATORS[e.estimator].rayleigh,
+        "week": None if recent.whole or not n else (recent.by_prior, n),
+        "record": (f.prior_only, f.with_delay),
+        "decides": decides,
+        "days": f.prior_only,
+    }
+    if ESTIMATORS[e.estimator].unjudged:
+        part["code"] = "not_judged"
+    elif e.probability is not None:
+        sure = e.probability[given if n else np.isfinite(recent.values)]
+        of = "record" if recent.whole or not n else "week"
+        part |= {"code": "probability", "median": float(np.median(sure)), "least": float(sure.min()), "of": of}
+    return part
+
+
+def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
+    """The gravity wave on the days of the last value, and the days that are faster."""
+    if results.assumed:
+        return {"code": "assumed"}
+    given = recent.given if recent.given.any() else np.isfinite(recent.values)
+    gravity = _ends(recent.estimator.bound_gravity_s[given])
+    fast = int((too_fast(results, recent.estimator, recent.quantity) & given).sum())
+    if gravity is None or (recent.quantity == "t50" and not fast):
+        return None
+    return {"code": "given", "gravity": gravity, "fast": fast, "days": int(given.sum())}
+
+
+def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
+    """The whole record of the leading estimator."""
+    f, tried = facts(results, e), candidates(e)
+    ends = (float(tried[0]), float(tried[-1])) if tried.size else None
+    reasons = Counter(
+        text.split("; ")[0]
+        for text, status in zip(e.messages, e.status, strict=True)
+        if status == "unidentifiable" and ESTIMATORS[e.estimator].has_probability
+    )
+    days = found(e)
+    record: dict[str, Any] = {
+        "estimator": e.estimator,
+        "facts": f,
+        "first": e.dates[0],
+        "fir_only": not estimates_delay(e),
+        "ends": ends,
+        "piled": f.common == ends and tried.size > 2 and f.common_days >= SPREAD_OUT * f.with_delay,
+        "spread": f.common_days < SPREAD_OUT * f.with_delay,
+        "travel_s": _median(e.travel_s[days]) if e.travel_s is not None else None,
+        "statuses": _statuses(e.status),
+        "reasons": reasons.most_common(MOST_REASONS),
+        "gravity": _ends(e.bound_gravity_s[days]),
+        "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
+        "judged": not ESTIMATORS[e.estimator].unjudged,
+        "probable": ESTIMATORS[e.estimator].has_probability,
+        "rayleigh": ESTIMATORS[e.estimator].rayleigh,
+        "method": ESTIMATORS[e.estimator].method,
+        "by_making": ESTIMATORS[e.estimator].degenerates,
+        "uniform": None,
+    }
+    if ESTIMATORS[e.estimator].rayleigh and f.with_delay:
+        p = rayleigh(tried, results.delay_scale)
+        modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
+        record["modes"] = [float(d) for d in modes]
+        record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f.common) <= 1
+        for other in results.estimators:
+            if other.estimator.startswith("jmap-uniform") and (g := facts(results, other)).with_delay:
+                record["uniform"] = (other.estimator, g)
+                break
+    return record
+
+
+def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
+    """The record of a river's t50."""
+    p, lead = passage(results, e), leading(results)
+    f = facts(results, lead) if lead is not None else None
+    return {
+        "estimator": e.estimator,
+        "numbers": p,
+        "first": e.dates[0],
+        "statuses": _statuses(e.status),
+        "no_sum": int((e.answered & ~np.isfinite(e.t50)).sum()),
+        "gravity": _ends(e.bound_gravity_s[has_t50(e)]),
+        "kinematic": _ends(e.bound_kinematic_s[has_t50(e)]),
+        "jump_of_little_use": f is not None
+        and (f.prior_only >= LITTLE * f.with_delay or f.high - f.low > 2 * (p.high - p.low)),
+    }
