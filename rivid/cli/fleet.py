@@ -28,7 +28,7 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 
     OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
-    reaches fail, whose delay left its band in the last week, which are silent, which changed since the report
+    reaches fail, whose delay has moved in the last week, which are silent, which changed since the report
     before; fleet.csv and fleet.parquet, a row per reach; and fleet.json. Nothing is estimated. The exit code
     is the worst of the reaches' last runs: 1, then 2, 11, 10, 3, 0.
 
@@ -126,7 +126,7 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
     click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
     for kind, words in (
         ("failing", "fail"),
-        ("left_band", "have left the band of their delay"),
+        ("left_band", "have a delay that has moved in the last week"),
         ("silent", "are silent"),
         ("changed", "changed since the report before"),
     ):

@@ -1,23 +1,24 @@
 """Results of `rivid run` on stdout: a few lines of at most 80 columns, or JSON."""
 
 import json
+import math
 import re
 from itertools import groupby
 from typing import Any
 
 import click
-import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.estimators import ESTIMATORS
+from rivid.report.summary import SPREAD_OUT, facts
+from rivid.results.passage import FEW, has_t50, passage
+from rivid.results.read import EstimatorResults, Results, brief_results
 from rivid.results.tables import finite
 from rivid.run.plan import Options
 from rivid.run.run import Summary
-from rivid.text import count, duration, number, probability, samples_first, share
-from rivid.types import Floats
+from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 
 NAME_WIDTH = 14
 """Most columns of an estimator's name; a longer name indents its own line only."""
@@ -42,13 +43,12 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
             f"{summary.reused:,} done before ({summary.seconds:.1f} s)"
         )
         click.echo(click.style(wrap(f"{abbreviate(config.reach.name)}: {text}"), bold=True))
-        names = summary.rows["estimator"].to_numpy(zero_copy_only=False)
+        results = brief_results(summary.rows, config)
         width = min(max((len(name) for name in summary.counts), default=0), NAME_WIDTH)
-        for name, counts in summary.counts.items():
-            numbers = _numbers(name, summary.rows.filter(names == name), config)
-            first, *rest = [", ".join(f"{n:,} {status}" for status, n in counts.items()), *numbers]
-            click.echo(wrap(f"{name:<{width}}  {first}", 2, width + 4))
-            for line in rest:
+        for e in results.estimators:
+            counts = ", ".join(f"{n:,} {status}" for status, n in summary.counts.get(e.estimator, {}).items())
+            click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
+            for line in _numbers(results, e):
                 click.echo(wrap(line, width + 4))
     _print_failures(summary)
     if not quiet:
@@ -67,46 +67,36 @@ def _print_failures(summary: Summary) -> None:
     for _, alike in groupby(failed.values(), lambda day: re.sub(r"[\d.,:-]+", "", day[1])):
         days = list(alike)
         first, message = days[0]
-        more = f" to {days[-1][0]} ({len(days)} days)" if len(days) > 1 else ""
-        line = wrap(f"{first}{more} failed: {message}{', for one' if more else ''}", 2)
+        more = f" to {days[-1][0]} ({len(days)} days), the first" if len(days) > 1 else ""
+        line = wrap(f"{first}{more} failed: {message}", 2)
         click.echo(click.style(line, fg="red"), err=True)
 
 
-def _numbers(name: str, rows: pa.Table, config: Config) -> list[str]:
-    """The delay, its doubt, and a river's t50, in words."""
-    T_s, lines, edge = config.reach.sample_time, [], 0
-    t50, d = (_finite(rows[column]) for column in ("t50_samples", "delay_samples"))
-    if len(t50):
-        low, mid, high = np.quantile(t50, [0.1, 0.5, 0.9])
-        lines.append(
-            f"t50 {number(mid)} samples ({duration([mid * T_s])}), four days in five "
-            f"{duration([low * T_s, high * T_s])}"
-        )
-    if len(d):
-        values, n = np.unique(d, return_counts=True)
-        most = np.sort(values[np.argsort(-n, kind="stable")][:2])
-        often = int(np.isin(d, most).sum())
-        lines.append(f"delay {samples_first([float(v) for v in most], T_s)} on {often} of {len(d)} days")
-        prior = sum(bool(p) for p in rows["prior_only"].to_pylist())
-        if prior:
-            whose = "the prior's answer" if ESTIMATORS[name].rayleigh else "perhaps chance"
-            lines.append(f"{whose}, not the data's, on {share(prior, len(d))}")
-        sure = _finite(rows.filter(rows["delay_samples"].is_valid())["probability"])
-        if len(sure):
-            median, least = (probability(float(p)) for p in (np.median(sure), sure.min()))
-            lines.append(f"probability {median} on the median day, {least} on the least sure")
-        edges = zip(rows["at_bound"].to_pylist(), rows["delay_samples"].to_pylist(), strict=True)
-        edge = sum(bool(b) and delay is not None for b, delay in edges)
-        if edge:
-            lines.append(f"the shortest or longest delay tried on {share(edge, len(d))}")
-    if beyond := sum(bool(b) for b in rows["at_bound"].to_pylist()) - edge:
-        lines.append(f"outside the delays tried on {count(beyond, 'day')}")
+def _numbers(results: Results, e: EstimatorResults) -> list[str]:
+    """The delay, its doubts, and a river's t50."""
+    f, T_s, lines = facts(results, e), results.sample_time, []
+    if has_t50(e).any():
+        p = passage(results, e)
+        of = "80 % of the days" if p.with_t50 > FEW else "all days"
+        lines.append(f"t50 {delays([p.median], T_s)}, {of} {duration([p.low * T_s, p.high * T_s])}")
+    if f.with_delay:
+        if f.common_days < SPREAD_OUT * f.with_delay:
+            span = travel_within(f.low, f.high, T_s)
+            lines.append(f"delay {samples_first([f.median], T_s)}, 80 % of the days {span}")
+        else:
+            of = f"{f.common_days:,} of {count(f.with_delay, 'day')}"
+            lines.append(f"delay {samples_first(f.common, T_s)} on {of}")
+        if f.prior_only:
+            what = "decided by the prior" if ESTIMATORS[e.estimator].rayleigh else "not decided by the data"
+            lines.append(f"{what} on {share(f.prior_only, f.with_delay)} of the days")
+        if math.isfinite(f.least):
+            low, median = probability(f.least), probability(f.probability)
+            lines.append(f"probability {median} on the median day, {low} on the least certain")
+        if f.at_bound:
+            lines.append(f"at an end of the searched delays on {share(f.at_bound, f.with_delay)} of the days")
+    if beyond := int(e.at_bound.sum()) - f.at_bound:
+        lines.append(f"outside the searched delays on {count(beyond, 'day')}")
     return lines
-
-
-def _finite(column: pa.ChunkedArray) -> Floats:
-    values = column.to_numpy(zero_copy_only=False).astype(float)
-    return np.asarray(values[np.isfinite(values)], float)
 
 
 def print_json(summary: Summary, with_days: bool) -> None:

@@ -11,11 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rivid.atomic import write_text
-from rivid.fleet.band import WEEK, Band, band
+from rivid.types import Floats, Ints
 
 if TYPE_CHECKING:
     from rivid.config import Config
     from rivid.run.run import Summary
+
+WEEK = 7
+"""Days of the last week of a record."""
+
+YEAR = 365
+"""Days before the last week that make the band: all seasons."""
+
+FEWEST = 30
+"""Fewest days of a band: with fewer, its ends are the two most extreme days."""
+
+TAIL = 0.05
+"""Share of the year's days beyond each end of the band."""
 
 FOLDER = Path(".rivid", "outcomes")
 WORST_FIRST = (1, 2, 11, 10, 3, 0)
@@ -24,6 +36,69 @@ failed in this run, all well."""
 
 MOST_FAILURES = 5
 """Most failed days of the last week that are listed for a reach."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """The band of a reach over a year, and the last week; of the days that the data decide.
+
+    Attributes
+    ----------
+    low, high : float
+        Ends of the band, which holds 90 % of the days [samples].
+    median : float
+        Of the year before the last week [samples].
+    week_median : float
+        Of the last week [samples]; NaN without an answered day.
+    days : int
+        Answered days of the last week.
+    above, below : int
+        Those of them above and below the band.
+    """
+
+    low: float
+    high: float
+    median: float
+    week_median: float
+    days: int
+    above: int
+    below: int
+
+
+def band(days: Ints, values: Floats) -> Band | None:
+    """Return the band of the year before the last week, and where the week lies.
+
+    Parameters
+    ----------
+    days : ndarray of int, shape (n,)
+        Day numbers, ascending, of all days with a row.
+    values : ndarray, shape (n,)
+        Delay or t50 [samples]; NaN where the data give none.
+
+    Returns
+    -------
+    Band or None
+        None where the year before has fewer than :data:`FEWEST` answered days.
+    """
+    if not len(days):
+        return None
+    ago = days[-1] - days
+    given = np.isfinite(values)
+    year = values[given & (ago >= WEEK) & (ago < WEEK + YEAR)]
+    week = values[given & (ago < WEEK)]
+    if len(year) < FEWEST:
+        return None
+    low = float(np.quantile(year, TAIL, method="lower"))
+    high = float(np.quantile(year, 1 - TAIL, method="higher"))
+    return Band(
+        low=low,
+        high=high,
+        median=float(np.median(year)),
+        week_median=float(np.median(week)) if len(week) else math.nan,
+        days=len(week),
+        above=int(np.count_nonzero(week > high)),
+        below=int(np.count_nonzero(week < low)),
+    )
 
 
 @dataclass(frozen=True)
@@ -46,12 +121,16 @@ class Outcome:
     first, last : str
         ISO dates of the record.
     estimator, quantity : str
-        Estimator and quantity (delay or t50) of the band.
+        Estimator and quantity of the band: delay or t50.
     sample_time : float
         T_s [s].
     answered_week, days_week : int
         Days of its last week with an answer, and with a row at all.
     band : Band, or None
+    moved : bool, or None
+        Whether the delay has moved in the last week: :func:`rivid.report.summary.trend`; None without a test.
+    change : float
+        Median of the last week less that of the weeks before [samples]; 0 without a test.
     recent : list of (date, message)
         Failed days of its last week.
     """
@@ -74,6 +153,8 @@ class Outcome:
     answered_week: int = 0
     days_week: int = 0
     band: Band | None = None
+    moved: bool | None = None
+    change: float = 0.0
     recent: list[tuple[str, str]] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
@@ -89,6 +170,7 @@ class Outcome:
         given = dict(value)
         if given.get("band") is not None:
             raw = dict(given["band"])
+            raw.pop("left", None)  # of an earlier version
             raw["week_median"] = math.nan if raw["week_median"] is None else raw["week_median"]
             given["band"] = Band(**raw)
         given["recent"] = [(str(day), str(message)) for day, message in given.get("recent", [])]
@@ -108,18 +190,27 @@ def worst(codes: Iterable[int]) -> int:
 
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
-    dates = summary.rows["date"]
-    estimator, quantity, days, values = _leading(config, summary)
-    last = int(days[-1]) if len(days) else 0
-    week = days > last - WEEK
-    start = dt.date.fromordinal(max(last - WEEK + 1, 1))
-    recent: dict[str, str] = {}
-    if summary.failures:
-        columns = (summary.rows[name].to_pylist() for name in ("date", "status", "message"))
-        for date, status, message in zip(*columns, strict=True):
-            if status == "failed" and date >= start:
-                recent.setdefault(str(date), message or "")
-    ends = (dates[0].as_py(), dates[-1].as_py()) if len(dates) else ("", "")
+    from rivid.report.summary import last_week, leading
+    from rivid.results.read import brief_results
+    from rivid.results.selection import day_numbers
+
+    results = brief_results(summary.rows, config)
+    recent, lead = last_week(results), leading(results)
+    e = recent.estimator if recent else lead
+    dates = e.dates if e else []
+    days = day_numbers(dates).astype(np.int64)
+    values = np.full(len(dates), np.nan)
+    if recent:
+        values = np.where(recent.decided, recent.estimator.delay, np.nan)
+        if recent.quantity == "t50":
+            values = np.where(recent.decided, recent.values, np.nan)
+    week = days > (days[-1] if len(days) else 0) - WEEK
+    failed: dict[str, str] = {}
+    for one in results.estimators:
+        for date, status, message in zip(one.dates, one.status, one.messages, strict=True):
+            if status == "failed" and date > dates[-1] - dt.timedelta(days=WEEK):
+                failed.setdefault(str(date), message)
+    trend = recent.trend if recent else None
     return Outcome(
         reach=reach,
         code=summary.exit_code,
@@ -130,42 +221,18 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         new_failures=summary.new_failures,
         bad_files=len(summary.bad_files),
         content=content,
-        first=str(ends[0]),
-        last=str(ends[1]),
-        estimator=estimator,
-        quantity=quantity,
+        first=str(dates[0]) if dates else "",
+        last=str(dates[-1]) if dates else "",
+        estimator=e.estimator if e else "",
+        quantity="t50" if recent and recent.quantity == "t50" else "delay" if e else "",
         sample_time=config.reach.sample_time,
         answered_week=int(np.isfinite(values[week]).sum()),
         days_week=int(week.sum()),
         band=band(days, values),
-        recent=list(recent.items())[-MOST_FAILURES:],
+        moved=trend.moved if trend else None,
+        change=trend.now - trend.before if trend else 0.0,
+        recent=sorted(failed.items())[-MOST_FAILURES:],
     )
-
-
-def _leading(
-    config: "Config", summary: "Summary"
-) -> tuple[str, str, np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Main estimator of a reach, quantity, day numbers, and values [samples]; NaN where the prior decides."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    rows = summary.rows
-    names = [str(name) for name in config.run.estimators]
-    river = config.reach.kind == "river"
-    order = ("map", "jmap", "ml") if river else ("posterior", "jmap")
-    column = "t50_samples" if river else "delay_samples"
-    for name in sorted(names, key=lambda name: order.index(name) if name in order else len(order)):
-        of = rows.filter(pc.equal(rows["estimator"], name))
-        values = np.array(pc.fill_null(of[column], np.nan).to_numpy(), float)
-        good = pc.is_in(of["status"], value_set=pa.array(["ok"])).to_numpy(zero_copy_only=False)
-        if not river:
-            good = good & ~pc.fill_null(of["prior_only"], False).to_numpy(zero_copy_only=False)
-        values[~np.asarray(good, bool)] = np.nan
-        if np.isfinite(values).any() or name == names[-1]:
-            epoch = dt.date(1970, 1, 1).toordinal()
-            days = np.asarray(of["date"].cast(pa.int32()).to_numpy(), np.int64) + epoch
-            return name, "t50" if river else "delay", days, values
-    return "", "", np.zeros(0, np.int64), np.zeros(0)
 
 
 def keep(out: Path, outcome: Outcome) -> None:

@@ -1,4 +1,4 @@
-"""What is said of all reaches together: fleet.html, fleet.csv, fleet.parquet, fleet.json in OUT."""
+"""The report of a fleet: fleet.html, fleet.csv, fleet.parquet and fleet.json in OUT."""
 
 import datetime as dt
 import json
@@ -10,10 +10,10 @@ from typing import Any
 import pyarrow as pa
 
 from rivid.atomic import write_text
-from rivid.fleet.outcome import Outcome, worst
+from rivid.fleet.outcome import FEWEST, Outcome, worst
 from rivid.report.page import write_page
+from rivid.report.summary import LEVEL
 from rivid.results.tables import safe_for_spreadsheets, write_csv, write_parquet
-from rivid.text import count, duration, number
 
 SCHEMA_VERSION = 1
 
@@ -66,7 +66,10 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "median_last_week": ("samples", "of the last seven days"),
     "above_last_week": ("days", "of the last seven above the band"),
     "below_last_week": ("days", "of the last seven below the band"),
-    "left_band": ("", "so many lie outside that chance does not explain it"),
+    "left_band": (
+        "",
+        "the delay has moved in the last week, by the test of the report; empty without a test",
+    ),
 }
 """Unit and meaning of each column of :data:`FLEET`."""
 
@@ -119,7 +122,7 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "data_sets": sum(o.data_sets for o in outcomes),
         "latest": latest,
         "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
-        "left_band": [o.reach for o in outcomes if o.band is not None and o.band.left],
+        "left_band": [o.reach for o in outcomes if o.moved],
         "silent": [o.reach for o in outcomes if o.last and is_silent(o, latest)],
         "changed": [
             o.reach for o in outcomes if contents and o.content and contents.get(o.reach) != o.content
@@ -154,7 +157,7 @@ def _row(o: Outcome) -> dict[str, Any]:
         "answered_last_week": o.answered_week, "days_last_week": o.days_week,
         "median": b and b.median, "band_low": b and b.low, "band_high": b and b.high,
         "median_last_week": week, "above_last_week": b and b.above, "below_last_week": b and b.below,
-        "left_band": b and b.left,
+        "left_band": o.moved,
     }  # fmt: skip
 
 
@@ -162,72 +165,32 @@ def _context(
     outcomes: Sequence[Outcome], told: dict[str, Any], before: dict[str, Any], name: str
 ) -> dict[str, Any]:
     had = before.get("data_sets_of") or {}
-    chosen = {kind: set(told[kind]) for kind in ("failing", "left_band", "silent", "changed")}
-    failing = [o for o in outcomes if o.reach in chosen["failing"]]
-    left = [o for o in outcomes if o.reach in chosen["left_band"]]
-    left.sort(key=_distance, reverse=True)
+    chosen = {
+        kind: [o for o in outcomes if o.reach in names]
+        for kind in ("failing", "left_band", "silent", "changed")
+        for names in [set(told[kind])]
+    }
     return {
         "name": name,
-        "made": told["made"],
-        "since": before.get("made", ""),
-        "facts": [count(len(outcomes), "reach", "reaches"), count(told["data_sets"], "data set")],
-        "latest": told["latest"],
-        "sentences": _sentences(told),
-        "failing": [(o, _why(o)) for o in sorted(failing, key=lambda o: (not o.error, o.reach))],
-        "left": [(o, _band(o), _week(o)) for o in left],
-        "silent": [o for o in outcomes if o.reach in chosen["silent"]],
-        "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in outcomes if o.reach in chosen["changed"]],
-        "all": [(o, _band(o), _week(o)) for o in outcomes],
+        "told": told,
+        "made": _minute(told["made"]),
+        "since": _minute(before.get("made", "")),
+        "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
+        "moved": sorted(chosen["left_band"], key=_distance, reverse=True),
+        "tested": sum(o.moved is not None for o in outcomes),
+        "level": LEVEL,
+        "silent": chosen["silent"],
+        "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in chosen["changed"]],
+        "all": outcomes,
+        "fewest": FEWEST,
     }
 
 
-def _sentences(told: dict[str, Any]) -> list[str]:
-    n = told["reaches"]
-    said = []
-    for kind, one, more in (
-        ("failing", "reach fails or has failed days in its last week", "reaches fail or have such days"),
-        ("left_band", "reach has left the band of its delay", "reaches have left the band of their delay"),
-        ("silent", "reach is without new logs", "reaches are without new logs"),
-    ):
-        many = len(told[kind])
-        said.append(f"{many or 'No'} {one if many in (0, 1) else more}.")
-    changed = len(told["changed"])
-    said.append(f"{changed or 'None'} of {n:,} changed since the report before.")
-    return said
-
-
-def _why(o: Outcome) -> list[tuple[str, str]]:
-    """What is wrong with a reach, by day where it is a day's fault."""
-    said = [("", o.error)] if o.error else []
-    if o.bad_files and o.code:
-        said.append(("", f"{count(o.bad_files, 'file')} that cannot be used: see its report"))
-    said += o.recent
-    if not said:
-        said.append(("", f"{count(o.failures, 'day')} failed: see its report"))
-    return said
+def _minute(made: str) -> str:
+    """A time of fleet.json, to the minute; empty where there is none."""
+    return f"{dt.datetime.fromisoformat(made):%Y-%m-%d %H:%M} UTC" if made else ""
 
 
 def _distance(o: Outcome) -> float:
-    """How far the week's median lies from the year's, in widths of the band."""
-    b = o.band
-    if b is None or math.isnan(b.week_median):
-        return 0.0
-    return abs(b.week_median - b.median) / max(b.high - b.low, 1.0)
-
-
-def _band(o: Outcome) -> str:
-    return "–" if o.band is None else f"{number(o.band.low)} to {number(o.band.high)}"
-
-
-def _week(o: Outcome) -> dict[str, str]:
-    """The last week in words."""
-    b = o.band
-    if b is None or math.isnan(b.week_median):
-        return {"median": "–", "time": "", "beyond": ""}
-    sides = [(b.above, "above"), (b.below, "below")]
-    beyond = " and ".join(f"{n} {side}" for n, side in sides if n)
-    return {
-        "median": number(b.week_median),
-        "time": duration([b.week_median * o.sample_time]),
-        "beyond": f"{beyond or 'none'} of {b.days}",
-    }
+    """The change of the last week, in widths of the band."""
+    return abs(o.change) / (1.0 if o.band is None else max(o.band.high - o.band.low, 1.0))

@@ -18,7 +18,7 @@ SHOWN = 25
 """Rows that are open on the page; the others unfold. More fill more than one screen."""
 
 CROWD = 0.25
-"""Days at a bound share one row where they are more than this share of the days, and more than :data:`SHOWN`."""
+"""Days at a bound have one row where they are more than this share of the days and more than SHOWN."""
 
 BAND_DAYS = 30
 """Fewest days of a band: with fewer, its ends are the two most extreme days."""
@@ -66,8 +66,8 @@ class Attention:
 def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
     """Return the days to look at, the latest first.
 
-    jmap-degenerate is degenerate on purpose and not listed where it has an answer. An estimator with many days
-    at its bounds has one row for all of them.
+    Estimators that degenerate by construction are not listed where they have an answer. An estimator with
+    many days at its bounds has one row for all of them.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def band(values: Floats) -> tuple[float, float] | None:
 
 
 def outside(values: Floats, limits: tuple[float, float]) -> Bools:
-    """Return the values further from a band than its width and than one sample; False where there is none.
+    """Return the values further from a band than its width and one sample; False for NaN.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def outside(values: Floats, limits: tuple[float, float]) -> Bools:
 
 
 def far(recent: LastWeek) -> list[Attention]:
-    """Return the days far outside the band of the record, a row each; not those with a row for other reasons."""
+    """Return the days far outside the band of the record, a row each, except days that are listed anyway."""
     limits, e = band(recent.values), recent.estimator
     if limits is None:
         return []
@@ -178,8 +178,8 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> di
     -------
     dict
         `links` (first and last day inside the last week, kind, index of the row), `days` of the last week,
-        `earlier` days and the `latest` of them, `others`: days that only other estimators report, and `no_log`:
-        whether a day of the last week has no log.
+        `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
+        `no_log`: whether a day of the last week has no log.
     """
     lead = leading(results)
     speaking = {recent.estimator.estimator} | ({lead.estimator} if lead and estimates_delay(lead) else set())

@@ -54,8 +54,8 @@ def write_report(
     out : Path
         OUT.
     summary : mapping
-        run.json; the page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file and
-        reason) and, where given, d_min, d_max, order and delay_scale in use.
+        run.json; the page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file
+        and reason) and, where given, d_min, d_max, order and delay_scale in use.
 
     Returns
     -------

@@ -34,7 +34,7 @@ LOOKS = {
 
 @dataclass(frozen=True)
 class Mark:
-    """A day: position, class (sure, prior, doubt, none), value and delay [samples] or status, row of the table."""
+    """A day: position, class (sure, prior, doubt, none), value and delay [samples], status, table row."""
 
     x: float
     y: float
@@ -115,9 +115,7 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Str
     for i in np.flatnonzero(shown):
         date, value = e.dates[i], float(recent.values[i])
         at = y(value) if np.isfinite(value) else floor + 7
-        marks.append(
-            Mark(x(date), at, looks[i], date, value, float(e.delay[i]), e.status[i], rows.get(date))
-        )
+        marks.append(Mark(x(date), at, looks[i], date, value, float(e.delay[i]), e.status[i], rows.get(date)))
     begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
     medians = []
     for w, begin in zip(range(WEEKS, -1, -1), begins, strict=True):
@@ -133,7 +131,8 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Str
         medians=medians,
         lags=[(y(lag), text) for lag, text in ticks(low, high)],
         times=[(y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)],
-        dates=[(x(date), f"{date:%m-%d}") for date in begins if date >= first] or [(x(first), f"{first:%m-%d}")],
+        dates=[(x(date), f"{date:%m-%d}") for date in begins if date >= first]
+        or [(x(first), f"{first:%m-%d}")],
         week=round(x(max(first, recent.first)) - step / 2, 1),
         floor=floor,
         unit=unit,

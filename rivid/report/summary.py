@@ -31,9 +31,12 @@ FEWEST_DAYS = 3
 FEWEST_WEEKS = 4
 """Fewest weeks before the last one for a test: with three, Student's t would need a factor of 9.9."""
 
+LEVEL = 0.01
+"""Two-sided level of the test for a move: one false alarm in two years of weeks."""
+
 LIMITS = {4: 5.841, 5: 4.604, 6: 4.032, 7: 3.707, 8: 3.499}
-"""Two-sided 1 % limits of Student's t with one degree of freedom less than the number of weeks before. A table,
-since scipy.stats takes longer to load than a page to write."""
+"""Two-sided limits of Student's t at :data:`LEVEL`, with one degree of freedom less than the number of weeks
+before. A table, since scipy.stats takes longer to load than a page to write."""
 
 SPREAD_OUT = 0.5
 """With a smaller share of days at the two most frequent delays, a range describes the record better."""
@@ -203,8 +206,8 @@ def _median(values: Floats) -> float:
 def leading(results: Results) -> EstimatorResults | None:
     """Return the estimator that represents the record; None without any row.
 
-    One that gives probabilities, or else jmap, the first that judges its delays, the first with delays, or the
-    first at all.
+    One that gives probabilities, or else jmap, the first that judges its delays, the first with delays, or
+    the first at all.
     """
     having = [e for e in results.estimators if e.dates]
     with_delay = [e for e in having if estimates_delay(e)]
@@ -258,10 +261,10 @@ def weeks_ago(dates: Sequence[dt.date]) -> Ints:
 def trend(values: Floats, ago: Ints) -> Trend | None:
     """Test whether the delay has moved: the last week against up to eight weeks before it.
 
-    A week is the mean of its days without the lowest and the highest, so that one day at a bound moves no week.
-    The delay has moved where the median of the last week lies outside those of all weeks before, and Student's t
-    of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken below the one that
-    their days would give if they were independent.
+    A week is the mean of its days without the lowest and the highest, so that one day at a bound moves no
+    week. The delay has moved where the median of the last week lies outside those of all weeks before, and
+    Student's t of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken
+    below the one that their days would give if they were independent.
 
     Parameters
     ----------
@@ -278,10 +281,10 @@ def trend(values: Floats, ago: Ints) -> Trend | None:
     Notes
     -----
     The alternative considered counts the days of the week outside the band that holds 90 % of the 365 days
-    before, against a binomial distribution (level 0.1 %). It takes days for independent, needs 30 days, and a
-    season widens its band. Simulated (4,000 records each; delays rounded to samples, standard deviation 0.6
-    samples, 3 % of days anywhere between 1 and 15; `r` is the correlation from day to day; standard error of a
-    size 0.2 %, of a power 1 %):
+    before, against a binomial distribution (level 0.1 %). It takes days for independent, needs 30 days, and
+    a season widens its band. Simulated (4,000 records each; delays rounded to samples, standard deviation
+    0.6 samples, 3 % of days anywhere between 1 and 15; `r` is the correlation from day to day; standard
+    error of a size 0.2 %, of a power 1 %):
 
     ====  ============  ==================  =====================  =====================
     r     days missing  size: t, binomial   power, +1 sample       power, +2 samples
@@ -330,7 +333,7 @@ def _middle(days: Floats) -> Floats:
 
 
 def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:
-    """Return the days on which the inflow would arrive more than a sample before the gravity wave, shape (n,).
+    """Return the days whose inflow would arrive more than a sample before the gravity wave, shape (n,).
 
     Compared is t50 where that is the `quantity`, or else the travel time, or the latest one that d allows.
     """
@@ -389,9 +392,8 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     -------
     dict
         `reach`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`, `days`,
-        `no_log` (first and last days of gaps), `missing` (days), `facts` and `lead` (estimators that represent
-        the record), and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where
-        there is nothing to report. Lags are in samples, bounds in seconds.
+        `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`, `moved`,
+        `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
@@ -467,7 +469,8 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     there = min(int(ago.max()), WEEKS)
     days = np.bincount(ago[recent.decided], minlength=WEEKS + 1)[: WEEKS + 1]
     undecided = (ago <= WEEKS) & np.isfinite(recent.values) & ~recent.decided
-    inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & part] for part in (ago == 0, (ago > 0) & (ago <= WEEKS))]
+    spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
+    inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
     if t is not None:
         code = "moved" if t.moved else "same" if t.now == t.before else "scatter"
     elif recent.whole:
@@ -493,7 +496,8 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) ->
     e, given = recent.estimator, recent.given
     n = int(given.sum())
     if recent.quantity == "t50":
-        part: dict[str, Any] = {"code": "response", "estimator": e.estimator, "jump": estimates_delay(e), "lead": None}
+        part: dict[str, Any] = {"code": "response", "estimator": e.estimator, "lead": None}
+        part["jump"] = estimates_delay(e)
         if lead is not None and estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)
             if f.with_delay:
@@ -521,7 +525,8 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) ->
     elif e.probability is not None:
         sure = e.probability[given if n else np.isfinite(recent.values)]
         of = "record" if recent.whole or not n else "week"
-        part |= {"code": "probability", "median": float(np.median(sure)), "least": float(sure.min()), "of": of}
+        part |= {"code": "probability", "of": of}
+        part |= {"median": float(np.median(sure)), "least": float(sure.min())}
     return part
 
 

@@ -1,4 +1,4 @@
-"""t50 of a river over the record: the lag by which half of a step has arrived, and its dependence on the flow."""
+"""t50 of a river over the record: the lag by which half of a step has arrived, and the flow."""
 
 from dataclasses import dataclass
 
@@ -69,7 +69,7 @@ def has_t50(estimator: EstimatorResults) -> Bools:
 
 
 def leading_response(results: Results) -> EstimatorResults | None:
-    """Return the estimator that a river's t50 is taken from: map, jmap or ml, or else the first; None in a pool."""
+    """Return the estimator of a river's t50: map, jmap or ml, or else the first; None in a pool."""
     if results.output_unit == "m":
         return None
     having = [e for e in results.estimators if e.dates]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
+    from rivid.config import Config
+
 
 @dataclass(frozen=True)
 class EstimatorResults:
@@ -150,6 +152,36 @@ def load_results(out: Path | str) -> Results:
         raise RividError(f"{out}: results cannot be read ({error}): run again") from None
 
 
+def brief_results(rows: "pa.Table", config: "Config") -> Results:
+    """Return the results of the rows that a run keeps in memory: without responses, curves and other columns.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table
+        Columns :data:`rivid.results.store.SHORT`; absent columns are NaN or empty in the results.
+    config : Config
+        Of the run.
+    """
+    import pyarrow as pa
+
+    from rivid.results.tables import DELAYS
+
+    for field in DELAYS:
+        if field.name not in rows.column_names:
+            rows = rows.append_column(field, pa.nulls(len(rows), field.type))
+    columns = {"date": pa.date32(), "estimator": pa.string()}
+    columns |= dict.fromkeys(("lag", "value", "delay_samples", "criterion"), pa.float64())
+    nothing = pa.schema(list(columns.items())).empty_table()
+    run = {
+        "reach": config.reach.name,
+        "sample_time": config.reach.sample_time,
+        "output_unit": "m3/s" if config.reach.kind == "river" else "m",
+        "delay_scale": np.nan,
+        "estimators": config.run.estimators,
+    }
+    return _results(run, rows, nothing, nothing)
+
+
 def _record(out: Path) -> dict[str, Any]:
     """run.json of OUT, unless a newer rivid wrote it: what its tables mean is not known here."""
     import json
@@ -187,7 +219,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
                 estimator=name,
                 dates=dates,
                 status=[str(s) for s in columns["status"]],
-                messages=[str(s) for s in columns["message"]],
+                messages=[str(s or "") for s in columns["message"]],
                 delay=_floats(columns["delay_samples"]),
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),

@@ -28,9 +28,11 @@ def found(estimator: EstimatorResults) -> Bools:
 
 
 def decided(estimator: EstimatorResults) -> Bools:
-    """Days with a delay that the data decide, shape (n,): not prior_only, not degenerate where that is a fault."""
+    """Days with a delay that the data decide, shape (n,): neither prior_only nor degenerate by fault."""
     e = estimator
-    degenerate = np.array([s == "degenerate" and not ESTIMATORS[e.estimator].degenerates for s in e.status], bool)
+    degenerate = np.array(
+        [s == "degenerate" and not ESTIMATORS[e.estimator].degenerates for s in e.status], bool
+    )
     return np.asarray(found(e) & ~e.prior_only & ~degenerate)
 
 

@@ -53,6 +53,7 @@ SHORT = (
     "estimator",
     "status",
     "delay_samples",
+    "delay_s",
     "t50_samples",
     "prior_only",
     "probability",
