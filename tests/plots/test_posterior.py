@@ -8,9 +8,7 @@ from PIL import Image
 
 from rivid.plots import delay_map, fir_day, style
 from rivid.plots.draw import draw_all
-from rivid.report.headline import facts, headline, leading
 from tests.plots.synthetic import CANDIDATES, dates_of, estimator, results
-from tests.test_report import Page, write
 
 REASON = "no delay is right with a probability of 0.7"
 
@@ -139,56 +137,6 @@ def test_the_typical_day_does_not_hang_on_who_has_no_condition_number():
     e = dataclasses.replace(probable(unsure=(), unseen=()).estimators[0])
     beside = dataclasses.replace(jmap, estimators=[e, *jmap.estimators])
     assert fir_day.typical_day(beside) == fir_day.typical_day(jmap)
-
-
-def test_the_headline_says_how_sure_and_why_days_have_no_answer():
-    run = probable()
-    e, f = run.estimators[0], facts(run, run.estimators[0])
-    said = headline(run)
-    answered = np.isfinite(e.delay)
-    assert said[0] == (
-        "On 26 of 30 days the inflow reaches the level after 13.3 to 17.7 min "
-        "(delay d = 6 or 7 samples of 133 s)."
-    )
-    assert said[1] == (
-        f"posterior answers 26 of 30 days (87 %); the probability that its delay is right is "
-        f"{np.median(e.probability[answered]):.2f} on the median day and "
-        f"{e.probability[answered].min():.2f} on the least sure one."
-    )
-    assert said[2:5] == [
-        "4 days have no answer (4 unidentifiable).",
-        f"Unidentifiable on 3 days: {REASON}.",
-        "Unidentifiable on 1 day: no front is seen.",
-    ]
-    assert f.least > 0.7 and not any("the data alone" in s or "prior" in s for s in said)
-
-
-def test_one_day_has_its_probability_in_the_second_sentence():
-    run = probable(1, unsure=(), unseen=())
-    assert run.estimators[0].probability[0] > 0.99
-    assert headline(run)[1] == "The probability that this is right is above 0.99."
-    none = probable(2, unsure=(0, 1), unseen=())
-    assert headline(none) == [
-        "None of 2 days has a delay: 2 unidentifiable.",
-        f"Unidentifiable on 2 days: {REASON}.",
-    ]
-
-
-def test_the_headline_speaks_of_it_before_jmap():
-    run = probable()
-    jmap = results(("jmap", "direct"), dates_of(30)).estimators
-    assert leading(dataclasses.replace(run, estimators=[*jmap, *run.estimators])).estimator == "posterior"
-
-
-def test_the_page_has_a_column_for_it_and_no_trace_without_it(tmp_path):
-    run = probable()
-    median = facts(run, run.estimators[0]).probability
-    page = Page(write(run, tmp_path)[0])
-    assert "Probability At a bound Prior only" in page.words
-    assert f"6 and 7: 26 of 26 days {median:.2f} 0 –" in page.words
-    assert "90 % set" in page.words and "For posterior also" in page.words
-    plain = Page(write(results(("jmap",), dates_of(5)), tmp_path)[0]).words
-    assert not any(word in plain for word in ("Probability", "90 % set", "posterior"))
 
 
 def test_pictures_of_every_length_of_record_can_be_drawn(tmp_path):
