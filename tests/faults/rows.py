@@ -372,7 +372,7 @@ ROWS = (
         "an apostrophe in front; shown as text",
         own("test_texts", "test_hostile_cells_end_as_text", "test_hostile_file_names_end_as_text")
         | {
-            "tests/test_report.py::test_names_and_reasons_are_text_and_never_markup": "markup in every text of a report",
+            "tests/report/test_page.py::test_names_and_reasons_are_text_and_never_markup": "markup in every text of a report",
             f"{FLEET}test_run.py::test_the_page_shows_hostile_text_as_text": "markup in a fleet's page",
         },
     ),

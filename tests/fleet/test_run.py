@@ -220,10 +220,11 @@ def test_the_worst_code_is_the_first_of_the_stated_order():
 
 
 def test_outcomes_come_back_as_they_were_kept(tmp_path):
-    from rivid.fleet.band import Band
-    from rivid.fleet.outcome import keep
+    from rivid.fleet.outcome import Band, keep
 
-    one = Outcome("a", 3, band=Band(1.0, 2.0, 1.5, 1.0, 7, 0, 1, False), recent=[("2008-03-10", "why")])
+    one = Outcome(
+        "a", 3, band=Band(1.0, 2.0, 1.5, 1.0, 7, 0, 1), moved=True, change=0.5, recent=[("2008-03-10", "why")]
+    )
     keep(tmp_path, one)
     (tmp_path / ".rivid" / "outcomes" / "b.json").write_text("nonsense")
     assert kept(tmp_path) == [one]

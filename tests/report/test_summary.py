@@ -76,7 +76,7 @@ def test_t_equals_that_of_a_regression_on_the_last_week():
 )
 def test_the_size_of_the_test_is_as_stated_within_its_monte_carlo_error(most, how, missing):
     rng = np.random.default_rng(1)
-    n, moves = 2500, 0
+    n, moves = 1200, 0
     for _ in range(n):
         there = rng.random(AGO.size) >= missing
         t = trend(days(rng, **how)[there], AGO[there])

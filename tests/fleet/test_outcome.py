@@ -1,0 +1,94 @@
+"""The outcome of a reach: its band, and the test for a move that it shares with the report."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from rivid.config import Config
+from rivid.fleet.outcome import FEWEST, WEEK, Outcome, band, outcome_of
+from rivid.fleet.report import write_fleet
+from rivid.report.summary import last_week
+from tests.pages import Page
+from tests.report.runs import STEADY, simple
+
+
+def rows_of(run):
+    """The columns of a run that are kept in memory."""
+    (e,) = run.estimators
+    n = len(e.dates)
+    return pa.table(
+        {
+            "date": pa.array(e.dates, pa.date32()),
+            "estimator": [e.estimator] * n,
+            "status": e.status,
+            "message": e.messages,
+            "delay_samples": pa.array(e.delay, from_pandas=True),
+            "delay_s": pa.array(e.delay * run.sample_time, from_pandas=True),
+            "t50_samples": pa.nulls(n, pa.float64()),
+            "prior_only": e.prior_only,
+            "probability": pa.nulls(n, pa.float64()),
+            "at_bound": e.at_bound,
+        }
+    )
+
+
+def outcome(run):
+    summary = SimpleNamespace(rows=rows_of(run), exit_code=0, windows=9, computed=9, dropped=0, failures=0)
+    summary.new_failures, summary.bad_files = 0, []
+    return outcome_of("a", Config.model_validate({"run": {"estimators": ["jmap"]}}), summary, "content")
+
+
+def test_the_band_is_of_the_year_before_the_week_without_gaps():
+    days = np.arange(1000, 1400)
+    values = np.full(400, 6.0)
+    values[:30] = 99.0  # more than a year before the week
+    values[-WEEK:] = 9.0
+    values[100:150] = np.nan
+    found = band(days, values)
+    assert (found.low, found.high, found.median, found.week_median) == (6, 6, 6, 9)
+    assert (found.days, found.above, found.below) == (7, 7, 0)
+    late = band(np.append(days, 1500), np.append(values, 6.0))
+    assert (late.days, late.above) == (1, 0)
+
+
+def test_few_days_make_no_band_and_a_silent_week_has_no_median():
+    values = np.full(FEWEST + WEEK, 5.0)
+    assert band(np.arange(len(values)), values) is not None
+    values[0] = np.nan
+    assert band(np.arange(len(values)), values) is None
+    assert band(np.zeros(0, int), np.zeros(0)) is None
+    values = np.full(100, 5.0)
+    values[-WEEK:] = np.nan
+    assert np.isnan(band(np.arange(100), values).week_median)
+
+
+@pytest.mark.parametrize("shift", [0, 2])
+def test_the_fleet_and_the_report_agree_on_a_move(shift):
+    run = simple(STEADY[:-7] + [d + shift for d in STEADY[-7:]])
+    got, trend = outcome(run), last_week(run).trend
+    assert (got.moved, got.change) == (trend.moved, trend.now - trend.before) == (shift > 0, shift)
+    assert (got.estimator, got.quantity, got.days_week, got.answered_week) == ("jmap", "delay", 7, 7)
+    assert (got.band.low, got.band.high, got.band.above) == (6, 7, 7 if shift else 0)
+
+
+def test_days_that_the_prior_decides_and_failed_days_are_no_answers_of_the_week():
+    prior = np.arange(63) >= 61
+    status, messages = ["ok"] * 60 + ["failed", "ok", "ok"], [""] * 60 + ["gap", "", ""]
+    got = outcome(simple(STEADY[:60] + [np.nan, 7, 7], status, messages, prior_only=prior))
+    assert (got.days_week, got.answered_week, got.recent) == (7, 4, [("2008-03-01", "gap")])
+    short = outcome(simple([7] * 3))
+    assert (short.moved, short.band, short.change) == (None, None, 0)
+
+
+def test_the_page_lists_what_moved_and_counts_what_was_tested(tmp_path):
+    moved = outcome(simple(STEADY[:-7] + [9] * 7))
+    still = Outcome("b", 0, content="x", first="2008-01-01", last="2008-03-03", moved=False)
+    told = write_fleet(tmp_path, [moved, still, Outcome("c", 2, "broken")], "fleet")
+    assert (told["left_band"], told["failing"]) == (["a"], ["c"])
+    page = Page((tmp_path / "fleet.html").read_text())
+    assert "Of 2 tested" in page.words and "6 to 7 9 (19.9 min) +2.0 7 above of 7" in page.words
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    links = {attrs["href"] for tag, attrs in page.tags if tag == "a"}
+    assert {link[1:] for link in links if link[0] == "#"} <= ids and "a/report.html" in links
