@@ -8,11 +8,12 @@ All arrays are C-contiguous: einsum picks its loops, and with them its roundings
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rivid.errors import RividError
 from rivid.types import Floats
 
 LANE_MULTIPLE = 16
@@ -20,6 +21,52 @@ LANE_MULTIPLE = 16
 
 BLOCK = 176
 """Most lanes in one block: its Gram matrices (1.3 MB at M = 30) stay in the second-level cache."""
+
+
+def as_days(
+    series: Mapping[str, ArrayLike | None], least: int, why: str, *, row: str = "day", one: bool = True
+) -> tuple[list[Floats], bool]:
+    """Check series and return them as arrays of shape (days, N).
+
+    Parameters
+    ----------
+    series : mapping of str to array_like, shape (N,) or (days, N), or None
+        By the names they have in messages; None for a series that is missing.
+    least : int
+        Fewest samples.
+    why : str
+        What needs so many.
+    row : str
+        What a row is.
+    one : bool
+        Whether a single row of shape (N,) is accepted.
+
+    Returns
+    -------
+    arrays : list of ndarray, shape (days, N)
+    single : bool
+        Whether the series had shape (N,).
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or too few samples.
+    """
+    arrays = {name: np.asarray(values, float) for name, values in series.items() if values is not None}
+    first, shape = next((name, values.shape) for name, values in arrays.items())
+    if len(shape) not in ((1, 2) if one else (2,)):
+        expected = f"(N,) or ({row}s, N)" if one else f"({row}s, N)"
+        raise RividError(f"{first} has shape {shape}: expected {expected}")
+    for name, values in arrays.items():
+        if values.shape != shape:
+            raise RividError(f"{name} has shape {values.shape}: expected that of {first}, {shape}")
+    if shape[-1] < least:
+        raise RividError(f"{shape[-1]} samples a {row}: {why} needs {least} or more")
+    for name, values in arrays.items():
+        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(values)).all(axis=1))
+        if len(bad):
+            raise RividError(f"{name}: not finite on {len(bad)} {row}s, first on row {bad[0]}: mask them")
+    return [np.atleast_2d(values) for values in arrays.values()], len(shape) == 1
 
 
 def blocks(n_days: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
@@ -61,9 +108,8 @@ def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Fl
     order : int
         Length M of the FIR, M <= N.
     free_start : bool
-        False: u is zero before the first sample, as in (16). True: nothing is said of it. Then only the
-        rows count whose M samples of u are all there, and a constant is fitted along (rows and output less
-        their means).
+        False: u is zero before the first sample, as in (16). True: it is unknown. Then only rows
+        with all M samples of u count, and a constant is fitted as well (rows and output less their means).
 
     Returns
     -------

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rivid.core import batched as lanes
 from rivid.core.settings import DEFAULT_ALPHA, MAX_CONDITION
-from rivid.errors import RividError
 from rivid.types import Floats, Strings
 
 
@@ -93,8 +92,8 @@ def map_fir(
 def half_time(fir: Floats) -> Floats:
     """t50: the lag by which half of a step of the inflow has arrived.
 
-    For a response that lets all of the inflow through, a river's. A dispersive river has no single delay;
-    t50 is what is estimable best, and it adds up along the river.
+    For a response that keeps the volume of the inflow, as that of a river. A dispersive river has no single
+    delay; t50 is estimated best, and it adds up along the river.
 
     Parameters
     ----------
@@ -113,38 +112,15 @@ def half_time(fir: Floats) -> Floats:
     array([2. , 1.5])
     """
     steps = np.cumsum(fir, axis=1)
-    answers = np.full(len(fir), np.nan)
+    t50 = np.full(len(fir), np.nan)
     for i, step in enumerate(steps):
         if step[-1] > 0:
             half = 0.5 * step[-1]
             k = int(np.argmax(step >= half))
             before = step[k - 1] if k else 0.0
             # a coefficient at lag k acts over the sample around k
-            answers[i] = k - 0.5 + (half - before) / (step[k] - before)
-    return answers
-
-
-def as_days(u: ArrayLike, y: ArrayLike, order: int) -> tuple[Floats, Floats, bool]:
-    """Check u and y and give them as (days, N) arrays; the flag tells that a single day came.
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or fewer samples than M.
-    """
-    inputs, outputs = np.asarray(u, float), np.asarray(y, float)
-    if inputs.shape != outputs.shape or inputs.ndim not in (1, 2):
-        raise RividError(
-            f"u has shape {inputs.shape} and y {outputs.shape}: expected the same shape, (N,) or (days, N)"
-        )
-    single = inputs.ndim == 1
-    inputs, outputs = np.atleast_2d(inputs), np.atleast_2d(outputs)
-    if inputs.shape[1] <= order:
-        raise RividError(f"{inputs.shape[1]} samples a day: an FIR of order {order} needs more")
-    bad = np.flatnonzero(~(np.isfinite(inputs).all(axis=1) & np.isfinite(outputs).all(axis=1)))
-    if len(bad):
-        raise RividError(f"values that are not finite on {len(bad)} days, first on row {bad[0]}: mask them")
-    return inputs, outputs, single
+            t50[i] = k - 0.5 + (half - before) / (step[k] - before)
+    return t50
 
 
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
@@ -154,7 +130,7 @@ def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
 
 
 def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_start: bool) -> FirResult:
-    inputs, outputs, single = as_days(u, y, order)
+    (inputs, outputs), single = lanes.as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
     n = len(inputs)
     D = second_difference(order)
     P = (alpha * (D.T @ D))[:, :, None]

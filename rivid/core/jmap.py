@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core import batched as lanes
-from rivid.core.fir import as_days, motionless, second_difference
+from rivid.core.fir import motionless, second_difference
 from rivid.core.settings import ALPHA_CAP, MAX_CONDITION, JmapSettings
 from rivid.types import Floats, Ints, Strings
 
@@ -28,8 +28,8 @@ nearly equal sums of squares, has no correct digits left; 100 dB is beyond any g
 
 PRIOR_ONLY_SPREAD = 0.08
 """The criterion without the d terms is flat where its best and worst candidate differ by no more than this.
-Of days without any relation between u and y, nineteen in twenty are told by it and by the place of the
-minimum (docs/accuracy.md)."""
+It and the place of the minimum recognise nineteen of twenty days without any relation between u and y
+(docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class JmapResult:
     criterion : ndarray, shape (days, K)
         (35) at the final variances, or (28) for a fixed alpha.
     iterations : ndarray of int, shape (days,)
-        Rounds of Table VI; 1 for Table V.
+        Iterations of Table VI; 1 for Table V.
     condition : ndarray, shape (days,)
         2-norm condition number of U'U.
     status : ndarray of str, shape (days,)
@@ -112,7 +112,9 @@ def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **cha
     np.float64(7.0)
     """
     settings = replace(settings or JmapSettings(), **changes)
-    inputs, outputs, single = as_days(u, y, settings.order)
+    (inputs, outputs), single = lanes.as_days(
+        {"u": u, "y": y}, settings.order + 1, f"an FIR of order {settings.order}"
+    )
     parts = []
     for days, take in lanes.blocks(len(inputs)):
         with np.errstate(invalid="ignore", divide="ignore"):  # lanes that cannot be identified
@@ -239,7 +241,7 @@ class _Block:
         self.iterations[:] = 1
 
     def _table_vi(self) -> Floats:
-        """Both variances estimated in turn with d and h; gives the terms of (35) that know no d."""
+        """Both variances estimated in turn with d and h; returns the terms of (35) without d."""
         s, M = self.settings, self.settings.order
         R, z, _ = lanes.cholesky(self.G, self.b)
         h = lanes.back_substitute(R, z)  # (17)

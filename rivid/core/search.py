@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rivid.core import batched as lanes
 from rivid.core.settings import SearchSettings
-from rivid.errors import RividError
 from rivid.types import Floats, Ints, Strings
 
 __all__ = ["DIRECT_PARAMETERS", "INDIRECT_PARAMETERS", "SearchResult", "SearchSettings", "direct", "indirect"]
@@ -82,7 +81,7 @@ def direct(
     settings: SearchSettings | None = None,
     **changes: Any,
 ) -> SearchResult:
-    """The direct approach: the reach (8) fitted as if its outflow were not decided by people.
+    """The direct approach: the reach (8) fitted as if its outflow did not depend on the level.
 
     ``h_L[k] = alpha_i u_Qi^f[k-1-d] - alpha_o u_Qo^f[k-1] + v[k]``, where f is the integrator filter
     ``x^f[k] = x^f[k-1] + x[k]``.
@@ -112,8 +111,8 @@ def direct(
     - Delta x is x less the day's first sample, and zero before it ("initial condition and stationary point",
       Table III). What is out of balance at the first sample, and the gauge's error in it, so stay in v. The
       filter starts from zero there.
-    - All N rows count for every candidate, as the sums of (11) say; all candidates fit the same samples.
-    - No sign is asked of theta, and no interval: a delay at d_min or d_max may lie beyond.
+    - All N rows count for every candidate, as in the sums of (11); all candidates fit the same samples.
+    - theta may have any sign and size: a delay at d_min or d_max may lie beyond.
     - A day is not identifiable if (13) is singular for any candidate, since then not all of D is compared.
 
     Examples
@@ -127,8 +126,9 @@ def direct(
     (np.float64(7.0), [0.0002, 0.0002])
     """
     s = replace(settings or SearchSettings(), **changes)
-    columns = {"inflow": inflow, "outflow": outflow, "level": level}
-    (u, o, h), single = _as_days(columns, s.d_max + 1 + len(DIRECT_PARAMETERS))
+    series = {"inflow": inflow, "outflow": outflow, "level": level}
+    days, single = lanes.as_days(series, s.d_max + 2 + len(DIRECT_PARAMETERS), f"d_max = {s.d_max}")
+    u, o, h = (values - values[:, :1] for values in days)
     moving = {"level": h, "inflow": u, "outflow": o}
     found = _search(h, [-_filtered(o)], moving, DIRECT_PARAMETERS, s)
     found = replace(found, parameters=found.parameters[:, ::-1].copy())  # in the order of (12)
@@ -138,7 +138,7 @@ def direct(
 def indirect(
     inflow: ArrayLike, level: ArrayLike, settings: SearchSettings | None = None, **changes: Any
 ) -> SearchResult:
-    """The indirect approach: reach and people together (10), from the inflow to the level.
+    """The indirect approach: reach and operators together (10), from the inflow to the level.
 
     ``h_L^f[k] = (K_h alpha_o + 1) h_L^f[k-1] - K_Q alpha_o u_Qi^f[k-1] + alpha_i u_Qi^f[k-d-1] + v[k]``: (10)
     divided by ``1 - q^-1``, so that what is left over is v itself.
@@ -162,11 +162,12 @@ def indirect(
     Notes
     -----
     Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
-    noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be told apart.
+    noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be separated.
     """
     s = replace(settings or SearchSettings(), **changes)
-    columns = {"inflow": inflow, "level": level}
-    (u, h), single = _as_days(columns, s.d_max + 1 + len(INDIRECT_PARAMETERS))
+    series = {"inflow": inflow, "level": level}
+    days, single = lanes.as_days(series, s.d_max + 2 + len(INDIRECT_PARAMETERS), f"d_max = {s.d_max}")
+    u, h = (values - values[:, :1] for values in days)
     h_f, moving = _filtered(h), {"level": h, "inflow": u}
     found = _search(h_f, [h_f, _filtered(u)], moving, INDIRECT_PARAMETERS, s)
     return _only_day(found) if single else found
@@ -241,28 +242,6 @@ def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Float
             for j in range(P - 1, 0, -1):
                 theta[:j, i] -= R[:j, j] * theta[j, i]
     return J, theta, least
-
-
-def _as_days(columns: dict[str, ArrayLike], needed: int) -> tuple[list[Floats], bool]:
-    """Check the columns and give their deviations from the first sample, (days, N); tells a single day."""
-    days = [np.asarray(values, float) for values in columns.values()]
-    shapes = [values.shape for values in days]
-    if len(set(shapes)) > 1 or len(shapes[0]) not in (1, 2):
-        told = ", ".join(f"{name} {shape}" for name, shape in zip(columns, shapes, strict=True))
-        raise RividError(f"shapes {told}: expected the same for all, (N,) or (days, N)")
-    single = len(shapes[0]) == 1
-    days = [np.atleast_2d(values) for values in days]
-    if days[0].shape[1] <= needed:
-        raise RividError(
-            f"{days[0].shape[1]} samples a day: this d_max needs more than {needed}, lower d_max or join days"
-        )
-    for name, values in zip(columns, days, strict=True):
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise RividError(
-                f"{name} is not finite everywhere on {len(bad)} days, first on row {bad[0]}: mask them"
-            )
-    return [values - values[:, :1] for values in days], single
 
 
 def _only_day(found: SearchResult) -> SearchResult:

@@ -106,9 +106,9 @@ def test_a_constant_input_is_unidentifiable_and_its_neighbours_are_not():
 @pytest.mark.parametrize(
     ("u", "y", "words"),
     [
-        (np.zeros(50), np.zeros(49), "same shape"),
+        (np.zeros(50), np.zeros(49), "expected that of u"),
         (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "expected"),
-        (np.zeros(10), np.zeros(10), "needs more"),
+        (np.zeros(10), np.zeros(10), "needs 13 or more"),
         (np.full(50, np.nan), np.zeros(50), "not finite"),
     ],
 )

@@ -253,9 +253,9 @@ def test_bounds_in_the_wrong_order_are_refused(low, high):
     ("u", "h", "words"),
     [
         (np.zeros(50), np.zeros(49), r"inflow \(50,\), level \(49,\)"),
-        (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "expected the same"),
-        (np.zeros(19), np.zeros(19), "needs more than 19"),
-        (np.full((2, 50), np.nan), np.zeros((2, 50)), "inflow is not finite everywhere on 2 days"),
+        (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "inflow has shape"),
+        (np.zeros(19), np.zeros(19), "needs 20 or more"),
+        (np.full((2, 50), np.nan), np.zeros((2, 50)), "inflow: not finite on 2 days"),
     ],
 )
 def test_input_that_does_not_fit_is_told(u, h, words):

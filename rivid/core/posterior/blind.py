@@ -16,13 +16,11 @@ from scipy.special import log_ndtr
 from rivid.core.posterior.daily import (
     PosteriorResult,
     candidates_of,
-    check_days,
     fir_of,
     fold,
     in_blocks,
     likeliest,
     meant,
-    named,
     weighted_fronts,
 )
 from rivid.core.posterior.front import (
@@ -266,8 +264,7 @@ def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | No
         For shapes that do not fit, values that are not finite, or days too short for d_max.
     """
     s = settings or PosteriorSettings()
-    inflow, level = check_days(named(u, y, None), n_least(s), s)
-    return in_blocks(inflow, level, None, s, _block)
+    return in_blocks({"inflow": u, "level": y}, n_least(s), s, _block)
 
 
 def n_least(s: PosteriorSettings) -> int:

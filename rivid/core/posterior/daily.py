@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.core.batched import as_days
 from rivid.core.posterior.front import SHARES, Fronts, averaged_fir, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings
-from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints, Strings
 
 BLOCK = 16
@@ -242,45 +242,20 @@ def posterior(
         For shapes that do not fit, values that are not finite, or days too short for d_max.
     """
     s = settings or PosteriorSettings()
-    inflow, level, *outflow = check_days(named(u, y, o), 3 * (s.d_max + GUARD + 4), s)
-    return in_blocks(inflow, level, outflow[0] if outflow else None, s, _block)
-
-
-def named(u: ArrayLike, y: ArrayLike, o: ArrayLike | None) -> dict[str, Floats]:
-    """Series by the names they have in messages."""
-    given = {"inflow": u, "level": y, "outflow": o}
-    return {name: np.asarray(values, float) for name, values in given.items() if values is not None}
-
-
-def check_days(series: dict[str, Floats], needed: int, s: PosteriorSettings) -> list[Floats]:
-    """Deviations from the first sample of each day, after a check of shapes, values and length."""
-    check_series(series, "days")
-    n = len(series["inflow"][0])
-    if n < needed:
-        raise RividError(f"{n} samples a day: d_max = {s.d_max} and order = {s.order} need {needed} or more")
-    return [values - values[:, :1] for values in series.values()]
-
-
-def check_series(series: dict[str, Floats], rows: str) -> None:
-    """Refuse series that differ in shape, have no rows, or are not finite."""
-    shape = series["inflow"].shape
-    for name, values in series.items():
-        if values.ndim != 2 or values.shape != shape or not len(values):
-            raise RividError(
-                f"{name} has shape {values.shape}: expected ({rows}, N), that of the inflow {shape}"
-            )
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise RividError(f"{name}: not finite on {len(bad)} {rows}, first on row {bad[0]}: mask them")
+    return in_blocks({"inflow": u, "level": y, "outflow": o}, 3 * (s.d_max + GUARD + 4), s, _block)
 
 
 Block = Callable[[Floats, Floats, Floats | None, PosteriorSettings], tuple[Floats, ...]]
 """Probability and that of being right (days, candidates with guards), place, FIR, its spread, link."""
 
 
-def in_blocks(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings, block: Block) -> PosteriorResult:
-    """Apply `block` to :data:`BLOCK` days at a time, and condense what it returns."""
-    n = len(u)
+def in_blocks(
+    series: dict[str, ArrayLike | None], least: int, s: PosteriorSettings, block: Block
+) -> PosteriorResult:
+    """Check the series, apply `block` to :data:`BLOCK` days at a time, and condense what it returns."""
+    arrays, _ = as_days(series, least, f"d_max = {s.d_max}, order = {s.order}", one=False)
+    u, y, *rest = (values - values[:, :1] for values in arrays)
+    o, n = rest[0] if rest else None, len(u)
     found = [
         block(u[take], y[take], None if o is None else o[take], s)
         for take in (np.minimum(np.arange(begin, begin + BLOCK), n - 1) for begin in range(0, n, BLOCK))

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import log_ndtr, ndtr
 
-from rivid.core.posterior.daily import TOLERANCE, PosteriorResult, check_series, normalised, smallest_set
+from rivid.core.batched import as_days
+from rivid.core.posterior.daily import TOLERANCE, PosteriorResult, normalised, smallest_set
 from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
 from rivid.core.posterior.response import ResponseGrid, hastened, response_grid
 from rivid.core.settings import RiverSettings
-from rivid.errors import RividError
 from rivid.types import Floats
 
 SURE_T = 7.0
@@ -233,13 +233,8 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
         For shapes that do not fit, values that are not finite, or windows too short.
     """
     s = settings or RiverSettings()
-    series = {"inflow": np.asarray(u, float), "output": np.asarray(y, float)}
-    check_series(series, "windows")
-    inflow, output = series.values()
-    if inflow.shape[1] < s.warm + LEAST_ROWS:
-        raise RividError(
-            f"{inflow.shape[1]} samples a window: expected {LEAST_ROWS} or more after warm = {s.warm}"
-        )
+    series, least = {"inflow": u, "output": y}, s.warm + LEAST_ROWS
+    (inflow, output), _ = as_days(series, least, f"warm = {s.warm}", row="window", one=False)
     grid = response_grid(s)
     still = (np.ptp(inflow, axis=1) <= 0.0) | (np.ptp(output[:, s.warm :], axis=1) <= 0.0)
     windows = [
