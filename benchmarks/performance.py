@@ -18,7 +18,7 @@ from benchmarks.measure import PYTHON, Usage, functions_in_turn, in_turn, machin
 from benchmarks.saint_venant import sections
 from rivid.core import batched as lanes
 from rivid.core.jmap import jmap
-from rivid.logs.write import write_day
+from rivid.logs.write import write_days
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import load_scenario
 from tests.core.transcription import table_vi
@@ -208,14 +208,14 @@ def write(season: Season, data: Path, years: int) -> None:
     date = dt.date(1900, 1, 1)
     for year in range(years):
         for i in range(len(season.dates)):
-            write_day(
-                data / f"{date}.csv",
-                date,
-                {
-                    "u_Qi": season.inflow[i] + year,
-                    "u_Qo": season.outflow[i] + year,
-                    "h_L": season.level[i],
-                },
+            columns = {
+                "u_Qi": season.inflow[i] + year,
+                "u_Qo": season.outflow[i] + year,
+                "h_L": season.level[i],
+            }
+            write_days(
+                data,
+                [(date, columns)],
                 sample_time=season.sample_time,
                 offset=dt.timedelta(hours=1),
             )

@@ -1,4 +1,4 @@
-"""What is known of DATA_DIR: the days, the files that speak of each, and what spares looking twice."""
+"""The days in DATA_DIR: a file a day, or files of many days; changes are found by content."""
 
 import datetime as dt
 import os
@@ -19,7 +19,7 @@ from rivid.types import ONE_DAY
 
 @dataclass(frozen=True)
 class Part:
-    """What one file says of one day.
+    """The part of one file that is of one day.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Part:
 
     @property
     def name(self) -> str:
-        """How messages call the file."""
+        """File name for messages."""
         return shown(self.path)
 
     def closes(self, date: dt.date) -> bool:
@@ -44,7 +44,7 @@ class Part:
 
 @dataclass(frozen=True)
 class DaySource:
-    """A day and the files that speak of it."""
+    """A day and the files that hold a part of it."""
 
     date: dt.date
     parts: tuple[Part, ...]
@@ -52,7 +52,7 @@ class DaySource:
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is known of a file, to spare hashing and opening it again.
+    """What is known of a file; stored, so that it is not hashed and opened again.
 
     Attributes
     ----------
@@ -81,15 +81,7 @@ class FileFacts:
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         days = None if self.days is None else [list(day) for day in self.days]
-        return {
-            "size": self.size,
-            "mtime_ns": self.mtime_ns,
-            "ctime_ns": self.ctime_ns,
-            "digest": self.digest,
-            "days": days,
-            "settings": self.settings,
-            "edges": list(self.edges),
-        }
+        return {**self.__dict__, "days": days, "edges": list(self.edges)}
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
@@ -108,14 +100,14 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class Catalog:
-    """What DATA_DIR holds.
+    """The content of DATA_DIR.
 
     Attributes
     ----------
     days : list of DaySource
         In date order.
     bad_files : list of (str, str)
-        Relative path, printable, and reason, of files that speak of no day.
+        Relative path, printable, and reason, of files of no day.
     files : dict of FileFacts
         By relative path.
     """
@@ -125,11 +117,8 @@ class Catalog:
     files: dict[str, FileFacts] = field(default_factory=dict)
 
 
-__all__ = ["Catalog", "DaySource", "FileFacts", "Part", "find_days"]
-
 FEW_ROWS, FEW_BYTES = 4, 8192
-"""Only a log as small as this may hold a single row, and is opened to see."""
-LOOKED_FOR = f"YYYY-MM-DD{', YYYY-MM-DD'.join(SUFFIXES)}, or files of many days with these suffixes"
+"""A day's file of more rows or bytes holds more than the single row at its midnight, and is not opened."""
 
 
 def find_days(
@@ -137,7 +126,7 @@ def find_days(
 ) -> Catalog:
     """List the days in a directory of logs.
 
-    Hidden files, directories and files that are no logs are passed over.
+    Hidden files and files that are no logs are ignored.
 
     Parameters
     ----------
@@ -145,7 +134,7 @@ def find_days(
         DATA_DIR, or one file.
     config : Config
     known : mapping of str to FileFacts, optional
-        What an earlier look found.
+        The `files` of an earlier catalog.
     verify : bool
         Hash every file, also where size and modification time are as known.
 
@@ -160,7 +149,12 @@ def find_days(
     ConfigError
         Where the configuration is for exports of the long layout.
     """
-    refuse_exports(config)
+    key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
+    if key:
+        raise ConfigError(
+            f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
+            "configuration that it writes with these"
+        )
     paths, folder = _candidates(root, shown(str(root)))
     within = os.path.realpath(folder) if folder == root else None
     spec = spec_of(config)
@@ -168,21 +162,20 @@ def find_days(
     parts: dict[dt.date, list[Part]] = {}
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
-    day_files: dict[dt.date, list[Part]] = {}
+    next_files: dict[dt.date, list[Part]] = {}
     edges: list[tuple[dt.date, Part]] = []
     for path in paths:
         name = path.name
         try:
-            facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
+            files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
         except DataError as error:
             bad.append((shown(name), _without_name(str(error), shown(name))))
             continue
-        files[name] = facts
         if is_day_file(name):
-            part = Part(name, facts.digest)
-            day_files.setdefault(_date_of(name), []).append(part)
+            date, part = _date_of(name), Part(name, facts.digest)
+            next_files.setdefault(date - ONE_DAY, []).append(part)
             if facts.days is None:
-                parts.setdefault(_date_of(name), []).append(part)
+                parts.setdefault(date, []).append(part)
             continue
         for iso, digest in facts.days or ():
             date, part = dt.date.fromisoformat(iso), Part(name, digest)
@@ -194,32 +187,22 @@ def find_days(
         if date in parts:  # a row at midnight alone makes no day; beside others it may complete one
             parts[date].append(part)
     if spec.latest:
-        for date in parts:  # the row that closes it may stand in the next day's file
-            parts[date] += day_files.get(date + ONE_DAY, [])
+        for date in parts:  # the row that closes it may be in the next day's file
+            parts[date] += next_files.get(date, [])
     if not parts:
-        if files:
-            raise NoDataError(
-                f"no log in {shown(str(root))} holds more of a day than the row at its midnight"
-            )
-        if bad:
-            raise NoDataError(f"no log in {shown(str(root))} can be used: {bad[0][0]}: {bad[0][1]}")
-        raise NoDataError(f"no logs in {shown(str(root))}: looked for {LOOKED_FOR}")
+        _refuse_empty(shown(str(root)), bool(files), bad)
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
 
 
-def refuse_exports(config: Config) -> None:
-    """Refuse a configuration for what only `rivid ingest` reads.
-
-    Raises
-    ------
-    ConfigError
-    """
-    key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
-    if key:
-        raise ConfigError(
-            f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
-            "configuration that it writes beside these"
-        )
+def _refuse_empty(root: str, any_file: bool, bad: list[tuple[str, str]]) -> None:
+    if any_file:
+        raise NoDataError(f"no log in {root} holds more of a day than the row at its midnight")
+    if bad:
+        raise NoDataError(f"no log in {root} can be used: {bad[0][0]}: {bad[0][1]}")
+    names = ", YYYY-MM-DD".join(SUFFIXES)
+    raise NoDataError(
+        f"no logs in {root}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
+    )
 
 
 def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
@@ -240,7 +223,7 @@ def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
 def _look(
     path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
 ) -> FileFacts:
-    """What a file is and says of which days; `inside` is where a link may lead."""
+    """The facts of a file; a link must not lead out of `inside`."""
     try:
         status = os.lstat(path)
         if stat.S_ISLNK(status.st_mode):

@@ -1,9 +1,10 @@
-"""Several logs of a day, or days of a window, as one: they must mean the same days and agree."""
+"""A data set: the samples of one local day, or of several in a row, on the regular grid."""
 
 import datetime as dt
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,56 +18,11 @@ from rivid.logs.grid import TrailingGap, make_grid, on_grid, refuse_filled, refu
 from rivid.logs.log import Log, load
 from rivid.logs.spec import Spec, spec_of
 from rivid.logs.times import LAST_ZONE, clock, day_bounds, local, zone_named
-from rivid.types import Floats, Ints
-
-
-def refuse_zones(zones: Sequence[dt.tzinfo], date: dt.date) -> None:
-    """Refuse a day whose logs mean different days."""
-    if len({day_bounds(date, zone) for zone in zones}) > 1:
-        raise DataError(
-            f"the logs of {date} have different UTC offsets: "
-            "set [input] time_zone to the zone whose days are meant"
-        )
-
-
-def refuse_shifted(sources: Sequence[DaySource], zones: Sequence[dt.tzinfo]) -> None:
-    """Each day must end where the next begins, or the grid is not regular."""
-    for (a, zone_a), (b, zone_b) in zip(
-        zip(sources, zones, strict=True), list(zip(sources, zones, strict=True))[1:], strict=False
-    ):
-        if day_bounds(a.date, zone_a)[1] != day_bounds(b.date, zone_b)[0]:
-            if b.date - a.date == dt.timedelta(days=1):
-                raise DataError(
-                    f"{a.date} and {b.date} have different UTC offsets: "
-                    "set [input] time_zone to the zone whose days are meant"
-                )
-            raise DataError(f"{a.date} and {b.date} are not consecutive days")
-
-
-def join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
-    """One column of what follows each other."""
-    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
-
-
-def merge(
-    parts: list[tuple[Ints, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
-) -> tuple[Ints, Floats]:
-    """One column of a day from several files; where they overlap they must agree."""
-    times, values = join(parts)
-    order = np.argsort(times, kind="stable")
-    times, values = times[order], values[order]
-    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
-    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
-    if len(conflict):
-        i = int(conflict[0])
-        moment = clock(int(times[i]), zone, with_date=True)
-        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
-    if repeated.any():
-        notes[f"values of {name} in two files"] += int(repeated.sum())
-    return times[~repeated], values[~repeated]
-
+from rivid.types import ONE_DAY, Floats, Ints
 
 Series = dict[str, tuple[Ints, Floats]]
+"""Times [us UTC] and values by canonical column."""
+OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 
 class ChangedError(DataError):
@@ -127,17 +83,17 @@ def read_window(
     PendingError
         Where the last day is `today` or later and its log is not finished.
     """
-    spec, folder = spec_of(config), root if root.is_dir() else root.parent
+    spec, folder, last = spec_of(config), root if root.is_dir() else root.parent, sources[-1]
     try:
         return _read(folder, sources, spec)
     except TrailingGap as error:
-        if _may_grow(folder, sources[-1], spec, today):
-            raise PendingError(f"the log of {sources[-1].date} is not finished: {error}") from None
+        if _may_grow(folder, last, spec, today):
+            raise PendingError(f"the log of {last.date} is not finished: {error}") from None
         raise DataError(str(error)) from None
     except CutError as error:
-        torn = any(part.name in str(error) for part in sources[-1].parts)
-        if torn and _may_grow(folder, sources[-1], spec, today):
-            raise PendingError(f"the log of {sources[-1].date} is being written: {error}") from None
+        torn = any(part.name in str(error) for part in last.parts)
+        if torn and _may_grow(folder, last, spec, today):
+            raise PendingError(f"the log of {last.date} is being written: {error}") from None
         raise DataError(str(error)) from None
 
 
@@ -145,8 +101,9 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
     """Whether a day's log may be unfinished."""
     if not isinstance(today, dt.datetime):
         return today is not None and source.date >= today
-    zone = zone_named(spec.input.time_zone) if spec.input.time_zone else LAST_ZONE
-    for part in source.parts if not spec.input.time_zone else ():
+    declared = spec.input.time_zone
+    zone = zone_named(declared) if declared else LAST_ZONE
+    for part in source.parts if not declared else ():
         try:
             zone = load(root / part.path, part.name, spec).zone
         except DataError:
@@ -156,13 +113,13 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
 
 
 def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:
-    """Say before any work that the configuration names columns which the logs do not have.
+    """Refuse, before any work, a configuration that names columns which the logs do not have.
 
     Parameters
     ----------
     root : Path
     days : sequence of DaySource
-        All days; the first, the middle and the last are looked at.
+        All days; the first, the middle and the last are read.
     config : Config
 
     Raises
@@ -188,62 +145,87 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
 
 def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     notes: Counter[str] = Counter()
-    days, zones = [], []
-    for source in sources:
-        series, zone = _day(root, source, spec, notes)
-        days.append(series)
-        zones.append(zone)
-    first, last = sources[0].date, sources[-1].date
-    start, _ = day_bounds(first, zones[0])
-    end = day_bounds(last, zones[-1])[1]
-    if len(sources) > 1:
-        refuse_shifted(sources, zones)
-        days = [{name: join([day[name] for day in days]) for name in days[0]}]
-    grid = make_grid(start, end, spec.period, zones[0], len(sources))
+    days = [_day(root, source, spec, notes) for source in sources]
+    bounds = [day_bounds(source.date, zone) for source, (_, zone) in zip(sources, days, strict=True)]
+    for k, ((_, end), (start, _)) in enumerate(pairwise(bounds)):
+        if end != start:
+            a, b = sources[k].date, sources[k + 1].date
+            if b - a == ONE_DAY:
+                raise DataError(f"{a} and {b} {OFFSETS}")
+            raise DataError(f"{a} and {b} are not consecutive days")
+    series = days[0][0]
+    if len(days) > 1:
+        series = {name: _join([day[name] for day, _ in days]) for name in series}
+    grid = make_grid(bounds[0][0], bounds[-1][1], spec.period, days[0][1], len(sources))
     samples: dict[str, Floats] = {}
     all_filled = None
     for signal in spec.signals:
         if signal.supposed:
-            refuse_supposed(days[0][signal.name][0], signal, spec)
-        samples[signal.name], filled = on_grid(*days[0][signal.name], grid, signal, spec)
+            refuse_supposed(series[signal.name][0], signal, spec)
+        samples[signal.name], filled = on_grid(*series[signal.name], grid, signal, spec)
         if filled is not None:
             all_filled = filled if all_filled is None else all_filled | filled
-    n_filled = 0
     if all_filled is not None:
-        refuse_filled(all_filled, days[0], spec)
-        n_filled = int(all_filled.sum())
+        refuse_filled(all_filled, series, spec)
     return DataSet(
-        date=last,
+        date=sources[-1].date,
         inflow=samples["u_Qi"],
         outflow=samples.get("u_Qo"),
         output=samples[spec.output],
-        n_filled=n_filled,
+        n_filled=0 if all_filled is None else int(all_filled.sum()),
         notes=", ".join(f"{count} {kind}" for kind, count in sorted(notes.items())),
     )
 
 
 def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[Series, dt.tzinfo]:
-    """All that the parts of a day say about it."""
+    """The series of a day from all its files."""
+    date = source.date
+    own = [part for part in source.parts if not part.closes(date)]
     logs = []
-    closing = [part for part in source.parts if part.closes(source.date)]
-    for part in source.parts:
-        if part in closing:
-            continue
-        log = _as_listed(root, part, source.date, spec)
-        _refuse_faults(log, part, source.date)
-        notes.update(log.events_of(source.date))
+    for part in own:
+        log = _as_listed(root, part, date, spec)
+        faults = log.faults if is_day_file(part.path) else log.faults_of(date)
+        if faults:
+            more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+            kind = CutError if all(fault.cut for fault in faults) else DataError
+            raise kind(f"{part.name}, {faults[0].text}{more}")
+        notes.update(log.events_of(date))
         if is_day_file(part.path):
-            _count_outside(log, part, source.date, notes)
+            _count_outside(log, part, date, notes)
         logs.append(log)
-    series, zone = logs[0].of_day(source.date), logs[0].zone
+    series, zone = logs[0].of_day(date), logs[0].zone
     if len(logs) > 1:
-        refuse_zones([log.zone for log in logs], source.date)
-        parts = [log.of_day(source.date) for log in logs]
-        paths = " and ".join(part.name for part in source.parts if part not in closing)
-        series = {name: merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
-    for part in closing:
-        series = _closed(series, root, part, source.date, logs[0].bounds(source.date)[1], spec)
+        if len({day_bounds(date, log.zone) for log in logs}) > 1:
+            raise DataError(f"the logs of {date} {OFFSETS}")
+        parts = [log.of_day(date) for log in logs]
+        paths = " and ".join(part.name for part in own)
+        series = {name: _merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
+    for part in source.parts:
+        if part.closes(date):
+            series = _closed(series, root, part, date, logs[0].bounds(date)[1], spec)
     return series, zone
+
+
+def _join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
+    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _merge(
+    parts: list[tuple[Ints, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
+) -> tuple[Ints, Floats]:
+    """One column of a day from several files; where they overlap they must agree."""
+    times, values = _join(parts)
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
+    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
+    if len(conflict):
+        i = int(conflict[0])
+        moment = clock(int(times[i]), zone, with_date=True)
+        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
+    if repeated.any():
+        notes[f"values of {name} in two files"] += int(repeated.sum())
+    return times[~repeated], values[~repeated]
 
 
 def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spec: Spec) -> Series:
@@ -258,7 +240,7 @@ def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spe
     for name, (times, values) in log.closing(end).items():
         own = series[name]
         new = times > own[0][-1] + spec.tolerance if len(own[0]) else np.ones(len(times), bool)
-        closed[name] = join([own, (times[new], values[new])]) if new.any() else own
+        closed[name] = _join([own, (times[new], values[new])]) if new.any() else own
     if any(closed[name] is not series[name] for name in closed):
         for fault in log.faults:
             if fault.at < end + spec.latest:
@@ -267,25 +249,16 @@ def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spe
 
 
 def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
-    """The log of a part: results stand under the digest of what was listed, so nothing else may be read."""
-    single = is_day_file(part.path)
+    """The log of a part. Results are stored under the digest of what was listed: refuse anything else."""
     for fresh in (False, True):
         log = load(root / part.path, part.name, spec, fresh=fresh)
-        if (log.digest if single else log.digest_of(date)) == part.digest:
+        if (log.digest if is_day_file(part.path) else log.digest_of(date)) == part.digest:
             return log
     raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")
 
 
-def _refuse_faults(log: Log, part: Part, date: dt.date) -> None:
-    faults = log.faults if is_day_file(part.path) else log.faults_of(date)
-    if faults:
-        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        kind = CutError if all(fault.cut for fault in faults) else DataError
-        raise kind(f"{part.name}, {faults[0].text}{more}")
-
-
 def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> None:
-    """Rows of a day's file that are of other days."""
+    """Count the rows of a day's file that are of other days."""
     start, end = log.bounds(date)
     if log.times[0] >= start and log.times[-1] < end:
         return

@@ -14,7 +14,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
-from rivid.logs.write import write_day, write_days
+from rivid.logs.write import write_days
 
 HOUR = dt.timedelta(hours=1)
 DATE = dt.date(2008, 3, 14)
@@ -30,8 +30,9 @@ def columns(seed=0, n=650):
     }
 
 
-def put(path, date=DATE, offset=HOUR, sample_time=133.0, **changes):
-    write_day(path, date, columns() | changes, sample_time=sample_time, offset=offset)
+def put(folder, form="csv", offset=HOUR, sample_time=133.0, only=None, **changes):
+    day = (DATE, only or columns() | changes)
+    (path,) = write_days(folder, [day], sample_time=sample_time, offset=offset, format=form)
     return path
 
 
@@ -55,19 +56,19 @@ def test_what_is_written_is_what_the_reader_reads(tmp_path, ending, layout):
 
 def test_csv_holds_iso_times_and_short_numbers(tmp_path):
     values = {"u_Qi": [300.0, 301.5], "u_Qo": [299.0, 0.1], "h_L": [130.0, 130.07]}
-    path = put(tmp_path / "a.csv", **{k: np.array(v) for k, v in values.items()})
+    path = put(tmp_path, **{k: np.array(v) for k, v in values.items()})
     assert path.read_text() == (
         "time,u_Qi,u_Qo,h_L\n2008-03-14T00:00:00+01:00,300,299,130\n2008-03-14T00:02:13+01:00,301.5,0.1,130.07\n"
     )
 
 
 def test_compressed_csv_is_the_same_text(tmp_path):
-    plain, packed = put(tmp_path / "a.csv"), put(tmp_path / "a.csv.gz")
+    plain, packed = put(tmp_path), put(tmp_path, "csv.gz")
     assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
 
 
 def test_parquet_has_an_offset_and_page_checksums(tmp_path):
-    path = put(tmp_path / "a.parquet")
+    path = put(tmp_path, "parquet")
     table = pq.read_table(path, page_checksum_verification=True)
     assert table.schema.field("time").type == pa.timestamp("ms", tz="+01:00")
     first = table["time"][0].as_py()
@@ -84,62 +85,59 @@ def test_parquet_has_an_offset_and_page_checksums(tmp_path):
 )
 def test_offsets_of_all_kinds(tmp_path, offset, text):
     offset = dt.timedelta(hours=offset)
-    line = put(tmp_path / "a.csv", offset=offset).read_text().splitlines()[1]
+    line = put(tmp_path, offset=offset).read_text().splitlines()[1]
     assert line.startswith(f"2008-03-14T00:00:00{text},")
-    table = pq.read_table(put(tmp_path / "a.parquet", offset=offset))
+    table = pq.read_table(put(tmp_path, "parquet", offset=offset))
     assert table["time"][0].as_py() == dt.datetime(2008, 3, 14, tzinfo=dt.timezone(offset))
 
 
 def test_parts_of_a_second_are_kept(tmp_path):
-    lines = put(tmp_path / "a.csv", sample_time=62.5).read_text().splitlines()
+    lines = put(tmp_path, sample_time=62.5).read_text().splitlines()
     assert lines[2].startswith("2008-03-14T00:01:02.500+01:00,")
 
 
 def test_missing_values_are_empty_or_null(tmp_path):
     level = columns()["h_L"]
     level[3] = np.nan
-    assert put(tmp_path / "a.csv", h_L=level).read_text().splitlines()[4].endswith(",")
-    assert pq.read_table(put(tmp_path / "a.parquet", h_L=level))["h_L"].null_count == 1
-    frame = pd.read_csv(tmp_path / "a.csv")
+    assert put(tmp_path, h_L=level).read_text().splitlines()[4].endswith(",")
+    assert pq.read_table(put(tmp_path, "parquet", h_L=level))["h_L"].null_count == 1
+    frame = pd.read_csv(tmp_path / f"{DATE}.csv")
     np.testing.assert_array_equal(frame["h_L"], level)
 
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_the_same_day_gives_the_same_bytes(tmp_path, ending):
-    digests = {hashlib.sha256(put(tmp_path / f"{k}.{ending}").read_bytes()).hexdigest() for k in range(3)}
+    digests = {hashlib.sha256(put(tmp_path / str(k), ending).read_bytes()).hexdigest() for k in range(3)}
     assert len(digests) == 1
 
 
 def test_a_river_has_a_discharge_downstream(tmp_path):
     flows = {"Q_L": np.array([200.0, 201.0]), "u_Qi": np.array([210.0, 205.0])}
-    write_day(tmp_path / "r.csv", DATE, flows, sample_time=900.0, offset=HOUR)
-    assert (tmp_path / "r.csv").read_text().splitlines()[:2] == [
+    assert put(tmp_path, sample_time=900.0, only=flows).read_text().splitlines()[:2] == [
         "time,u_Qi,Q_L",
         "2008-03-14T00:00:00+01:00,210,200",
     ]
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    path = put(tmp_path / "a.csv")
+    path = put(tmp_path)
     before = path.read_bytes()
 
     def no_space(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", no_space)
-    with pytest.raises(RividError, match="cannot write .*a.csv: No space left"):
-        put(path, u_Qi=columns(1)["u_Qi"])
+    with pytest.raises(RividError, match="cannot write .*.csv: No space left"):
+        put(tmp_path, u_Qi=columns(1)["u_Qi"])
     assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_what_cannot_be_written_is_said(tmp_path):
+def test_columns_that_cannot_be_written_are_refused(tmp_path):
     with pytest.raises(RividError, match=r"columns \['Q'\]; expected some of u_Qi, u_Qo, h_L, Q_L"):
-        write_day(tmp_path / "a.csv", DATE, {"Q": np.ones(3)}, sample_time=1.0, offset=HOUR)
+        put(tmp_path, only={"Q": np.ones(3)})
     with pytest.raises(RividError, match="different lengths"):
-        put(tmp_path / "a.csv", h_L=np.ones(3))
-    with pytest.raises(RividError, match="ending in .csv, .csv.gz or .parquet"):
-        put(tmp_path / "a.xlsx")
+        put(tmp_path, h_L=np.ones(3))
     days = [(DATE, columns()), (DATE + dt.timedelta(days=1), {"u_Qi": np.ones(3)})]
     with pytest.raises(RividError, match="in one file"):
         write_days(tmp_path, days, sample_time=133.0, offset=HOUR, layout="month")
