@@ -1,4 +1,4 @@
-"""The results of a run as arrays: what tables hold, and figures and the report draw."""
+"""Read the tables of a run as arrays, or as a DataFrame."""
 
 import datetime as dt
 from contextlib import suppress
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EstimatorResults:
-    """What one estimator says of every day, in date order; NaN where it says nothing.
+    """Results of one estimator for every day, in date order; NaN where it has none.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class EstimatorResults:
     status : list of str
         ok, unidentifiable, degenerate, pending or failed, n of them.
     messages : list of str
-        The reason beside the status; empty where there is nothing to say.
+        Reason of the status and remarks; empty where there are none.
     delay : ndarray, shape (n,)
         Delay d [samples].
     at_bound, prior_only : ndarray of bool, shape (n,)
-        The delay is d_min or d_max; the data alone favour another delay, or none.
+        The delay is d_min or d_max; the prior, not the data, decides it.
     t50 : ndarray, shape (n,)
-        River reaches only: the lag by which half of a step has arrived [samples], from the FIR.
+        Rivers only: lag by which half of a step has arrived [samples], from the FIR.
     fir : ndarray, shape (n, M)
         Impulse response [output unit per m3/s]; M is 0 where the estimator has none.
     candidates : ndarray, shape (K,)
@@ -53,13 +53,13 @@ class EstimatorResults:
     bound_gravity_s, bound_kinematic_s : ndarray, shape (n,)
         Bounds (5) of the travel time [s].
     probability : ndarray, shape (n,), or None
-        That the likeliest delay is right; None where the estimator gives no probabilities, or on no day.
+        Probability of the most probable delay; None where the estimator gives none on any day.
     delay_low, delay_high : ndarray, shape (n,), or None
         Ends of the smallest set of delays that holds 90 % [samples].
     fir_sd : ndarray, shape (n, M), or None
         Standard deviation of `fir`.
     travel_s : ndarray, shape (n,), or None
-        Travel time with its fraction [s]; None where the estimator knows no more than d.
+        Travel time with its fraction of a sample [s]; None where the estimator gives d only.
     """
 
     estimator: str
@@ -88,7 +88,7 @@ class EstimatorResults:
 
     @property
     def answered(self) -> Bools:
-        """Rows with an answer that may be believed as far as its status goes (ok, degenerate)."""
+        """Rows of status ok or degenerate."""
         return np.array([s in ("ok", "degenerate") for s in self.status], bool)
 
 
@@ -109,8 +109,8 @@ class Results:
     estimators : list of EstimatorResults
         In the order of the configuration.
     assumed : tuple of str
-        Keys of the reach's geometry that nobody gave. Bounds (5) of an assumed reach are no bounds of this
-        one: they are NaN then.
+        Keys of the reach's geometry that are not configured: the bounds (5) are NaN then, because they would
+        be those of another reach.
     """
 
     reach: str
@@ -127,9 +127,9 @@ def load_results(out: Path | str) -> Results:
     Raises
     ------
     NoDataError
-        Where `out` holds no finished run.
+        If `out` holds no finished run.
     RividError
-        Where its files are damaged, or of a newer rivid.
+        If its files are damaged, or of a newer rivid.
     """
     import pyarrow.parquet as pq
 
@@ -183,14 +183,14 @@ def brief_results(rows: "pa.Table", config: "Config") -> Results:
 
 
 def _record(out: Path) -> dict[str, Any]:
-    """run.json of OUT, unless a newer rivid wrote it: what its tables mean is not known here."""
+    """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
     import json
 
     from rivid.results.tables import SCHEMA_VERSION
 
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     if not isinstance(run, dict):
-        raise ValueError("run.json is no record")
+        raise ValueError("run.json is not a JSON object")
     if run["schema_version"] > SCHEMA_VERSION:
         raise RividError(
             f"{out} was written by a newer rivid (schema {run['schema_version']}, this one knows "
@@ -257,7 +257,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
 
 
 def load_delays(out: Path | str) -> "pd.DataFrame":
-    """delays.parquet as a pandas DataFrame, for work of your own.
+    """Read delays.parquet as a pandas DataFrame.
 
     Parameters
     ----------
@@ -272,9 +272,9 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
     Raises
     ------
     NoDataError
-        Where `out` holds no run.
+        If `out` holds no run.
     RividError
-        Where a newer rivid wrote it.
+        If a newer rivid wrote it.
     """
     import pandas as pd
 

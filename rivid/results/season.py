@@ -1,4 +1,4 @@
-"""What a finished run says of its days one by one, and which runs' days may be joined."""
+"""Days of a finished run joined over a season, the law of delay and discharge, and their tables."""
 
 import datetime as dt
 import json
@@ -22,12 +22,12 @@ from rivid.results.tables import finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000
-"""Calendar days of a season at most: a date that is a slip of the pen must not fill the memory."""
+"""Most calendar days of a season: one wrong date in a log must not exhaust the memory."""
 
 
 @dataclass(frozen=True)
 class SeasonDays:
-    """What a run says of its days one by one: every calendar day from the first to the last that is closed.
+    """Results of `posterior` for each calendar day from the first to the last complete one.
 
     Attributes
     ----------
@@ -43,11 +43,11 @@ class SeasonDays:
     candidates : ndarray of int, shape (D,)
         The delays [samples].
     probability : ndarray, shape (n, D)
-        p(d | y) of the day alone; NaN where it says nothing.
+        p(d | y) of the day alone; NaN where the day has none.
     delay : ndarray, shape (n,)
-        The day's own answer [samples]; NaN without one.
+        Delay of the day alone [samples]; NaN without one.
     travel : ndarray, shape (n,)
-        Its travel time [s].
+        Travel time of the day alone [s].
     discharge : ndarray, shape (n,)
         Mean inflow of its data set [m3/s]; NaN where it is not known, or not positive.
     """
@@ -64,9 +64,9 @@ class SeasonDays:
     discharge: Floats
 
     def place(self, probability: Floats, share: float) -> Floats:
-        """The travel time [samples] that `share` of each row lies below, shape (n,); NaN where that is NaN.
+        """Quantile `share` of the travel time [samples] of each row, shape (n,); NaN where the row is NaN.
 
-        Within a delay all travel times count alike.
+        Travel times within a delay are equally probable.
         """
         known: Bools = np.asarray(np.isfinite(probability).all(axis=1))
         p = np.where(known[:, None], probability, 1.0 / probability.shape[1])
@@ -91,11 +91,11 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     Raises
     ------
     ConfigError
-        Where the run has no posterior, or its pool's outflow is not logged.
+        If the run has no posterior, or the outflow of its pool is not logged.
     NoDataError
-        Where no day has probabilities.
+        If no day has probabilities.
     RividError
-        Where the tables cannot be read, or span more than a century.
+        If the tables cannot be read, or span more than :data:`LONGEST` days.
     """
     if "posterior" not in record["estimators"]:
         raise ConfigError(
@@ -115,7 +115,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         )
     except (OSError, ValueError) as error:
         raise RividError(f"{out}: results cannot be read ({error}): run again") from None
-    delays = delays.filter(pc.not_equal(delays["status"], "pending"))  # the log of today is not closed
+    delays = delays.filter(pc.not_equal(delays["status"], "pending"))  # today's log is not complete
     if not posterior.num_rows:
         raise NoDataError(f"{out}: no day has probabilities: see the messages in delays.csv")
     rows = delays["date"].cast(pa.int32()).to_numpy()
@@ -152,7 +152,7 @@ DIRECTIONS = {False: "forward", True: "both"}
 
 @dataclass(frozen=True)
 class Joined:
-    """The answers of posterior-season; a leading axis of days.
+    """Results of posterior-season for n days.
 
     Attributes
     ----------
@@ -161,15 +161,15 @@ class Joined:
     probability : ndarray, shape (n, D)
         p(d | days).
     delay, travel : ndarray, shape (n,)
-        Delay [samples] and travel time [s]; NaN where none is sure enough.
+        Delay [samples] and travel time [s]; NaN where no delay is probable enough.
     sure : ndarray, shape (n,)
-        Probability of the likeliest delay, of a river of its rounded t50.
+        Probability of the most probable delay, of a river of its rounded t50.
     low, high : ndarray, shape (n,)
         Ends of the smallest set of delays that holds 90 % [samples].
     observed : ndarray of bool, shape (n,)
-        The day had a probability of its own.
+        The day alone has probabilities.
     related : float
-        Probability, after the last day, that days have to do with each other.
+        Probability, after the last day, that the delays of consecutive days are related.
     """
 
     direction: str
@@ -184,13 +184,13 @@ class Joined:
 
 
 def join(days: SeasonDays, both_ways: bool = False) -> Joined:
-    """posterior-season of the days of a run.
+    """Estimate posterior-season from the days of a run.
 
     Parameters
     ----------
     days : SeasonDays
     both_ways : bool
-        False: a day knows the days before it only, so that no answer changes when days are added.
+        False: a day uses the days before it only, so that no result changes when days are added.
 
     Returns
     -------
@@ -199,7 +199,8 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     Raises
     ------
     ConfigError
-        For a river both ways: its days err alike, and on simulated rivers the 90 % band then held 81 %.
+        For a river both ways: errors of its days are correlated, and on simulated rivers the 90 % band then
+        held 81 %.
     """
     if both_ways and days.river:
         raise ConfigError(
@@ -225,7 +226,7 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     middle = days.place(p, 0.5)
     if days.river:
         delay, sure = _river_answer(days, p, middle)
-    own = delay == days.delay  # the day's own fraction of a sample is finer than the season's
+    own = delay == days.delay  # the day alone has a finer fraction of a sample
     travel = np.where(own, days.travel, np.where(np.isfinite(delay), middle * days.sample_time, np.nan))
     low = days.candidates[np.argmax(in_set, axis=1)].astype(float)
     high = days.candidates[::-1][np.argmax(in_set[:, ::-1], axis=1)].astype(float)
@@ -233,7 +234,7 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
 
 
 def _river_answer(days: SeasonDays, p: Floats, t50: Floats) -> tuple[Floats, Floats]:
-    """A river is answered where the band of t50 is narrow enough, as a day alone is."""
+    """Delay and its probability for a river, where the 90 % band of t50 is narrow enough; else NaN."""
     wide = days.place(p, 0.95) - days.place(p, 0.05)
     first, last = days.candidates[0], days.candidates[-1]
     rounded = np.clip(np.floor(t50 + 0.5), first, last)
@@ -242,11 +243,11 @@ def _river_answer(days: SeasonDays, p: Floats, t50: Floats) -> tuple[Floats, Flo
 
 
 def law_of(days: SeasonDays) -> DelayLaw:
-    """The law of the days' own answers, in seconds.
+    """Fit the law to the travel times of the days alone, in seconds.
 
-    Days count alike, without a band of their own: what a table of probabilities tells of a travel time
-    within its sample is nothing, which would pass for an error of a third of a sample that no day has. The
-    scatter of the days about the law then holds their errors too, so a single day's interval is rather wide.
+    Days have equal weights: within a sample a table of probabilities does not resolve the travel time, which
+    would count as an error of a third of a sample that no day has. The scatter about the law includes the
+    errors of the days, so the interval of a single day is rather wide.
     """
     T = days.travel
     return delay_law(days.discharge, T, T, T, day=np.array([day.toordinal() for day in days.dates]))
@@ -274,12 +275,15 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "date": ("", "the calendar day, with a log or without"),
     "reach": ("", "its name"),
     "estimator": ("", f"`{NAME}`"),
-    "delay_samples": ("samples", "likeliest delay, the days joined; empty where it is not probable enough"),
+    "delay_samples": (
+        "samples",
+        "most probable delay, the days joined; empty where it is not probable enough",
+    ),
     "delay_s": ("s", "the travel time, of a river t50"),
-    "probability": ("", "that this delay is right"),
+    "probability": ("", "probability of this delay"),
     "delay_low": ("samples", "shortest delay of the 90 % set"),
     "delay_high": ("samples", "longest delay of the 90 % set"),
-    "observed": ("", "the day had probabilities of its own"),
+    "observed": ("", "the day alone has probabilities"),
     "direction": ("", "`forward`: from the days before; `both`: from all days"),
 }
 """Unit and meaning of each column of :data:`SCHEMA`."""
@@ -303,7 +307,7 @@ LAW_MEANINGS: dict[str, tuple[str, str]] = {
     "delay_high_s": ("s", "upper end of it"),
     "day_low_s": ("s", "lower end of the 90 % interval of a single day"),
     "day_high_s": ("s", "upper end of it"),
-    "observed_s": ("s", "median of the days' own answers"),
+    "observed_s": ("s", "median travel time of the days alone"),
     "n": ("days", "in the class"),
 }
 """Unit and meaning of each column of :data:`LAW_SCHEMA`."""
@@ -332,10 +336,10 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
 
 def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
     """delay_law.json: the law in seconds and m3/s; null where there is none."""
-    said = {name: v for name, v in asdict(law).items() if name != "table"}
-    said["covariance"] = law.covariance.tolist() if law.status == "ok" else None
+    values = {name: v for name, v in asdict(law).items() if name != "table"}
+    values["covariance"] = law.covariance.tolist() if law.status == "ok" else None
     units = {"T0": "s", "Q0": "m3/s", "b": "-", "scatter": "-", "covariance": "of (ln T0, b)"}
-    return finite(said) | {
+    return finite(values) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
         "first": str(days.dates[0]), "last": str(days.dates[-1]),

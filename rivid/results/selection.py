@@ -1,4 +1,4 @@
-"""Which days of an estimator say what; shared by the figures and the report, with numpy alone."""
+"""Classes of days of an estimator, for figures and report."""
 
 import datetime as dt
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ def estimates_delay(estimator: EstimatorResults) -> bool:
 
 
 def candidates(estimator: EstimatorResults) -> Floats:
-    """The delays tried [samples], shape (K,); those found where the table has none, perhaps no one."""
+    """Candidate delays [samples], shape (K,); the estimated ones where the table has none."""
     if estimator.candidates.size:
         return estimator.candidates
     return np.unique(estimator.delay[found(estimator)])
@@ -37,7 +37,7 @@ def decided(estimator: EstimatorResults) -> Bools:
 
 
 def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
-    """How far to trust each day's delay: each day with a delay is in one class, the gravest that holds.
+    """Reliability of each delay: each day with a delay is in one class, the most severe that applies.
 
     Returns
     -------

@@ -29,23 +29,23 @@ from rivid.errors import LockedError, RividError
 from rivid.results.tables import SEGMENT, whole_numbers, write_parquet
 
 METHOD_VERSION = 1
-"""Raised whenever the same input and settings would give another row: older rows are then computed again."""
+"""Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0
-"""How long a shard waits for others to begin [s]: each holds the lock for a moment."""
+"""Time a shard waits for others to begin [s]: each holds the lock for a moment."""
 
 COMPACT_ABOVE = 12
-"""Segments are merged into one when a run ends with more than this many."""
+"""Segments from which a finished run merges them into one: reading many small files is slow."""
 
 
 def digest(*parts: Any) -> str:
-    """SHA-256 of a JSON of the parts: the same content, the same key."""
+    """SHA-256 of the parts as JSON: the same content has the same key."""
     text = json.dumps([METHOD_VERSION, *parts], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 CHUNK = 8192
-"""Rows that are held at a time, and the rows of a row group."""
+"""Rows in memory at a time, and rows of a row group."""
 
 SHORT = (
     "key",
@@ -59,7 +59,7 @@ SHORT = (
     "probability",
     "at_bound",
 )
-"""Columns that are always held; of the messages only those of failed days are."""
+"""Columns in memory of all rows; of the messages, those of failed days."""
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,9 @@ class Rows:
 
 
 def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
-    """What all sound segments hold, and the damaged ones with what is wrong; changes nothing.
+    """Read the rows of all sound segments; return them and the damaged segments with the reason.
 
-    Every page is read once, so that its checksum is tried.
+    Every page is read once, so that its checksum is verified. Nothing is changed.
     """
     if paths is None:
         paths = sorted(p for p in segments.glob("*.parquet") if p.is_file())
@@ -216,13 +216,13 @@ def _cast(table: pa.Table) -> pa.Table:
 
 
 def _place(column: pa.ChunkedArray, values: Sequence[str]) -> NDArray[np.int64]:
-    """Where each element stands among the values; -1 where it does not."""
+    """Index of each element among the values; -1 where it is missing."""
     found = pc.index_in(column, value_set=pa.array(list(values), pa.string()))
     return np.asarray(pc.fill_null(found, -1).to_numpy(), np.int64)
 
 
 def _short(whole: pa.Table, unit: int) -> pa.Table:
-    """The columns that are held of a row group."""
+    """The columns of a row group that stay in memory."""
     n = len(whole)
     failed = pc.equal(whole["status"], "failed")
     table = whole.select(list(SHORT))
@@ -240,7 +240,7 @@ class Store:
     ----------
     out : Path
     shard : str
-        Name of the shard that this run is; empty for a whole run.
+        Name of the shard; empty for a whole run.
 
     Raises
     ------
@@ -296,7 +296,7 @@ class Store:
         self._shard_lock.release()
 
     def known_files(self, data_dir: Path) -> dict[str, Any]:
-        """What the last finished run saw of the files of DATA_DIR; empty where that is not known."""
+        """Facts on the files of DATA_DIR from the last finished run; empty where there are none."""
         try:
             known = json.loads((self.root / "files.json").read_text(encoding="utf-8"))
             files = known["files"] if known["data_dir"] == str(data_dir.resolve()) else {}
@@ -305,15 +305,12 @@ class Store:
         return files if isinstance(files, dict) else {}
 
     def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
-        """Keep what was seen of the files of DATA_DIR."""
+        """Store facts on the files of DATA_DIR."""
         known = {"data_dir": str(data_dir.resolve()), "files": files}
         write_text(self.root / "files.json", json.dumps(known, sort_keys=True))
 
     def read(self, before: Rows | None = None) -> Rows:
-        """What all sound segments hold; damaged segments are dropped and named.
-
-        Where `before` is what was read before, only segments written since are.
-        """
+        """Read all segments, or those written since `before` was read; drop and list damaged ones."""
         rows, damaged = read_rows(self.segments) if before is None else before.and_new(self.segments)
         for path, reason in damaged:
             self.damaged.append(f"{path.name}: {reason}")
@@ -321,7 +318,7 @@ class Store:
         return rows
 
     def forget(self, keys: Iterable[str]) -> None:
-        """Drop the rows of some keys: they are to be computed again."""
+        """Drop the rows of some keys, so that they are computed again."""
         self.read()  # and with it what is damaged
         gone = pa.array(keys if isinstance(keys, list) else list(keys), pa.string())
         for path in sorted(self.segments.glob("*.parquet")):
