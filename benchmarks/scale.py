@@ -183,8 +183,8 @@ What follows is arithmetic on measurements, {REACHES * YEARS * DAYS_A_YEAR / 1e6
 
 {table(["estimators", "processor time a day", "core-hours", "on 64 cores", "results"], by_estimator)}
 Figures and page of a reach of ten years take {drawing[0]:.1f} s of a core with one estimator and {drawing[1]:.1f} s with four:
-{drawing[0] * REACHES / 3600:.0f} and {drawing[1] * REACHES / 3600:.0f} core-hours for all. With `--no-figures` and `rivid figures OUT` they are drawn for those
-reaches only that are inspected.
+{drawing[0] * REACHES / 3600:.0f} and {drawing[1] * REACHES / 3600:.0f} core-hours for all. With `--no-figures` and `rivid figures OUT` they are drawn only for
+the reaches that are inspected.
 
 Every morning, one new day each, in {new_day.reaches} reaches of {new_day.days:,} finished days: {new_day.wall:.2f} s a reach on two cores,
 {new_day.seconds:.2f} s of a core, of which {new_day.idle:.2f} s to see that nothing else is new; {new_day.seconds * REACHES / 3600:.1f} core-hours for {REACHES:,} reaches. Most

@@ -1,6 +1,7 @@
 """SIGINT and SIGTERM in the middle of a run: its code, soon, nobody left, and what was done is kept."""
 
 import datetime as dt
+import os
 import signal
 import time
 
@@ -10,7 +11,7 @@ import rivid.run.run as running
 from rivid.config import Config
 from rivid.run.run import run
 from tests.daily import FIRST, write_days
-from tests.faults.processes import end, forked, is_locked, moments, start, wait_until
+from tests.faults.processes import end, family, forked, is_locked, moments, start, wait_until
 from tests.faults.test_kills import QUICK, duration, kept, resume
 from tests.run.test_run import bytes_of
 
@@ -57,6 +58,16 @@ def test_many_signals_in_the_middle_of_a_run(season, tmp_path, tried):
     came = interrupt(season, tmp_path, 40, seed=4)
     assert came >= 20
     tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
+
+
+def test_ctrl_c_in_a_terminal_prints_one_line(season, tmp_path):
+    """A terminal sends SIGINT to all processes of the command, also while they import."""
+    child = start("run", season[0], "--out", tmp_path, "--workers", 2, start_new_session=True)
+    assert wait_until(lambda: len(family(child)) >= 2)
+    os.killpg(child.pid, signal.SIGINT)
+    assert child.wait(timeout=20) == 130
+    assert len(child.stderr.read().splitlines()) == 1
+    child.stderr.close()
 
 
 def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path, tried):

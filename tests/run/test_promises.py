@@ -60,8 +60,14 @@ def test_tables_left_by_an_interrupted_run_of_other_settings_are_not_taken_for_o
     assert bytes_of(out) == ours
 
 
-@pytest.mark.parametrize("name", [*TABLES, "report.html", "figures/tdr_jmap.png"])
-@pytest.mark.parametrize("damage", ["flip", "cut", "gone"])
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        *zip([*TABLES, "report.html"], ["flip", "cut", "gone"] * 2, strict=True),
+        ("figures/tdr_jmap.png", "cut"),
+        ("delays.parquet", "gone"),
+    ],
+)
 def test_our_own_files_damaged_are_found_and_written_again(data, tmp_path, name, damage):
     out = tmp_path / "out"
     rivid("run", data, "--out", out)
