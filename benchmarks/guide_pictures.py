@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import rivid
 from rivid.core.fir import half_time
 from rivid.plots import style
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]

@@ -18,9 +18,10 @@ from rivid.core.jmap import jmap
 from rivid.plots.travel_time import TravelTimes, draw
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation import observables, simulate
+from rivid.simulation import simulate
+from rivid.simulation import truth as observables
 from rivid.simulation.scenario import load_scenario
-from rivid.simulation.water import Water
+from rivid.simulation.season import Water
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = {"hydraulic_short": "4.5 km", "hydraulic": "8.2 km", "hydraulic_long": "12 km"}

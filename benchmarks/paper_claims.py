@@ -27,7 +27,7 @@ from rivid.plots.paper.estimates import estimate
 from rivid.plots.paper.hydraulics import daily_range
 from rivid.plots.paper.one_day import choose
 from rivid.plots.paper.year import Year
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 
 Readings = dict[str, dict[str, Floats]]
 """Delays of each reading of (24), by estimator."""

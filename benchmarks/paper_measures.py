@@ -14,7 +14,7 @@ from rivid.core.fir import map_fir, ml
 from rivid.core.jmap import JmapResult, jmap
 from rivid.core.search import direct, indirect
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from rivid.atomic import write_text
 from rivid.logs.write import write_days
-from rivid.simulation import Season, observables, simulate
-from rivid.simulation.observables import ORDER
+from rivid.simulation import Season, simulate
+from rivid.simulation import truth as observables
 from rivid.simulation.scenario import load_scenario
-from rivid.simulation.truth import write_truth
+from rivid.simulation.truth import ORDER, write_truth
 
 HERE = Path(__file__).parent
 SCENARIO = HERE.parent / "configs" / "scenarios" / "basse_isere.toml"

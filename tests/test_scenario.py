@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from rivid.errors import ConfigError
+from rivid.reach.integrator import LinearReach
 from rivid.reach.operators import OperatorSettings
-from rivid.reach.response import LinearReach
 from rivid.simulation.scenario import Scenario, load_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "configs" / "scenarios"

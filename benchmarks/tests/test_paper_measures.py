@@ -106,7 +106,7 @@ def test_the_two_most_frequent_delays_are_in_order_and_may_be_one():
 
 
 def test_the_largest_jump_is_the_delay_of_a_theoretical_response():
-    from rivid.reach.response import theoretical_fir
+    from rivid.reach.integrator import theoretical_fir
 
     fir = np.stack([theoretical_fir(30, d, 1e-4, 1.2e-4) for d in (1, 6, 15)])
     assert largest_jump(fir).tolist() == [1.0, 6.0, 15.0]

@@ -18,10 +18,9 @@ from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.result import ClosedLoop, LoopDay, LoopErrors
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
-from rivid.reach.loop import People, exchange_arrays, gate_arrays
+from rivid.reach.gate import OperatorArrays, exchange_arrays, gate_arrays
+from rivid.reach.integrator import LinearReach, supply
 from rivid.reach.operators import quantise
-from rivid.reach.pool import supply
-from rivid.reach.response import LinearReach
 from rivid.types import Floats
 
 if TYPE_CHECKING:
@@ -80,7 +79,7 @@ def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[F
     return np.concatenate([unknown, level]), np.concatenate([unknown, commands])
 
 
-def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) -> People:
+def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) -> OperatorArrays:
     """The operators of a day from sample `first` on, starting from the logged command.
 
     `offset` (n - first,) is the gauge's reading above the simulated water [m], `water` that water at the
@@ -93,7 +92,7 @@ def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) 
     error = float(np.copysign(max(abs(off) - law.dead_band, 0.0), off))
     # The loop starts with the inflow passed on and the first error answered: both are taken off here.
     start = float(day.outflow[0, first]) - law.level_gain * error
-    return People(
+    return OperatorArrays(
         inflow=start + law.feedforward * (inflow - inflow[0]),
         disturbance=offset,
         aim=np.full(n, aim),
@@ -133,7 +132,7 @@ def _channel(
 def _pool(
     reach: LinearPool, law: Law, day: Record, changes: Changes, offset: Floats, first: int
 ) -> tuple[Floats, Floats]:
-    from rivid.reach.pool import hold
+    from rivid.reach.integrator import hold
 
     area, delay, gain = (p.natural for p in reach.parameters[:3])
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]

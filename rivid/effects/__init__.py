@@ -1,8 +1,8 @@
 """Effects: what a simulation of a reach may lack, each defined once for simulation and diagnosis."""
 
 from rivid.effects.base import FAMILIES, LEVEL_NOISES, Dates, Effect, Quantity, Trial, World, quantity
+from rivid.effects.level import Autoregression
 from rivid.effects.registry import CATALOGUE, build, changes_of, effect_classes, worlds_of
-from rivid.effects.series import Autoregression
 
 __all__ = [
     "CATALOGUE",

@@ -1,13 +1,113 @@
-"""Flows that no log holds: water that enters or leaves beside the dams, and dams that give more or less."""
+"""Sizes that vary slowly with the date."""
 
+import datetime as dt
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rivid.effects.base import Effect, Trial, World, quantity
-from rivid.effects.slow import Sizes, over_dates, spread_over_dates
-from rivid.reach.changes import AddedFlow, Changes, Gate, Leak
-from rivid.types import DAY, Floats
+from rivid.errors import ConfigError
+from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
+from rivid.types import DAY, HOUR, Floats
+
+Sizes = float | tuple[float, ...]
+
+
+def spread_over_dates(effect: Effect, key: str) -> None:
+    """Check that a parameter of several values has dates to lie over.
+
+    Raises
+    ------
+    ConfigError
+        Where it has none, or no value.
+    """
+    value = getattr(effect, key)
+    if isinstance(value, tuple) and (not value or (len(value) > 1 and effect.dates is None)):
+        came = f"{len(value)} values without dates" if value else "no value"
+        raise ConfigError(
+            f"{effect.name}: {key} has {came}: expected one number, or several spread over "
+            "dates = [first, last]"
+        )
+
+
+def over_dates(effect: Effect, sizes: Sizes, world: World) -> Floats:
+    """Size at each sample, shape of the time grid.
+
+    Several sizes lie evenly from the beginning of the first date to the end of the last, with straight
+    lines between.
+    """
+    if not isinstance(sizes, tuple) or effect.dates is None:
+        return np.full(world.time.shape, np.ravel(sizes)[0], float)
+    start, end = world.day_of(effect.dates[0]), world.day_of(effect.dates[1]) + DAY
+    return np.asarray(np.interp(world.time, np.linspace(start, end, len(sizes)), sizes))
+
+
+def each(sizes: Sizes, n: int) -> Floats:
+    """A value for each of n events."""
+    return np.array(np.broadcast_to(np.asarray(sizes, float), (n,)))
+
+
+def check_given(effect: Effect, *keys: str) -> None:
+    """Check that parameters of several values have one for each of the effect's `starts`.
+
+    Raises
+    ------
+    ConfigError
+        Where they have not.
+    """
+    starts: Any = getattr(effect, "starts")  # noqa: B009 - of the subclasses that call this
+    n = np.size(starts)
+    for key in keys:
+        value = getattr(effect, key)
+        if isinstance(value, tuple) and len(value) != n:
+            raise ConfigError(
+                f"{effect.name}: {key} has {len(value)} values for {n} starts: expected one number, "
+                "or one for each start"
+            )
+
+
+def allowed(effect: Effect, starts: Floats, world: World) -> Floats:
+    """Those of the starts [s] that the effect's dates and hours allow."""
+    there = np.ones(starts.shape, bool)
+    if effect.dates is not None:
+        first, last = (world.day_of(date) for date in effect.dates)
+        there &= (starts >= first) & (starts < last + DAY)
+    if effect.hours is not None:
+        since = np.mod(starts / HOUR - effect.hours[0], 24.0)
+        there &= since < _width(effect)
+    return there
+
+
+def drawn_days(effect: Effect, world: World) -> list[tuple[float, np.random.Generator]]:
+    """Midnight [s] and generator of each day of the record that the effect's dates allow.
+
+    A day has a generator of its own, so that a longer record holds the same events and more.
+    """
+    first = int(np.floor(world.time.min() / DAY))
+    last = int(np.floor(world.time.max() / DAY))
+    days = []
+    for day in range(first, last + 1):
+        date = world.first_day + dt.timedelta(days=day)
+        if effect.dates is None or effect.dates[0] <= date <= effect.dates[1]:
+            days.append((day * DAY, world.rng(date.toordinal())))
+    return days
+
+
+def drawn_starts(effect: Effect, per_day: float, rng: np.random.Generator) -> Floats:
+    """Times after midnight [s] of the events of a day: as many as a Poisson draw says, within its hours."""
+    first = 0.0 if effect.hours is None else effect.hours[0]
+    at = first + _width(effect) * rng.random(rng.poisson(per_day))
+    return np.sort(np.mod(at, 24.0)) * HOUR
+
+
+def _width(effect: Effect) -> float:
+    """Length of the effect's hours [h]."""
+    if effect.hours is None or effect.hours == (0, 24):
+        return 24.0
+    return float(np.mod(effect.hours[1] - effect.hours[0], 24.0))
+
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
@@ -221,3 +321,345 @@ class OutflowGainError(Effect):
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(factor=1.0 + self.error * self.active(world)))
+
+
+LOW, HIGH = -87_600.0, 876_000.0
+"""Ten years before the first day and a hundred after it [h]."""
+START = "when each begins, hours since the first day's midnight; none: drawn"
+
+
+class Events(NamedTuple):
+    """Arrays of shape (events,): beginning and length [s], size [m3/s]."""
+
+    start: Floats
+    size: Floats
+    length: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class RainInflow(Effect):
+    """``flow at the place += peak x shape``: a straight rise, then ``exp(-t / recession)``.
+
+    Dates and hours say when an event may begin; its recession runs on.
+
+    Parameters
+    ----------
+    starts : tuple of float
+        Beginnings [h] since the midnight of the first day; none: drawn.
+    per_month : float
+        Mean number of events in 30 days, where they are drawn.
+    peak : float or tuple of float
+        [m3/s]: of each start, of all, or the mean of exponential draws.
+    rise, recession : float or tuple of float
+        [h].
+    place : float
+    """
+
+    name = "rain_inflow"
+    family = "flow"
+    depends_on_level = False
+    found_as = "recession"
+    confounded_with = {
+        "unlogged_upstream_release": (
+            "Lay the rain gauge of the catchment and the upstream dam's spill book beside the dates found."
+        ),
+    }
+    sentence = "Rain runs into the reach: a steep rise, then a recession over hours."
+    looks = (
+        "Now and then the level rises over an hour or two without a cause in the logs, and the surplus "
+        "fades exponentially: no flat top and no sharp end, as a release has."
+    )
+
+    starts: tuple[float, ...] = quantity((), "h", LOW, HIGH, START, many=True)
+    per_month: float = quantity(5.0, "1/30 days", 0.0, 1000.0, "mean number of events, where they are drawn")
+    peak: Sizes = quantity(
+        8.0, "m3/s", 0.0, 1e5, "peak of each event, of all, or the mean of those drawn", many=True
+    )
+    rise: Sizes = quantity(1.0, "h", 0.01, 240.0, "time from the beginning to the peak", many=True)
+    recession: Sizes = quantity(9.0, "h", 0.05, 2400.0, "time in which a fall by 1/e takes place", many=True)
+    place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_given(self, "peak", "rise", "recession")
+
+    @classmethod
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "RainInflow":
+        return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return []
+
+    def events(self, world: World) -> list[dict[str, float]]:
+        """What happens, in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
+        found, rise = self._events(world)
+        return [
+            {"start_h": s / HOUR, "peak_m3s": p, "rise_h": r / HOUR, "recession_h": k / HOUR}
+            for s, p, k, r in zip(*(part.tolist() for part in (*found, rise)), strict=True)
+        ]
+
+    def changes(self, world: World) -> Changes:
+        found, rises = self._events(world)
+        flow = np.zeros(world.time.shape)
+        for start, peak, recession, rise in zip(*found, rises, strict=True):
+
+            def volume(t: Floats, a: float = start, r: float = rise, k: float = recession) -> Floats:
+                up, down = np.clip(t - a, 0.0, r), np.maximum(t - a - r, 0.0)
+                return np.asarray(0.5 * up * up / r - k * np.expm1(-down / k))
+
+            flow += peak * world.mean_of(volume)
+        return Changes(added=(AddedFlow(self.place, flow),))
+
+    def _events(self, world: World) -> tuple[Events, Floats]:
+        if self.starts:
+            starts = HOUR * np.ravel(self.starts).astype(float)
+            n = len(starts)
+            kept = np.isin(np.arange(n), np.flatnonzero(allowed(self, starts, world)))
+            peak, recession, rise = (each(x, n)[kept] for x in (self.peak, self.recession, self.rise))
+            starts = starts[kept]
+        else:
+            parts = [
+                (
+                    midnight + (begun := drawn_starts(self, self.per_month / 30.0, rng)),
+                    rng.exponential(size=len(begun)),
+                )
+                for midnight, rng in drawn_days(self, world)
+            ]
+            starts = np.concatenate([np.empty(0), *(at for at, _ in parts)])
+            n = len(starts)
+            peak = each(self.peak, n) * np.concatenate([np.empty(0), *(share for _, share in parts)])
+            recession, rise = each(self.recession, n), each(self.rise, n)
+        return Events(starts, peak, HOUR * recession), HOUR * rise
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnloggedUpstreamRelease(Effect):
+    """``real inflow = logged inflow + size`` within dates and hours.
+
+    Parameters
+    ----------
+    size : float or tuple of float
+        [m3/s]; several values lie evenly over the dates, the first at their beginning and the last at
+        their end, with straight lines between.
+    """
+
+    name = "unlogged_upstream_release"
+    family = "flow"
+    depends_on_level = False
+    repeatable = True
+    varies_with_date = "size"
+    confounded_with = {
+        "lateral_inflow": (
+            "Look up the gate and spill book of the upstream dam for these hours, or gauge below it once."
+        ),
+    }
+    sentence = "The upstream dam lets water through beside what is logged: a bypass, a spill, a test."
+    looks = (
+        "On certain dates, often at certain hours, the level shows an inflow that came with the travel time "
+        "of the upstream dam: a flat top, sharp ends, the same hours every day."
+    )
+
+    size: Sizes = quantity(
+        20.0, "m3/s", 0.0, 1e5, "the release; several values spread over the dates", many=True
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        spread_over_dates(self, "size")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.hourly_trial("up")]
+
+    def changes(self, world: World) -> Changes:
+        return Changes(added=(AddedFlow(0.0, over_dates(self, self.size, world) * self.active(world)),))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnloggedDownstreamRelease(Effect):
+    """``real outflow = logged outflow + size`` during pulses, or all through dates and hours.
+
+    Dates and hours say when a pulse may begin; it lasts its duration.
+
+    Parameters
+    ----------
+    size : float or tuple of float
+        [m3/s]: of each start, or of all.
+    starts : tuple of float
+        Beginnings of the pulses [h] since the midnight of the first day; none: see `per_day`.
+    per_day : float
+        Mean number of pulses drawn a day; 0 without starts is a release all through dates and hours.
+    duration : float or tuple of float
+        [h].
+    """
+
+    name = "unlogged_downstream_release"
+    family = "flow"
+    acts_on_river = False
+    depends_on_level = False
+    repeatable = True
+    found_as = "pulse"
+    sentence = "The downstream dam lets water through beside what is logged: a lock, a spill, a pump."
+    looks = (
+        "The level falls at once and for a short time, again and again by the same volume (a lock), or at "
+        "the same hours every day (a pump, a spill), with no change of the outflow."
+    )
+
+    size: Sizes = quantity(10.0, "m3/s", 0.0, 1e5, "the release, of each start or of all", many=True)
+    starts: tuple[float, ...] = quantity((), "h", LOW, HIGH, START, many=True)
+    per_day: float = quantity(
+        6.0, "1/day", 0.0, 1000.0, "mean number of pulses drawn; 0: all through dates and hours"
+    )
+    duration: Sizes = quantity(0.5, "h", 0.001, 2400.0, "how long a pulse lasts", many=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_given(self, "size", "duration")
+
+    @classmethod
+    def from_events(
+        cls, starts: Sequence[float], sizes: Sequence[float], duration: float
+    ) -> "UnloggedDownstreamRelease":
+        return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.hourly_trial("down", per_day=0.0)]
+
+    def events(self, world: World) -> list[dict[str, float]]:
+        """The pulses in order: beginning [h since the first day's midnight], size [m3/s], length [h]."""
+        return [
+            {"start_h": s / HOUR, "size_m3s": q, "duration_h": d / HOUR}
+            for s, q, d in zip(*(part.tolist() for part in self._events(world)), strict=True)
+        ]
+
+    def changes(self, world: World) -> Changes:
+        flow = np.zeros(world.time.shape)
+        if not self.starts and self.per_day == 0.0:
+            flow += np.ravel(self.size)[0] * self.active(world)
+        start, size, length = self._events(world)
+        if len(start):  # all pulses at once: their volume is straight between their beginnings and ends
+            knots = np.concatenate([start, start + length])
+            order = np.argsort(knots)
+            knots, slope = knots[order], np.cumsum(np.concatenate([size, -size])[order])
+            passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
+            flow += world.mean_of(lambda t: np.interp(t, knots, passed))
+        return Changes(added=(AddedFlow(1.0, -flow),))
+
+    def _events(self, world: World) -> Events:
+        if self.starts:
+            starts = HOUR * np.ravel(self.starts).astype(float)
+            kept = allowed(self, starts, world)
+            size, duration = (each(x, len(starts))[kept] for x in (self.size, self.duration))
+            return Events(starts[kept], size, HOUR * duration)
+        days = drawn_days(self, world)
+        starts = np.concatenate([np.empty(0), *(at + drawn_starts(self, self.per_day, r) for at, r in days)])
+        return Events(starts, each(self.size, len(starts)), HOUR * each(self.duration, len(starts)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateHeadEffect(Effect):
+    """``real outflow = (1 + gain (level - usual level)) logged outflow``.
+
+    Parameters
+    ----------
+    gain : float
+        [1/m].
+    """
+
+    name = "gate_head_effect"
+    family = "flow"
+    acts_on_river = False
+    absorbed_by_response = True
+    sentence = "The downstream gates let through more the higher the level stands; the log says otherwise."
+    looks = (
+        "What the logs do not explain grows with level times outflow: as leakage, but less at night when "
+        "little is sent down. An orifice at 4 m of head has 0.12 1/m."
+    )
+
+    gain: float = quantity(0.1, "1/m", -0.5, 2.0, "relative gain of the outflow for each metre of level")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("gain", 0.05, sign=1)]
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gate=Gate(head=self.gain * self.active(world), reference=world.level))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StorageAreaSlope(Effect):
+    """``water surface = A (1 + slope (level - usual level))``.
+
+    Parameters
+    ----------
+    slope : float
+        [1/m].
+    """
+
+    name = "storage_area_slope"
+    family = "flow"
+    windowed = False
+    acts_on_river = False
+    absorbed_by_response = True
+    sentence = "The water surface grows with the level: banks that slope, flats that flood."
+    looks = (
+        "The same surplus of inflow lifts a high level less than a low one. Sloping banks of the channel "
+        "do this too: it hides in a free geometry."
+    )
+
+    slope: float = quantity(0.25, "1/m", -0.5, 2.0, "relative growth of the surface for each metre of level")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [cls.linear_trial("slope", 0.1)]
+
+    def changes(self, world: World) -> Changes:
+        return Changes(area_slope=self.slope, area_reference=world.level)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideStorage(Effect):
+    """``area dz/dt = exchange (level - z)``, and the reach loses what the pond gains.
+
+    Parameters
+    ----------
+    area : float
+        [m2].
+    exchange : float
+        [m3/s per m].
+    place : float
+    """
+
+    name = "side_storage"
+    family = "flow"
+    acts_on_river = False
+    absorbed_by_response = True
+    depends_on_level = False
+    confounded_with = {
+        "storage_area_slope": (
+            "Step the level and hold it for a day: side storage drains back for hours, a larger surface "
+            "does not."
+        ),
+    }
+    sentence = "Water beside the reach that fills and empties through a narrow passage: an old arm, gravel."
+    looks = (
+        "After a quick rise the level sinks back while in- and outflow balance, after a fall it recovers, "
+        "with a time constant of area / exchange."
+    )
+
+    area: float = quantity(2e5, "m2", 1.0, 1e8, "water surface beside the reach")
+    exchange: float = quantity(30.0, "m3/s per m", 0.0, 1e5, "flow for each metre of difference of level")
+    place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [
+            cls.trial_at("area", area, also=("exchange",), exchange=exchange)
+            for area in (1e5, 3e5)
+            for exchange in (20.0, 100.0)
+        ]
+
+    def changes(self, world: World) -> Changes:
+        return Changes(ponds=(Pond(self.place, self.area, self.exchange * self.active(world)),))

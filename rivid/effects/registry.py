@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-from rivid.effects import flow, level, releases, storage, timing
+from rivid.effects import flow, level, timing
 from rivid.effects.base import Effect, World
 from rivid.effects.users import check_class, from_entry_points, from_file
 from rivid.errors import ConfigError
@@ -17,15 +17,15 @@ CATALOGUE: dict[str, type[Effect]] = {
     for one in (
         flow.LateralInflow,
         flow.DiurnalInflow,
-        releases.RainInflow,
-        releases.UnloggedUpstreamRelease,
-        releases.UnloggedDownstreamRelease,
+        flow.RainInflow,
+        flow.UnloggedUpstreamRelease,
+        flow.UnloggedDownstreamRelease,
         flow.Leakage,
         flow.InflowGainError,
         flow.OutflowGainError,
-        storage.GateHeadEffect,
-        storage.StorageAreaSlope,
-        storage.SideStorage,
+        flow.GateHeadEffect,
+        flow.StorageAreaSlope,
+        flow.SideStorage,
         timing.FlowDependentDelay,
         timing.WaveAttenuation,
         timing.OutflowLag,

@@ -1,6 +1,6 @@
 """The people at the downstream dam: (9) with shifts, dead-band, looks and a slow trim.
 
-They act in steps, at looks; what they do at one is :func:`rivid.reach.loop.look`.
+They act in steps, at looks; what they do at one is :func:`rivid.reach.gate.look`.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rivid.errors import ConfigError
-from rivid.reach.loop import People
+from rivid.reach.gate import OperatorArrays
 from rivid.types import Floats, Ints
 
 
@@ -139,7 +139,7 @@ def quantise(values: Floats, quantum: float) -> Floats:
     return values if quantum == 0 else np.round(np.round(values / quantum) * quantum, 9)
 
 
-def on_duty(
+def operator_arrays(
     time: Floats,
     inflow: Floats,
     disturbance: Floats,
@@ -150,8 +150,8 @@ def on_duty(
     *,
     gauge_quantum: float,
     rng: np.random.Generator,
-) -> People:
-    """The people of a season, for :func:`rivid.reach.pool.pool_level` or the Saint-Venant reach.
+) -> OperatorArrays:
+    """The people of a season, for :func:`rivid.reach.integrator.pool_level` or the Saint-Venant reach.
 
     Parameters
     ----------
@@ -174,9 +174,9 @@ def on_duty(
 
     Returns
     -------
-    People
+    OperatorArrays
     """
-    return People(
+    return OperatorArrays(
         inflow=inflow,
         disturbance=disturbance,
         aim=set_point + crew.set_point[duty],

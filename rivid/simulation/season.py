@@ -1,20 +1,148 @@
-"""A season of a simulated reach: continuous days of commands and levels, and the truth behind them."""
+"""The water of a scenario, in either reach: the linear pool of (7), or the equations of Saint-Venant (1)."""
 
 import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rivid.effects import Effect, changes_of
 from rivid.effects.base import World
-from rivid.reach.changes import AddedFlow
-from rivid.reach.operators import OperatorSettings, draw_crew, on_duty, quantise, roster
+from rivid.errors import ConfigError, RividError
+from rivid.reach.changes import AddedFlow, Changes
+from rivid.reach.gate import OperatorArrays
+from rivid.reach.integrator import LinearReach, PoolFlow, pool_level
+from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays, quantise, roster
+from rivid.reach.saint_venant import Channel, arrival_time
+from rivid.reach.saint_venant import simulate as saint_venant
 from rivid.simulation.programme import ar1, daily_flow, programme
 from rivid.simulation.scenario import LevelScenario, Scenario
-from rivid.simulation.water import Water
 from rivid.types import DAY, Floats, Ints
+
+TRIAL = 1.0
+"""Step of outflow that tells how a channel's level answers [m3/s]."""
+
+
+@dataclass(frozen=True)
+class Water:
+    """The reach of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    area_slope : float
+        Relative change of the surface for each metre of level above the set-point [1/m].
+    """
+
+    scenario: Scenario
+    area_slope: float = 0.0
+
+    @cached_property
+    def pool(self) -> LinearReach:
+        """The linear reach, whose gains hold for both kinds."""
+        said = self.scenario.reach.model_dump(include=set(LinearReach.__dataclass_fields__))
+        return LinearReach(**said)
+
+    @cached_property
+    def channel(self) -> Channel | None:
+        """The sections along the reach; None for the linear one."""
+        said, reach = self.scenario.channel, self.scenario.reach
+        if said is None:
+            return None
+        shape = Channel.smooth(
+            reach.length, reach.width, said.slope, said.manning, said.cells, side_slope=said.side_slope,
+            end_bed=said.bed_level, width_modes=said.width_modes, bed_modes=said.bed_modes,
+            manning_modes=said.manning_modes,
+        )  # fmt: skip
+        return shape.with_area_slope(self.area_slope, self.level)
+
+    @property
+    def level(self) -> float:
+        """The usual level [m]."""
+        return self.scenario.level.set_point
+
+    @cached_property
+    def surface_area(self) -> float:
+        """Water surface at the usual level [m2]."""
+        return self.pool.surface_area if self.channel is None else self.channel.surface_area(self.level)
+
+    def drop(self, time: float) -> float:
+        """Fall of the level at the dam in a time [s] after 1 m3/s more is let out [m per m3/s].
+
+        In a channel at the highest flow, with the level drawn down as for that: there it is largest.
+        """
+        if self.channel is None:
+            return time / self.surface_area
+        aim, flow = self.scenario.level, self.scenario.flow.highest
+        level = aim.set_point - aim.drawdown / 100.0 * max(flow - aim.drawdown_from, 0.0)
+        clock = np.linspace(0.0, time, 31)
+        more = np.full(31, flow + TRIAL)
+        try:
+            start = saint_venant(self.channel, clock[:1], [flow], [flow], level).end
+            fall = level - saint_venant(self.channel, clock, np.full(31, flow), more, start).level
+        except RividError as error:
+            raise ConfigError(f"channel, at the highest flow and its level: {error}") from None
+        return float(fall.max() / TRIAL)
+
+    def arrival(self, flow: Floats, level: Floats) -> Floats:
+        """Travel time of a small wave at mean flows [m3/s] and levels [m] of days, shape (days,) [s]."""
+        if self.channel is None:
+            return self.pool.travel_time(flow)
+        return arrival_time(self.channel, flow, level)
+
+    def run(
+        self,
+        time: Floats,
+        inflow: Floats,
+        outflow: Floats | OperatorArrays,
+        usual_flow: Floats,
+        changes: Changes,
+        start: float,
+    ) -> PoolFlow:
+        """Level and outflow at the samples.
+
+        Parameters
+        ----------
+        time, inflow : ndarray, shape (n,)
+            Sample times [s] and logged inflow [m3/s].
+        outflow : ndarray of shape (n,), or OperatorArrays
+            Commands [m3/s], or who gives them.
+        usual_flow : ndarray, shape (n,)
+            Flow that the linear reach's travel time follows [m3/s].
+        changes : Changes
+        start : float
+            Level at the first sample [m].
+
+        Raises
+        ------
+        ConfigError, RividError
+            Where the flow is impossible; the message names what to change.
+        """
+        if self.channel is None:
+            travel = self.pool.travel_time(usual_flow)
+            return pool_level(
+                self.pool, time, inflow, outflow, travel, start=start, before=float(inflow[0]),
+                changes=changes,
+            )  # fmt: skip
+        said = self.scenario.channel
+        assert said is not None
+        for name, gain in (("inflow", self.pool.inflow_gain), ("outflow", self.pool.outflow_gain)):
+            if gain != 1.0:
+                raise ConfigError(
+                    f"reach.{name}_gain = {gain:g} with [channel]: expected 1; plant the effect "
+                    f"{name}_gain_error instead"
+                )
+        try:
+            flow = saint_venant(
+                self.channel, time, inflow, outflow, start, changes=changes,
+                gate_time=said.gate_time, courant=said.courant, step=said.step,
+            )  # fmt: skip
+        except RividError as error:
+            raise type(error)(f"channel: {error}") from None
+        return PoolFlow(flow.level, flow.outflow, flow.released)
+
 
 EDGE = 0.1
 """Within this many samples of an edge the true delay has two right answers."""
@@ -123,7 +251,7 @@ def simulate(
     """
     seed = scenario.seed if seed is None else seed
     place = 0 if upstream is None else upstream.place + 1
-    river_rng, load_rng, people_rng, gauge_rng, weather_rng, missing_rng = (
+    river_rng, load_rng, operators_rng, gauge_rng, weather_rng, missing_rng = (
         np.random.default_rng([seed, stream, *([place] if place else [])]) for stream in range(6)
     )
     T_s = scenario.reach.sample_time
@@ -157,12 +285,12 @@ def simulate(
     settings = OperatorSettings(**scenario.operators.model_dump())
     aim = gauge.set_point - gauge.drawdown / 100.0 * np.maximum(usual - gauge.drawdown_from, 0.0)
     aim += _set_points(gauge, steps, seed, place)
-    crew = draw_crew(settings, water.drop(settings.look[1]), people_rng)
-    duty = roster(time, settings, people_rng)
-    people = on_duty(
-        time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=people_rng
+    crew = draw_crew(settings, water.drop(settings.look[1]), operators_rng)
+    duty = roster(time, settings, operators_rng)
+    operators = operator_arrays(
+        time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
-    flow = water.run(time, inflow, people, usual, changes, float(aim[0]))
+    flow = water.run(time, inflow, operators, usual, changes, float(aim[0]))
     level = quantise(flow.level + noise, gauge.quantum)
     level[_silent(gauge, time, steps, gauge_rng)] = np.nan
 

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from rivid.core.cusum import CusumSettings, cusum
 from rivid.core.fir import map_fir, ml
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
 

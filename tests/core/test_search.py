@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from rivid.core.search import SearchSettings, direct, indirect
 from rivid.errors import ConfigError, RividError
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
 from tests.reach.equations import difference_equation

@@ -3,8 +3,16 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from rivid.effects.flow import DiurnalInflow, InflowGainError, LateralInflow, Leakage, OutflowGainError
-from rivid.effects.storage import GateHeadEffect, SideStorage, StorageAreaSlope
+from rivid.effects.flow import (
+    DiurnalInflow,
+    GateHeadEffect,
+    InflowGainError,
+    LateralInflow,
+    Leakage,
+    OutflowGainError,
+    SideStorage,
+    StorageAreaSlope,
+)
 from rivid.errors import ConfigError
 from tests.effects.worlds import FIRST, samples_of, total, world
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rivid.effects.level import Seiche, SensorDrift, SensorStep, WindSetup
-from rivid.effects.series import Autoregression
+from rivid.effects.level import Autoregression, Seiche, SensorDrift, SensorStep, WindSetup
 from tests.effects.worlds import FIRST, world
 
 DATES = (FIRST + dt.timedelta(days=2), FIRST + dt.timedelta(days=3))

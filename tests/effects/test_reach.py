@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.effects import CATALOGUE, changes_of
-from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach
+from rivid.reach.integrator import LinearReach, pool_level
 from tests.effects.worlds import total, world
 
 REACH = LinearReach()

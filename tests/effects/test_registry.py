@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 
 from rivid.effects import changes_of, worlds_of
-from rivid.effects.flow import DiurnalInflow, InflowGainError, LateralInflow, Leakage, OutflowGainError
+from rivid.effects.flow import (
+    DiurnalInflow,
+    GateHeadEffect,
+    InflowGainError,
+    LateralInflow,
+    Leakage,
+    OutflowGainError,
+    RainInflow,
+    StorageAreaSlope,
+)
 from rivid.effects.level import Seiche, SensorStep, WindSetup
-from rivid.effects.releases import RainInflow
-from rivid.effects.storage import GateHeadEffect, StorageAreaSlope
 from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
 from rivid.reach.changes import NO_CHANGES
 from tests.effects.worlds import world

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.effects.releases import RainInflow, UnloggedDownstreamRelease, UnloggedUpstreamRelease
+from rivid.effects.flow import RainInflow, UnloggedDownstreamRelease, UnloggedUpstreamRelease
 from rivid.errors import ConfigError
 from tests.effects.worlds import FIRST, samples_of, total, world
 

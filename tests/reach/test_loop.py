@@ -6,9 +6,8 @@ from scipy.integrate import solve_ivp
 
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes, Gate, Leak, Pond, together
-from rivid.reach.loop import GATE, gate_arrays, gate_flow, pond_flow
-from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach
+from rivid.reach.gate import GATE, gate_arrays, gate_flow, pond_flow
+from rivid.reach.integrator import LinearReach, pool_level
 from rivid.reach.saint_venant import Channel, simulate
 
 T_S, N = 133.0, 400

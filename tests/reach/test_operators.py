@@ -7,16 +7,15 @@ import pytest
 
 from rivid.errors import ConfigError
 from rivid.reach.changes import AddedFlow, Changes
+from rivid.reach.integrator import LinearReach, pool_level
 from rivid.reach.operators import (
     Crew,
     OperatorSettings,
     draw_crew,
-    on_duty,
+    operator_arrays,
     quantise,
     roster,
 )
-from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach
 
 T_S, N = 133.0, 1300
 TIME = T_S * np.arange(N)
@@ -33,7 +32,7 @@ def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, changes=None, s
     """Outflow commands and true level."""
     n = len(inflow)
     aims = np.broadcast_to(aim, n)
-    people = on_duty(
+    people = operator_arrays(
         TIME[:n], inflow, np.zeros(n) if noise is None else noise, aims, settings,
         crew or one_person(settings), np.zeros(n, int) if duty is None else duty,
         gauge_quantum=quantum, rng=np.random.default_rng(seed),

@@ -7,8 +7,7 @@ from scipy.signal import lfilter
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate
-from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach, theoretical_fir
+from rivid.reach.integrator import LinearReach, pool_level, theoretical_fir
 from rivid.reach.transport import arrived_volume, delayed_volume, held_volume
 from tests.reach.equations import difference_equation
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from rivid.errors import ConfigError
-from rivid.reach.operators import OperatorSettings, draw_crew, on_duty
+from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation import observables, simulate, simulate_cascade
+from rivid.simulation import simulate, simulate_cascade
+from rivid.simulation import truth as observables
 from rivid.simulation.scenario import Scenario, load_scenario
-from rivid.simulation.water import Water
+from rivid.simulation.season import Water
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 PLAIN = load_scenario(SCENARIOS / "hydraulic.toml")
@@ -84,7 +85,7 @@ def test_the_crew_is_steady_on_any_length(length):
     time = 133.0 * np.arange(3 * 650)
     inflow = np.full(len(time), flow)
     late = np.where(time > 20_000.0, 0.15, 0.0)  # the gauge starts to read too high: the level must fall
-    people = on_duty(
+    people = operator_arrays(
         time, inflow, late, np.full(len(time), level), settings, crew, np.zeros(len(time), int),
         gauge_quantum=0.0, rng=np.random.default_rng(1),
     )  # fmt: skip

@@ -10,11 +10,11 @@ import pytest
 from rivid.core.hydraulics import GRAVITY
 from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError
-from rivid.reach.pool import pool_level
-from rivid.reach.response import LinearReach
-from rivid.simulation import Season, observables, simulate, true_delay
-from rivid.simulation.observables import condition_numbers
+from rivid.reach.integrator import LinearReach, pool_level
+from rivid.simulation import Season, simulate, true_delay
+from rivid.simulation import truth as observables
 from rivid.simulation.scenario import Scenario, load_scenario
+from rivid.simulation.truth import condition_numbers
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 FEW = Scenario(days=12, seed=5)

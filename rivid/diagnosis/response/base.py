@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from rivid.diagnosis.data import Record
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes
-from rivid.reach.loop import (
+from rivid.reach.gate import (
     FLOW,
     GATE,
     POSITION,

@@ -16,7 +16,7 @@ from rivid.plots.paper.sheets import (
     save,
     sheet,
 )
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 from rivid.results.selection import rayleigh
 from rivid.text import number, response_unit, time_unit
 from rivid.types import Floats

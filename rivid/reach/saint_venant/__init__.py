@@ -1,7 +1,6 @@
 """The full equations of Saint-Venant, one dimension, between two dams that are told their flows."""
 
-from rivid.reach.saint_venant.arrival import arrival_time
 from rivid.reach.saint_venant.channel import Channel
-from rivid.reach.saint_venant.flow import Flow, State, simulate
+from rivid.reach.saint_venant.flow import Flow, State, arrival_time, simulate
 
 __all__ = ["Channel", "Flow", "State", "arrival_time", "simulate"]

@@ -6,9 +6,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.core.hydraulics import GRAVITY
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.reach.loop import NOBODY, People, exchange_arrays, gate_arrays, on_grid
+from rivid.reach.gate import NO_OPERATORS, OperatorArrays, exchange_arrays, gate_arrays, on_grid
 from rivid.reach.saint_venant.channel import COURANT_LIMIT, Channel
 from rivid.types import Floats
 
@@ -84,7 +85,7 @@ def simulate(
     channel: Channel,
     time: ArrayLike,
     inflow: ArrayLike,
-    outflow: ArrayLike | People,
+    outflow: ArrayLike | OperatorArrays,
     start: ArrayLike | State,
     *,
     changes: Changes = NO_CHANGES,
@@ -107,7 +108,7 @@ def simulate(
     inflow, outflow : array_like, shape (n,) or (days, n)
         Flows of the dams [m3/s], held from each sample to the next. With (days, n) each row is
         a simulation of its own, with the same result whatever rows stand beside it. Instead of an
-        outflow, the people who command it as they see the level; the inflow is then (n,).
+        outflow, the operators who command it as they see the level; the inflow is then (n,).
     start : float, array_like of shape (days,), or State
         Level at x = L [m] at the first sample; the flow is then steady for the first commands, or, where
         they differ, fills or empties the reach evenly. Or the `end` of an earlier flow: `time` then
@@ -161,12 +162,14 @@ def simulate(
     if not (np.diff(clock_time, axis=1) > 0).all():
         raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
     q_in = _rows("inflow", inflow if changes.inflow is None else changes.inflow, shape)
-    people = outflow if isinstance(outflow, People) else NOBODY
-    if people is not NOBODY and len(people.inflow) != shape[1]:
-        raise RividError(f"people for {len(people.inflow)} samples: expected {shape[1]} like the inflow")
-    if people is not NOBODY and shape[0] > 1:
-        raise RividError(f"people at {shape[0]} reaches at once: expected one row")
-    q_out = q_in.copy() if isinstance(outflow, People) else _rows("outflow", outflow, shape)
+    operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
+    if operators is not NO_OPERATORS and len(operators.inflow) != shape[1]:
+        raise RividError(
+            f"operators for {len(operators.inflow)} samples: expected {shape[1]} like the inflow"
+        )
+    if operators is not NO_OPERATORS and shape[0] > 1:
+        raise RividError(f"operators at {shape[0]} reaches at once: expected one row")
+    q_out = q_in.copy() if isinstance(outflow, OperatorArrays) else _rows("outflow", outflow, shape)
     sides = np.empty((len(changes.added), *shape))
     for j, extra in enumerate(changes.added):
         sides[j] = _rows("an added flow", extra.flow, shape)
@@ -190,7 +193,7 @@ def simulate(
         clock_time, q_in, q_out, sides, share, gate_arrays(changes, shape), exchange_arrays(changes, shape),
         _shares(channel.cells, [leak.place for leak in changes.leaks]),
         _shares(channel.cells, [pond.place for pond in changes.ponds]),
-        people, target, 0.0 if observed is None else float(nudge_time), channel.sections, channel.dx,
+        operators, target, 0.0 if observed is None else float(nudge_time), channel.sections, channel.dx,
         float(gate_time), float(courant), 0.0 if step is None else float(step),
         state.area, state.discharge, state.gates, state.clock, state.gate, state.ponds,
         np.array([i for i, _ in cells], np.int64), np.array([w for _, w in cells]),
@@ -261,7 +264,7 @@ def _between_faces(cells: int, place: float) -> tuple[int, float]:
 def _steady(
     channel: Channel, inflow: Floats, outflow: Floats, sides: Floats, start: ArrayLike, ponds: int
 ) -> State:
-    from rivid.reach.saint_venant.steady import settle
+    from rivid.reach.saint_venant.kernel import settle
 
     days, cells = len(inflow), channel.cells
     levels = np.broadcast_to(np.asarray(start, float), (days,))
@@ -308,3 +311,37 @@ def _failure(
         f"the reach runs dry {when}, {channel.x[cell]:.0f} m below the upstream dam: check inflow and "
         f"outflow, raise the start level, or give a smaller courant ({courant:g}; dx = {channel.dx:.4g} m)"
     )
+
+
+def arrival_time(channel: Channel, flow: ArrayLike, level: ArrayLike) -> Floats:
+    """Travel time of a small wave from the upstream dam to the gauge [s].
+
+    Parameters
+    ----------
+    channel : Channel
+    flow : array_like, shape (days,)
+        Steady discharge [m3/s].
+    level : array_like, shape (days,)
+        Level at x = L [m].
+
+    Returns
+    -------
+    ndarray, shape (days,)
+        ``integral dx / (v + sqrt(g A / B))`` along the steady profile.
+
+    Raises
+    ------
+    RividError
+        Where there is no subcritical steady flow.
+
+    Notes
+    -----
+    Source: the celerity v + c of (3) and (4), with A / B for the depth of a section that is no rectangle.
+    """
+    q = np.atleast_1d(np.asarray(flow, float))
+    levels = np.broadcast_to(np.asarray(level, float), q.shape)
+    steady = simulate(channel, np.zeros((len(q), 1)), q[:, None], q[:, None], levels)
+    area = steady.end.area
+    width = channel.width(channel.level(area))
+    celerity = q[:, None] / area + np.sqrt(GRAVITY * area / width)
+    return np.asarray((channel.dx / celerity).sum(axis=1))

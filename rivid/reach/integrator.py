@@ -1,34 +1,114 @@
-"""The compiled loop of the linear pool; importing this module loads numba."""
+"""The reach as an integrator with a delay, (7) and (10)."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from rivid.core.hydraulics import GRAVITY
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.reach.loop import (
+from rivid.reach.gate import (
     FLOW,
     GATE,
-    MIND,
-    NOBODY,
+    MEMORY,
+    NO_OPERATORS,
     POSITION,
     TARGET,
     ExchangeArrays,
     GateArrays,
-    People,
+    OperatorArrays,
     exchange_arrays,
     gate_arrays,
     gate_flow,
-    look,
     on_grid,
+    operate,
     pond_flow,
-    prepare,
+    start_operators,
 )
-from rivid.reach.response import LinearReach
 from rivid.reach.transport import arrived_volume, held_volume
 from rivid.types import Floats
+
+
+@dataclass(frozen=True)
+class LinearReach:
+    """A pool held by a dam: ``A dh/dt = K_i Q_i(t - tau) - K_o Q_o`` (7), tau a function of the flow.
+
+    Parameters
+    ----------
+    length, width, depth : float
+        Length L, mean width and mean depth of the flow [m].
+    wave_depth : float
+        Depth z that carries the wave [m]: tau = L / (v + sqrt(g z)).
+    surface_area : float
+        Water surface A [m2].
+    inflow_gain, outflow_gain : float
+        K_i and K_o: real flow of a dam over its command.
+    """
+
+    length: float = 8200.0
+    width: float = 81.6
+    depth: float = 4.9
+    wave_depth: float = 4.9
+    surface_area: float = 6.7e5
+    inflow_gain: float = 1.0
+    outflow_gain: float = 1.0
+
+    def travel_time(self, flow: ArrayLike) -> Floats:
+        """Travel time tau of the gravity wave [s] at a flow [m3/s].
+
+        Notes
+        -----
+        Source: the lower bound in (5), with a depth of its own for the wave.
+        """
+        velocity = np.asarray(flow, float) / (self.width * self.depth)
+        return np.asarray(self.length / (velocity + np.sqrt(GRAVITY * self.wave_depth)))
+
+
+def theoretical_fir(
+    order: int,
+    delay: int,
+    alpha_i: float,
+    alpha_o: float,
+    feedforward: float = 1.0,
+    level_gain: float = -1000.0,
+) -> Floats:
+    """Impulse response of the regulated reach from inflow to level, Fig. 10.
+
+    Parameters
+    ----------
+    order : int
+        Number of coefficients M.
+    delay : int
+        d [samples].
+    alpha_i, alpha_o : float
+        K_i T_s / A and K_o T_s / A [m per m3/s].
+    feedforward : float
+        K_Q [-].
+    level_gain : float
+        K_h [m2/s], negative: by (9) the outflow grows by ``-K_h`` for each metre of level.
+
+    Returns
+    -------
+    ndarray, shape (order,)
+        h [m per m3/s]: zero at lag 0, a jump at lag 1 and one at lag d + 1, a geometric decay after each.
+
+    Notes
+    -----
+    Source: equation (10), as the sum of two first-order responses.
+
+    Examples
+    --------
+    >>> (theoretical_fir(9, 7, 1e-4, 1.2e-4)[[0, 1, 2, 8]] * 1e4).round(3).tolist()
+    [0.0, -1.2, -1.056, 0.51]
+    """
+    lag = np.arange(order)
+    decay = level_gain * alpha_o + 1.0
+    first = np.where(lag >= 1, decay ** np.maximum(lag - 1, 0), 0.0)
+    second = np.where(lag >= delay + 1, decay ** np.maximum(lag - delay - 1, 0), 0.0)
+    return np.asarray(alpha_i * second - feedforward * alpha_o * first)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -38,7 +118,7 @@ def hold(
     outflow: Floats,
     gate: GateArrays,
     exchange: ExchangeArrays,
-    people: People,
+    operators: OperatorArrays,
     outflow_gain: float,
     surface_area: float,
     area_slope: float,
@@ -47,19 +127,19 @@ def hold(
     level: Floats,
     released: Floats,
 ) -> None:
-    """Write the level and the real outflow, and the command where people give it.
+    """Write the level and the real outflow, and the command where operators give it.
 
     `volume` is what has come to the dam at each sample [m3]; the rest is as in
-    :func:`rivid.reach.pool.pool_level`.
+    :func:`rivid.reach.integrator.pool_level`.
     """
     n = len(time)
-    commanded = len(people.inflow) > 0
-    mind, state = np.empty(MIND), np.empty(GATE)
+    commanded = len(operators.inflow) > 0
+    memory, state = np.empty(MEMORY), np.empty(GATE)
     ponds = np.full(len(exchange.area), start)
     gone = 0.0
     high = start - area_reference
     if commanded:
-        prepare(people, time[0], mind)
+        start_operators(operators, time[0], memory)
     for k in range(n):
         rise = (volume[k] - volume[0] - gone) / surface_area
         h = start + rise
@@ -68,7 +148,7 @@ def hold(
             h = area_reference + 2.0 * v / (1.0 + np.sqrt(1.0 + 2.0 * area_slope * v))
         level[k] = h
         if commanded:
-            outflow[k] = look(people, k, time[k], h, mind)
+            outflow[k] = operate(operators, k, time[k], h, memory)
         if k == 0:
             state[TARGET] = state[POSITION] = state[FLOW] = outflow[0]
         if k == n - 1:
@@ -150,21 +230,21 @@ def pool_level(
     reach: LinearReach,
     time: Floats,
     inflow: Floats,
-    outflow: Floats | People,
+    outflow: Floats | OperatorArrays,
     travel_time: ArrayLike,
     *,
     start: float = 0.0,
     before: float = 0.0,
     changes: Changes = NO_CHANGES,
 ) -> PoolFlow:
-    """Level of the pool, (7), for known commands or for people who command the outflow.
+    """Level of the pool, (7), for known commands or for operators who command the outflow.
 
     Parameters
     ----------
     reach : LinearReach
     time, inflow : ndarray, shape (n,)
         Sample times [s]; commands u_Qi [m3/s], held.
-    outflow : ndarray of shape (n,), or People
+    outflow : ndarray of shape (n,), or OperatorArrays
         Commands u_Qo [m3/s], held, or who gives them as they see the level.
     travel_time : float or ndarray, shape (n,)
         tau of what departs at each sample [s].
@@ -185,20 +265,20 @@ def pool_level(
     RividError
         Where shapes do not agree, or the pool runs dry of surface: `area_slope` and level do not fit.
     """
-    from rivid.reach.pool import hold
+    from rivid.reach.integrator import hold
 
     n = len(time)
-    people = outflow if isinstance(outflow, People) else NOBODY
-    given = np.zeros(n) if isinstance(outflow, People) else np.array(outflow, float)
+    operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
+    given = np.zeros(n) if isinstance(outflow, OperatorArrays) else np.array(outflow, float)
     for name, values in (("inflow", inflow), ("outflow", given)):
         if np.shape(values) != (n,):
             raise RividError(f"{name} has shape {np.shape(values)}: expected ({n},) like the times")
-    if isinstance(outflow, People) and len(people.inflow) != n:
-        raise RividError(f"people for {len(people.inflow)} samples: expected {n} like the times")
+    if isinstance(outflow, OperatorArrays) and len(operators.inflow) != n:
+        raise RividError(f"operators for {len(operators.inflow)} samples: expected {n} like the times")
     level, released = np.empty(n), np.empty(n)
     hold(
         np.asarray(time, float), supply(reach, time, inflow, travel_time, before, changes), given,
-        gate_arrays(changes, (1, n)), exchange_arrays(changes, (1, n)), people, reach.outflow_gain,
+        gate_arrays(changes, (1, n)), exchange_arrays(changes, (1, n)), operators, reach.outflow_gain,
         reach.surface_area, changes.area_slope, changes.area_reference, start, level, released,
     )  # fmt: skip
     if not np.isfinite(level).all():

@@ -1,6 +1,6 @@
-"""The gate and the people, compiled; importing this module loads numba.
+"""Compiled downstream gate and operators; importing this module loads numba.
 
-The people act in steps. At each look they see the inflow command and the gauge, and may change the outflow:
+The operators act in steps. At each look they read the inflow command and the gauge and may change the outflow:
 
     wanted += K_Q (inflow - inflow at the last look) - K_h (error - error at the last look) + trim,
 
@@ -44,7 +44,7 @@ class ExchangeArrays(NamedTuple):
     area: Floats
 
 
-class People(NamedTuple):
+class OperatorArrays(NamedTuple):
     """Who commands the outflow; arrays of shape (n,).
 
     Attributes
@@ -79,7 +79,7 @@ class People(NamedTuple):
     gauge_quantum: float
 
 
-NOBODY = People(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_OPERATORS = OperatorArrays(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The outflow commands are given."""
 
 
@@ -131,43 +131,43 @@ def exchange_arrays(changes: Changes, shape: tuple[int, ...]) -> ExchangeArrays:
     )
 
 
-WANTED, SEEN, ERROR, SINCE, UNTIL, COMMAND, MIND = 0, 1, 2, 3, 4, 5, 6
-"""What the people keep in mind, and how much that is."""
+WANTED, SEEN, ERROR, SINCE, UNTIL, COMMAND, MEMORY = 0, 1, 2, 3, 4, 5, 6
+"""What the operators keep in memory, and how much that is."""
 TARGET, POSITION, FLOW, GATE = 0, 1, 2, 3
 """What the gate keeps, and how much that is."""
 
 
 @njit(cache=True, error_model="numpy")
-def prepare(people: People, t: float, mind: Floats) -> None:
+def start_operators(operators: OperatorArrays, t: float, memory: Floats) -> None:
     """Before the first look."""
-    mind[:] = 0.0
-    mind[WANTED] = mind[SEEN] = people.inflow[0]
-    mind[SINCE] = t
-    mind[UNTIL] = -np.inf
+    memory[:] = 0.0
+    memory[WANTED] = memory[SEEN] = operators.inflow[0]
+    memory[SINCE] = t
+    memory[UNTIL] = -np.inf
 
 
 @njit(cache=True, error_model="numpy")
-def look(people: People, k: int, t: float, level: float, mind: Floats) -> float:
+def operate(operators: OperatorArrays, k: int, t: float, level: float, memory: Floats) -> float:
     """The outflow command of sample k, changed if it is time for a look."""
-    q = people.inflow[k]
-    if t < mind[UNTIL] and abs(q - mind[SEEN]) <= people.notice:
-        return float(mind[COMMAND])
-    reading = level + people.disturbance[k]
-    if people.gauge_quantum > 0.0:
-        reading = np.rint(reading / people.gauge_quantum) * people.gauge_quantum
-    error = reading - people.aim[k]
-    error = np.copysign(max(abs(error) - people.dead_band, 0.0), error)
-    wanted = mind[WANTED] + people.feedforward[k] * (q - mind[SEEN])
-    wanted -= people.level_gain[k] * (error - mind[ERROR])
-    wanted -= people.level_gain[k] * error * (t - mind[SINCE]) / people.trim_time
-    wanted = max(wanted, people.lowest)  # no wind-up below the limit
+    q = operators.inflow[k]
+    if t < memory[UNTIL] and abs(q - memory[SEEN]) <= operators.notice:
+        return float(memory[COMMAND])
+    reading = level + operators.disturbance[k]
+    if operators.gauge_quantum > 0.0:
+        reading = np.rint(reading / operators.gauge_quantum) * operators.gauge_quantum
+    error = reading - operators.aim[k]
+    error = np.copysign(max(abs(error) - operators.dead_band, 0.0), error)
+    wanted = memory[WANTED] + operators.feedforward[k] * (q - memory[SEEN])
+    wanted -= operators.level_gain[k] * (error - memory[ERROR])
+    wanted -= operators.level_gain[k] * error * (t - memory[SINCE]) / operators.trim_time
+    wanted = max(wanted, operators.lowest)  # no wind-up below the limit
     given = wanted
-    if people.quantum > 0.0:
-        given = max(np.rint(wanted / people.quantum), np.ceil(people.lowest / people.quantum))
-        given *= people.quantum
-    mind[WANTED], mind[SEEN], mind[ERROR], mind[SINCE] = wanted, q, error, t
-    mind[UNTIL] = t + people.wait[k]
-    mind[COMMAND] = given
+    if operators.quantum > 0.0:
+        given = max(np.rint(wanted / operators.quantum), np.ceil(operators.lowest / operators.quantum))
+        given *= operators.quantum
+    memory[WANTED], memory[SEEN], memory[ERROR], memory[SINCE] = wanted, q, error, t
+    memory[UNTIL] = t + operators.wait[k]
+    memory[COMMAND] = given
     return float(given)
 
 
