@@ -18,8 +18,7 @@ from rivid.core.jmap import jmap
 from rivid.plots.travel_time import TravelTimes, draw
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation import simulate
-from rivid.simulation import truth as observables
+from rivid.simulation import observables, simulate
 from rivid.simulation.scenario import load_scenario
 from rivid.simulation.season import Water
 

@@ -92,7 +92,7 @@ def _refuse_other_logs(season: "Season", logs: Path) -> None:
 def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
     """Write logs and truth; return the summary."""
     from rivid.logs.write import write_days
-    from rivid.simulation import truth as observables
+    from rivid.simulation import observables
     from rivid.simulation.truth import write_truth, write_water
 
     scenario = season.scenario

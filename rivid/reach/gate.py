@@ -1,6 +1,7 @@
 """Compiled downstream gate and operators; importing this module loads numba.
 
-The operators act in steps. At each look they read the inflow command and the gauge and may change the outflow:
+The operators act in steps: at each look they read the inflow command and the gauge and may change the
+outflow:
 
     wanted += K_Q (inflow - inflow at the last look) - K_h (error - error at the last look) + trim,
 

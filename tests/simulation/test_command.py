@@ -14,8 +14,7 @@ from rivid.config import load_config
 from rivid.errors import ConfigError
 from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
-from rivid.simulation import simulate
-from rivid.simulation import truth as observables
+from rivid.simulation import observables, simulate
 from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent.parent

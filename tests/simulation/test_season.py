@@ -11,8 +11,7 @@ from rivid.core.hydraulics import GRAVITY
 from rivid.effects import CATALOGUE
 from rivid.errors import ConfigError
 from rivid.reach.integrator import LinearReach, pool_level
-from rivid.simulation import Season, simulate, true_delay
-from rivid.simulation import truth as observables
+from rivid.simulation import Season, observables, simulate, true_delay
 from rivid.simulation.scenario import Scenario, load_scenario
 from rivid.simulation.truth import condition_numbers
 

@@ -366,6 +366,7 @@ def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
     }
 
 
+# Compiled: the gate's position depends on the sample before.
 @njit(cache=True, error_model="numpy")
 def follow(
     steps: Floats,

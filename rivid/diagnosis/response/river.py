@@ -155,7 +155,7 @@ class RiverResponse:
         delay, _, spread, held, hold, _ = (p.natural for p in self.parameters)
         if way * delay < SHORTEST:
             return np.asarray(np.eye(1, n)[0])
-        time: Floats = cell / FINE * np.arange(n * FINE + 1)
+        time = np.asarray(cell / FINE * np.arange(n * FINE + 1), float)
         mean, cv = way * delay, spread / (math.sqrt(way) * delay)
         first, _ = hayami(time / mean, cv)
         keep = math.exp(-cell / FINE / hold)

@@ -1,4 +1,6 @@
-"""The compiled loops of Saint-Venant (1); importing this module loads numba.
+"""Compiled loops of Saint-Venant (1): the flow in time, and the steady flow that it starts from.
+
+Importing this module loads numba.
 
 Continuity and momentum (1), for any section, without further terms for slope and width:
 
