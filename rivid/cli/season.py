@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
-    """The reaches in OUT, for the shell."""
+    """The reaches in OUT, for shell completion."""
     given = context.params.get("out") or next(iter(context.args), None)  # an option still lacks its value
     names = sorted(path.parent.name for path in Path(given).glob("*/run.json")) if given else []
     return [name for name in names if name.startswith(typed)]
@@ -22,16 +22,16 @@ def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list
 
 @click.command("season")
 @shared.results()
-@click.option("--both-ways", is_flag=True, help="Each day knows the later days too: for a study of a pool.")
+@click.option("--both-ways", is_flag=True, help="Use the later days too: for a study of a pool.")
 @click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")
 @shared.talk()
 def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose: bool) -> int:
-    """Join the days of a finished run that asked for `posterior`.
+    """Join the days of a finished run of `posterior`.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. Writes season.csv and
     season.parquet, a row per day as posterior-season; delay_law.csv, delay by class of discharge for a
-    controller, and delay_law.json, the law itself; figures/season.png and figures/delay_law.png. A day knows
-    the days before it only, so that its answer stays when days are added.
+    controller, and delay_law.json, the law itself; figures/season.png and figures/delay_law.png. A day uses
+    the days before it only, so that its result does not change when days are added.
 
     \b
     Examples:
@@ -104,16 +104,16 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
     had, has = np.isfinite(days.delay), np.isfinite(joined.delay)
     differ = int((had & has & (days.delay != joined.delay)).sum())
     unseen = int((~joined.observed).sum())
-    way = "each day knows those before" if joined.direction == "forward" else "each day knows all days"
+    way = "each day from the days before" if joined.direction == "forward" else "each day from all days"
     rows = [
         ("days", f"{len(days.dates):,}, {days.dates[0]} to {days.dates[-1]}"),
-        ("", f"{unseen:,} of them say nothing, and are told by the others"),
+        ("", f"{unseen:,} of them without probabilities: estimated from the others"),
         ("answered", f"{int(had.sum()):,} alone, {int(has.sum()):,} joined"),
         (
             "changed",
             f"{differ:,} to another delay; {int((has & ~had).sum()):,} new, {int((had & ~has).sum()):,} gone",
         ),
-        ("related", f"days have to do with each other with probability {joined.related:.2f}"),
+        ("related", f"probability {joined.related:.2f} that the delays of consecutive days are related"),
     ]
     click.echo(wrap(f"{abbreviate(days.reach)}: posterior-season, {way}"))
     for name, text in rows if unseen else [rows[0], *rows[2:]]:

@@ -1,4 +1,4 @@
-"""`rivid season`: rows are what the core says of a run's days; old answers stay; what is refused is told."""
+"""`rivid season`: rows equal those of the core; results of earlier days stay; refusals give their reason."""
 
 import csv
 import datetime as dt
@@ -106,7 +106,7 @@ def done(data, tmp_path_factory):
     return out, said
 
 
-def test_a_row_is_what_the_core_says_of_the_run_and_every_calendar_day_has_one(done):
+def test_each_calendar_day_has_the_row_of_the_core(done):
     out, _ = done
     rows = rows_of(out / "season.csv")
     assert list(rows[0]) == SCHEMA.names and len(rows) == N_DAYS
@@ -132,7 +132,7 @@ def test_a_row_is_what_the_core_says_of_the_run_and_every_calendar_day_has_one(d
         assert (float(row["delay_low"]), float(row["delay_high"])) == (held.min(), held.max())
 
 
-def test_the_parquet_says_what_the_csv_says(done):
+def test_parquet_and_csv_agree(done):
     out, _ = done
     table = pq.read_table(out / "season.parquet", page_checksum_verification=True)
     assert table.schema.equals(SCHEMA)
@@ -188,7 +188,7 @@ def test_forward_answers_stay_to_the_byte_on_vague_days_of_any_discharge(seed, t
         before = text
 
 
-def test_both_ways_a_day_knows_the_later_ones(tmp_path):
+def test_both_ways_a_day_uses_the_later_ones(tmp_path):
     p = np.full((40, 15), 0.02 / 14)
     p[:, 4] = 0.98
     p[:3] = 1.0 / 15.0
@@ -198,7 +198,7 @@ def test_both_ways_a_day_knows_the_later_ones(tmp_path):
     assert forward[0]["delay_samples"] == "" and forward[0]["direction"] == "forward"
     code, said = rivid("season", out, "--both-ways")
     both = rows_of(out / "season.csv")
-    assert code == 0 and "each day knows all days" in said
+    assert code == 0 and "each day from all days" in said
     assert {row["direction"] for row in both} == {"both"} and both[0]["delay_samples"] == "5"
 
 
@@ -257,7 +257,7 @@ def test_without_a_law_the_table_is_empty_and_the_json_says_why(done):
     assert f"no law: {told['message']}" in said
 
 
-def test_the_word_on_the_terminal_is_calm_and_narrow(tmp_path):
+def test_the_printed_summary_fits_eighty_columns(tmp_path):
     T, Q = law_days(1)
     T[40:42] = np.nan
     out = made(tmp_path / "out", T, Q)
@@ -275,7 +275,7 @@ def test_the_word_on_the_terminal_is_calm_and_narrow(tmp_path):
     assert len([line for line in said.splitlines() if " to " in line and line.startswith("   ")]) == 5
 
 
-def test_a_run_neither_minds_what_season_wrote_nor_takes_it_away(data, tmp_path):
+def test_a_run_keeps_the_files_of_season(data, tmp_path):
     out = tmp_path / "out"
     ask(data, out)
     (before,) = (record_of(out),)

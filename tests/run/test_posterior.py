@@ -1,4 +1,4 @@
-"""`posterior` through `rivid run`: rows are what the core says, and what it cannot say is told."""
+"""`posterior` through `rivid run`: rows equal those of the core; days without a result give the reason."""
 
 import csv
 import datetime as dt
@@ -54,7 +54,7 @@ def both(logs, tmp_path_factory):
     return out, posterior(u, y, o)
 
 
-def test_a_row_is_what_the_core_says_of_the_day(both):
+def test_a_row_equals_the_result_of_the_core(both):
     out, core = both
     rows = rows_of(out)
     assert "ok" in core.status and len(rows) == N_DAYS
@@ -117,7 +117,7 @@ def test_results_come_back_as_they_were(both):
     assert load_delays(out)["probability"].notna().sum() == N_DAYS
 
 
-def test_without_it_the_tables_are_as_they_ever_were(both, logs, tmp_path):
+def test_without_posterior_the_tables_have_no_probabilities(both, logs, tmp_path):
     out = tmp_path / "out"
     assert rivid("run", logs, "--out", out, "--no-figures")[0] == 0
     assert pq.read_table(out / "posterior.parquet").num_rows == 0
