@@ -14,14 +14,14 @@ import numpy as np
 
 from benchmarks.measure import table
 from rivid.config import Config, load_config
-from rivid.diagnosis.answer import tell
+from rivid.diagnosis.answer import conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of
 from rivid.diagnosis.data import Floats, Record, read_record
 from rivid.diagnosis.fit import Model, calibrate, evaluate
 from rivid.diagnosis.result import closed_share
 from rivid.diagnosis.selection import Study
-from rivid.diagnosis.workflow import TRIM, look
+from rivid.diagnosis.workflow import TRIM, find_effects
 from rivid.report.diagnosis import write_diagnosis
 
 ROOT = Path(__file__).parent.parent
@@ -39,7 +39,7 @@ def configs() -> tuple[Config, Config]:
 
 def studied(config: Config, record: Record) -> Study:
     """A study of a record."""
-    return look(
+    return find_effects(
         record, response_of(config, record), library_of(config), gauge_floor=gauge_floor_of(config, record)
     )
 
@@ -63,14 +63,14 @@ def floor_of(config: Config, record: Record) -> Floats:
 def main() -> None:
     """Diagnose, judge, write."""
     seen, truth = configs()
-    record, whole = (read_record(LOGS, config).record for config in (seen, truth))
+    record, whole = (read_record(LOGS, config)[0] for config in (seen, truth))
     both = sorted(set(record.dates) & set(whole.dates))
     record = record.take([d in both for d in record.dates])
     whole = whole.take([d in both for d in whole.dates])
     begin = time.perf_counter()
     study = studied(seen, record)
     floor = floor_of(truth, whole)
-    answer, evidence = tell(study, library_of(seen), floor.tolist())
+    answer, evidence = conclude(study, library_of(seen), floor.tolist())
     took = time.perf_counter() - begin
 
     bypass = whole.inflow - record.inflow
@@ -95,8 +95,8 @@ def main() -> None:
     base = study.first_evaluation.errors.rmse(study.split.sealed)
     closed = [closed_share(*map(float, x)) for x in zip(base, end, floor, strict=True)]
 
-    quiet = read_record(LOGS, seen, last=QUIET).record
-    calm, _ = tell(studied(seen, quiet), library_of(seen), None)
+    quiet = read_record(LOGS, seen, last=QUIET)[0]
+    calm, _ = conclude(studied(seen, quiet), library_of(seen), None)
 
     rows = [
         ["names", "a bypass at the dam", "; ".join(e.name for e in answer.effects)],

@@ -106,7 +106,7 @@ class DiagnosisResult(Result):
             If a file cannot be written.
         """
         from rivid.diagnosis.choice import library_of
-        from rivid.diagnosis.model.augmented import write_model
+        from rivid.diagnosis.result import write_model
         from rivid.report.diagnosis import write_diagnosis
 
         page = write_diagnosis(
@@ -114,7 +114,7 @@ class DiagnosisResult(Result):
             classes=library_of(self.config),
         )  # fmt: skip
         if self.evidence is not None:
-            write_model(Path(out) / "model.toml", self.answer, self.evidence, self.config, self.start)
+            write_model(Path(out) / "model.toml", self.answer, self.evidence.record, self.config, self.start)
         return page
 
     _between = 0.57  # room for the dates of the upper panel
@@ -201,7 +201,7 @@ def diagnose(
     from rivid.diagnosis import workflow
     from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
     from rivid.diagnosis.data import read_record
-    from rivid.diagnosis.model.augmented import read_effects
+    from rivid.diagnosis.result import read_effects
 
     begin, end = as_date(first), as_date(last)
     failed: tuple[tuple[dt.date | None, str], ...] = ()
@@ -210,8 +210,8 @@ def diagnose(
         record = _record_of(logs, settings, begin, end)
     else:
         settings = as_config(config)
-        read = read_record(Path(logs), settings, first=begin, last=end, today=dt.datetime.now(dt.UTC))
-        record, failed = read.record, read.failed
+        today = dt.datetime.now(dt.UTC)
+        record, failed = read_record(Path(logs), settings, first=begin, last=end, today=today)
     start = read_effects(Path(model), settings) if model is not None else ()
     answer, evidence = workflow.diagnose(
         record, responses_of(settings, record), library_of(settings),

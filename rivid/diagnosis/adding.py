@@ -1,4 +1,9 @@
-"""A named effect in the simulator: added, refitted, its events coded again, dropped when it is needless."""
+"""A proposal in the simulator: all parameters fitted together, events coded again, effects dropped.
+
+The gain of a proposal as columns about the fit is a first estimate. A response fitted without a late wave, a
+slow gate or a basin has absorbed part of it, and a constant inflow has bent its geometry; only a fit with the
+effect in it shows the gain of the effect and of its rivals.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,29 +22,24 @@ from rivid.errors import RividError
 from rivid.types import Floats
 
 MOST_STEPS = 40
-"""Values that are tried of a parameter in which the output changes in steps."""
+"""Most values tried of a parameter in which the output changes in steps."""
 DAYS_A_KNOT, MOST_KNOTS = 7, 20
-"""Of a size that varies with the date."""
+"""Days between the values of a size that varies with the date, and most values."""
 COARSE = 3
-"""Every how many fitting days a fit begins on."""
+"""A fit from the nominal reach starts on every third fitting day."""
 RECODINGS = 2
-"""Times that events are looked for again once they are in."""
+"""Most searches for the events once they are in."""
 NEEDED = 4.0
-"""What an effect must still gain on the selecting days once others are in [nats]."""
+"""Least gain of an effect on the selecting days once others are in [nats]."""
 Report = Callable[[str], None]
 
 
 def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tuple[Model, dict[str, float]]:
-    """The model with a proposal in the simulator, all parameters fitted together again.
+    """The model with a proposal in the simulator, all parameters fitted again, and standard errors.
 
-    A response that was fitted without a lag, a basin or a late wave has bent to stand for it, and steps from
-    there end where it still does: with these the fit begins at the nominal reach.
-
-    Returns
-    -------
-    Model
-    dict of str to float
-        Standard errors of parameters that are not fitted with the others.
+    A response fitted without a lag, a basin or a late wave has absorbed it in part, and steps from there end
+    in that optimum: for these effects the fit starts at the nominal reach. The standard errors (by name) are
+    those of parameters that are not fitted with the others.
     """
     if proposal.effect.found_as == "swing":  # the noise model has no swing: the effect is named only
         return model, proposal.spreads
@@ -72,8 +72,8 @@ def added(model: Model, proposal: Proposal, fit: Record, report: Report) -> tupl
 def stepped(model: Model, name: str, fit: Record) -> tuple[Model, float]:
     """The last effect with the best value of a parameter that acts in steps, and its standard error.
 
-    Commands are whole numbers of something, and a band between two of them does what the larger one does:
-    the likelihood is flat but for jumps. All values half-way between commands are tried.
+    Commands are quantised, and a band between two of them acts as the larger one: the likelihood is piecewise
+    constant. All values half-way between commands are tried.
     """
     assert model.noise is not None
     effect = model.effects[-1]
@@ -100,7 +100,7 @@ def stepped(model: Model, name: str, fit: Record) -> tuple[Model, float]:
 def varied(
     model: Model, linear: Linear, after: Evaluation, fit: Record, report: Report
 ) -> tuple[Model, Linear, Evaluation]:
-    """Let the size of the last effect vary with the date, if the selecting days are for it."""
+    """Let the size of the last effect vary with the date, if the selecting days support it."""
     effect = model.effects[-1] if model.effects else None
     if effect is None or not effect.varies_with_date or effect.dates is None or not model.free[-1]:
         return model, linear, after
@@ -130,7 +130,7 @@ def recoded(
     fit: Record,
     report: Report,
 ) -> tuple[Model, Proposal, Linear, Evaluation]:
-    """Look for the events again with the refitted response and noise, until they no longer change."""
+    """Search the events again with the refitted response and noise, until they no longer change."""
     effect = model.effects[-1]
     kind = kind_of(type(effect), kernels)
     for _ in range(RECODINGS):
@@ -154,10 +154,10 @@ def recoded(
 def dropped(
     model: Model, linear: Linear, after: Evaluation, rounds: Sequence[Round], fit: Record, report: Report
 ) -> tuple[Model, Linear, Evaluation, list[Round]]:
-    """Take out what later effects have made needless.
+    """Take out effects that later ones have made unnecessary.
 
-    An effect that was named while another was missing may have stood in for it. Each but the last is left out
-    once, the rest refitted; it goes if the selecting days miss it by less than :data:`NEEDED`.
+    An effect named while another was missing may have stood in for it. Each but the last is left out once,
+    the rest refitted; it is dropped if the selecting days lose less than :data:`NEEDED` without it.
     """
     kept = list(rounds)
     first = len(model.effects) - sum(not r.proposal.level_noise for r in kept)
@@ -184,7 +184,7 @@ def dropped(
 
 
 def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> bool:
-    """Whether events are but what a dated release leaves of itself: all in its season."""
+    """Whether events are remainders of a dated release: nearly all in its season."""
     if proposal.events is None:
         return False
     days = np.array([record.dates[e.day].toordinal() for e in proposal.events.events])
@@ -199,9 +199,9 @@ def echoes(proposal: Proposal, effects: Sequence[Effect], record: Record) -> boo
 
 
 def patched(rounds: Sequence[Round]) -> bool:
-    """Whether releases at several hours of every day stand in for something else.
+    """Whether releases at several hours of every day approximate something else.
 
-    One schedule a dam is a release; a second one at other hours all the season long is a patch on a course
+    One schedule a dam is a release; a second one at other hours in the whole season approximates a course
     that releases cannot follow.
     """
     chosen = [r.proposal for r in rounds]
@@ -210,19 +210,19 @@ def patched(rounds: Sequence[Round]) -> bool:
 
 
 MOST_TRIALS = 5
-"""A round tries so many proposals in the simulator."""
+"""Most proposals tried in the simulator in a round."""
 RIVALS, NEAR = 2, 0.7
-"""So many rivals are tried beside a proposal; of other families' those that gain this share of it."""
+"""Most rivals tried with a proposal, and least share of its gain."""
 NEAR_ABSORBED = 0.15
-"""The same, between effects that a response can take upon itself."""
+"""The same share between effects that a response can absorb."""
 CONFIRMED = 0.1
-"""Share of its gain a fitting day that a selecting day does not even reach where a name is contradicted."""
+"""Largest gain a selecting day, in gains a fitting day, of a contradicted proposal."""
 AGAINST = 2.0
-"""t of the loss on the selecting blocks from which they speak against what the fitting days show."""
+"""Least t of the loss on the selecting blocks of a contradicted proposal."""
 DOUBT = 0.05
-"""Level at which something may be said not to hold."""
+"""Largest p of a contradicted proposal."""
 WORTH = 40.0
-"""What a proposal that does not stand must gain to be tried all the same [nats]."""
+"""Least gain of a proposal that cannot be named yet to be tried in the simulator [nats]."""
 
 
 def in_simulator(
@@ -233,10 +233,7 @@ def in_simulator(
     fit: Record,
     report: Callable[[str], None],
 ) -> tuple[Proposal, Model, Linear, Evaluation]:
-    """Fit the model with a proposal in it, and measure the proposal anew.
-
-    A proposal whose reach cannot be simulated gains nothing.
-    """
+    """Fit the model with a proposal in it, and measure the proposal again; without a run its gain is 0."""
     report(f"trying {proposal.name}")
     try:
         larger, spreads = added(model, proposal, fit, report)
@@ -255,12 +252,12 @@ def in_simulator(
 
 
 def can_be_tried(proposal: Proposal) -> bool:
-    """Whether a proposal has a place in the simulator; events are coded again there, noises are none."""
+    """Whether a proposal can be simulated; events are coded again there, noises are not simulated."""
     return proposal.events is None and not proposal.level_noise and len(proposal.columns) > 0
 
 
 def rivals(proposal: Proposal, pool: list[Proposal]) -> list[Proposal]:
-    """Those of other names that might turn out better once in the simulator, best first."""
+    """Proposals of other names that may turn out better in the simulator, best first."""
     found: dict[str, Proposal] = {}
     for other in sorted(pool, key=lambda p: -p.gain_select):
         both = proposal.effect.absorbed_by_response and other.effect.absorbed_by_response
@@ -272,7 +269,7 @@ def rivals(proposal: Proposal, pool: list[Proposal]) -> list[Proposal]:
 
 
 def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> list[Proposal]:
-    """Of proposals none of which stands, those that are no chance and gain a lot: best first."""
+    """Proposals with a small p and a large gain where none can be named: best first."""
     able = [
         p for p in pool
         if can_be_tried(p) and p.name not in taken and not p.effect.absorbed_by_response
@@ -286,15 +283,15 @@ def worth_trying(pool: list[Proposal], taken: tuple[str, ...], count: int) -> li
 
 
 def exchanged(pool: list[Proposal], old: Proposal, new: Proposal) -> list[Proposal]:
-    """The pool with a proposal as it turned out; what else its name was tried at in its window is gone."""
+    """The pool with a proposal as fitted, in place of all of its name and window."""
     return [new, *(p for p in pool if p.name != old.name or p.window != old.window)]
 
 
 def contradicted(pool: list[Proposal], model: Linear) -> Proposal | None:
-    """The proposal that gains most where it was fitted, and not where it was to be confirmed.
+    """The proposal of the largest gain on the fitting days that the selecting days contradict.
 
-    What a poor response lacks of a wave is not asked: it comes and goes with the flow. The test of the whole
-    season is blunter here than for a name, as half of the season speaks against it.
+    Effects that a response can absorb are left out: their remainder varies with the flow. The test of the
+    whole season is weaker here than for a name, as half of the season speaks against it.
     """
     share = CONFIRMED * float(model.split.select.sum() / model.split.fit.sum())
     found = [

@@ -101,7 +101,7 @@ def no_candidates() -> Diagnosis:
     )
 
 
-def tell(
+def conclude(
     study: "Study", classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
     """Put a study into words and numbers.

@@ -1,4 +1,15 @@
-"""Columns of trials: what each effect would change in the output, for a small or usual size of it."""
+"""Candidates: every trial of the library scored, its window refined, its gain measured.
+
+A proposal is an effect with its window, and the model refitted with it: likelihood on the fitting and the
+selecting days, and the error of the simulation on the latter.
+
+Dates and hours are refined by ascent on the likelihood gain. With the whitened column of each hour, score and
+information of a window are sums over its days and hours:
+
+    gain = (sum of scores)^2 / (2 sum of information).
+
+For given dates the best run of hours is found, for given hours the best run of days, in turn.
+"""
 
 import datetime as dt
 from collections.abc import Callable, Sequence
@@ -24,17 +35,10 @@ Window = tuple[tuple[dt.date, dt.date] | None, tuple[float, float] | None]
 
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
-    """Output for 1 m3/s in each hour of the day, from the response to a step; shape (24, days, n).
+    """Output for 1 m3/s in each hour of the day, shape (24, days, n), by convolution with a step response.
 
-    Parameters
-    ----------
-    record : Record
-    kernel : ndarray, shape (n,)
-        Output at each sample after 1 m3/s set in.
-
-    Notes
-    -----
-    The reach is taken as linear here; what is found is fitted in the simulator afterwards.
+    `kernel` (n,) is the output at each sample after 1 m3/s sets in; the reach is linear here, and findings
+    are fitted in the simulator afterwards.
     """
     days, n = record.time.shape
     pulse = np.diff(kernel, prepend=0.0)
@@ -49,16 +53,7 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
 
 
 def columns_of(trial: Trial, baseline: Callable[[Sequence[Effect]], Floats], before: Floats) -> Floats:
-    """Columns of a trial that has instances, shape (k, days, n): what the baseline gains by each.
-
-    Parameters
-    ----------
-    trial : Trial
-    baseline : callable
-        Output for further effects, shape (days, n).
-    before : ndarray, shape (days, n)
-        Output without them.
-    """
+    """Columns (k, days, n) of a trial with instances: change of the output `before` (days, n) by each."""
     return np.stack(
         [
             (baseline((effect,)) - before) / size
@@ -74,7 +69,7 @@ def trials_of(classes: dict[str, type[Effect]], record: Record) -> list[Trial]:
 
 
 TURNS = 12
-"""Turns before an ascent is stopped; three are usual."""
+"""Most turns of an ascent; three are usual."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +95,11 @@ class Span:
 def chance_of(
     score: Floats, information: Floats, span: Span, blocks: NDArray[np.int64], library: int, gain: float
 ) -> float:
-    """A bound of the chance of a window with as much gain without any effect.
+    """A bound of the p of a window's gain, ``min(1, windows exp(-gain / (2 inflation)))``.
 
-    Sign flips cannot make a small p for a window of few blocks, however large its gain. Here the gain is
-    taken as the noise model's, divided by what the blocks scatter more than it says once the effect is taken
-    out, and by two for the windows' own choice; all windows of the library count, for the whole season its
-    candidates only.
+    Sign flips cannot give a small p for a window of few blocks, however large its gain. Here the gain is that
+    of the noise model, divided by the inflation of the blocks' scatter once the effect is taken out, and by
+    two for the choice of the window; all windows of the library count, for the whole season its candidates.
 
     Parameters
     ----------
@@ -115,14 +109,9 @@ def chance_of(
     blocks : ndarray of int, shape (days,)
         Blocks of days.
     library : int
-        How many candidates are searched like this.
+        Number of candidates searched.
     gain : float
         Likelihood gained with noise and response refitted [nats].
-
-    Returns
-    -------
-    float
-        ``min(1, windows exp(-gain / (2 inflation)))``.
     """
     n, days = score.shape
     hours = (
@@ -136,22 +125,16 @@ def chance_of(
     left = s - np.where(inside, s[inside].sum() / q[inside].sum(), 0.0) * q
     labels, block = np.unique(blocks, return_inverse=True)
     sums = np.bincount(block, left, len(labels))
-    longest = float(np.bincount(block).max())  # no more than if the days of a block were one
+    longest = float(np.bincount(block).max())  # as if the days of a block were one
     inflation = float(np.clip((sums**2).sum() / q.sum(), 1.0, 2.0 * longest))
     windows = library * days * (days + 1) / 2 * max(n * (n - 1), 1)
     if span.first == 0 and span.last == days - 1 and span.hours is None:
-        windows = library  # the whole season is looked at whatever the search finds
+        windows = library  # the whole season is tried in any case
     return float(min(1.0, windows * np.exp(-gain / (2.0 * inflation))))
 
 
 def best_dates(score: Floats, information: Floats) -> Span:
-    """The dates of largest gain for an effect of several columns, all of them in one window.
-
-    Parameters
-    ----------
-    score : ndarray, shape (k, days)
-    information : ndarray, shape (k, k, days)
-    """
+    """Dates of largest gain for several columns in a window; score (k, days), information (k, k, days)."""
     s = np.concatenate([np.zeros((len(score), 1)), np.cumsum(score, axis=1)], axis=1)
     q = np.concatenate([np.zeros((*information.shape[:2], 1)), np.cumsum(information, axis=2)], axis=2)
     first, end = np.triu_indices(s.shape[1], 1)
@@ -167,7 +150,7 @@ def best_dates(score: Floats, information: Floats) -> Span:
 
 
 def combined(score: Floats, information: Floats, span: Span) -> tuple[Floats, Floats]:
-    """Several columns as the one that they are at their estimates in a window; (1, days), (1, 1, days)."""
+    """Several columns as the one at their estimates in a window; (1, days), (1, 1, days)."""
     inside = slice(span.first, span.last + 1)
     c = np.linalg.lstsq(information[..., inside].sum(axis=2), score[:, inside].sum(axis=1), rcond=None)[0]
     return (c @ score)[None], np.einsum("k,l,kld->d", c, c, information)[None, None]
@@ -183,11 +166,7 @@ def best_span(score: Floats, information: Floats, sign: int = 0) -> Span:
     information : ndarray, shape (hours, hours, days)
         Products of the whitened columns, summed over each day.
     sign : {-1, 0, 1}
-        The only sign that counts; 0: any.
-
-    Returns
-    -------
-    Span
+        Sign of the effect; 0: any.
     """
     n = len(score)
     starts = [np.ones(n, bool), *(_run(n, h, 8) for h in range(0, n if n > 1 else 0, 4))]
@@ -254,7 +233,7 @@ def _run(n: int, start: int, length: int) -> np.ndarray:
 
 
 MOST_USUAL = 4.0
-"""A day counts for at most so many times the usual day's gain."""
+"""Largest gain of a day, in gains of the usual day."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,14 +249,14 @@ class Proposal:
     free : tuple of str
         Parameters to refit.
     window : Window
-        Dates and hours; None where it is always there.
+        Dates and hours; None where it always acts.
     p_value : float
         Family-wise, of the whole library.
     evaluation : Evaluation
     columns : ndarray, shape (k, days, n)
-        What was tried; empty where `coded` or the noise is what is new.
+        What was tried; empty for a noise.
     gain_fit, gain_select : float
-        Log-likelihood gained on the days that fit (priors included) and that select [nats].
+        Log-likelihood gained on the fitting (priors included) and the selecting days [nats].
     t : float
         Paired gain on the selecting blocks over its standard error.
     improvement : ndarray, shape (horizons,)
@@ -285,13 +264,12 @@ class Proposal:
     blocks : int
         Selecting blocks on which it acts.
     events : Events or None
-        Events, as found one by one.
     level_noise : bool
         Whether the proposal is a noise of the level (wind, a seiche).
     spreads : dict of str to float
         Standard errors of a noise's parameters, where they are known.
     gains : ndarray of shape (days,), or None
-        Of a noise: what each day gains by it [nats].
+        Of a noise: its gain on each day [nats].
     """
 
     name: str
@@ -316,14 +294,14 @@ class Proposal:
 def compared(
     model: Linear, before: Evaluation, after: Evaluation, price: Floats, active: Floats
 ) -> tuple[float, float, float, Floats, int]:
-    """Gains on fitting and selecting days, t of the latter by blocks, and what the error falls by.
+    """Gains on fitting and selecting days, t of the latter by blocks, and the fall of the error.
 
-    `price` [nats], shape (days,), is what the days pay for events; t and error are of the selecting days
-    that are `active`, where the candidate does something; the last number is how many blocks these are.
+    `price` [nats], shape (days,), is what the days pay for events; t and error are of the selecting days that
+    are `active`, where the candidate acts; the last number is the number of their blocks.
     """
     gain = after.likelihood - before.likelihood
     gain = gain * np.minimum(before.weights, after.weights) - price
-    if not price.any():  # one odd day does not decide; events are odd days
+    if not price.any():  # outliers are limited, but for events, which are rare days
         usual = np.median(np.abs(gain[active > 0])) if (active > 0).any() else 0.0
         gain = np.clip(gain, -MOST_USUAL * usual - 5.0, MOST_USUAL * usual + 5.0)
     split = model.split
@@ -332,7 +310,7 @@ def compared(
     sums = np.array([gain[chosen][blocks == b].sum() for b in np.unique(blocks)])
     if len(sums) > 1:
         t = float(sums.mean() / max(sums.std(ddof=1) / np.sqrt(len(sums)), 1e-9))
-    else:  # one block has no spread: its days stand for it
+    else:  # one block has no spread: that of its days
         days = gain[chosen]
         t = float(days.mean() / max(days.std(ddof=1) / np.sqrt(len(days)), 1e-9)) if len(days) > 1 else 0.0
     old, new = before.errors.rmse(chosen), after.errors.rmse(chosen)
@@ -343,15 +321,13 @@ def compared(
 
 
 LOOK = 0.05
-"""Candidates with a smaller family-wise p are looked at closely."""
+"""Candidates with a smaller family-wise p are measured."""
 PROMISING = 4.0
 """Likelihood gain of a trial as a whole [nats] from which it is measured."""
-DATES_PRICE = 12.0
-"""What dates have to gain against none [nats]."""
 CLEAR = 15.0
-"""Or those whose window gains as many nats."""
+"""Gain of a window [nats] from which it is measured whatever its p."""
 ALWAYS = 0.9
-"""A window that holds this share of the days is no window."""
+"""Share of the days from which a window is the whole season."""
 Baseline = Callable[[Sequence[Effect]], Floats]
 
 
@@ -396,27 +372,27 @@ def proposals(
     for t in trials:
         try:
             one = hour_columns(record, kernels[t.hourly]) if t.hourly else columns_of(t, baseline, start)
-        except RividError:  # no water, or a level below the bed: with this effect the reach cannot be
+        except RividError:  # the reach runs dry with this effect
             continue
         able.append(t)
         columns.append(one)
     trials = able
     whitened = [noise.whiten(c, like=z) for c in columns]
     nuisance = noise.whiten(model.columns, like=z)
-    candidates, whose = [], []
+    candidates, trial_of = [], []
     for i, (t, w) in enumerate(zip(trials, whitened, strict=True)):
-        # a night is one run of hours where the day begins at noon
+        # a night is one run of hours if the day begins at noon
         for turn in (0, HOURS_A_DAY // 2) if t.hourly else (0,):
             turned = np.roll(w[:, rows], turn, axis=0)
             candidates.append(Candidate(t.name, turned, t.dates, bool(t.hourly), t.sign))
-            whose.append(i)
-    daily = noise.smooth(z).inflow.mean(axis=1)  # what days have in common shows in their mean inflow
+            trial_of.append(i)
+    daily = noise.smooth(z).inflow.mean(axis=1)  # correlation of days shows in their mean inflow
     blocks = flip_blocks(daily - daily[open_days].mean(), split, open_days)
     found = scan(
         r[rows], nuisance[:, rows], candidates, blocks=blocks[rows], weights=before.weights[rows],
         flips=flips, seed=seed,
     )  # fmt: skip
-    p_family = [float(found[np.array(whose) == i].min()) for i in range(len(trials))]
+    p_family = [float(found[np.array(trial_of) == i].min()) for i in range(len(trials))]
     result = []
     free_of = _projected(r, nuisance, split.fit | split.select)
     dated, blocks_of = len(trials), split.block[rows]
@@ -425,11 +401,11 @@ def proposals(
         whole = Span(0, len(rows) - 1, None, 0.0)
         span = _span(trial, w, free_of, rows)
         if trial.hourly:
-            # all day long it would be a lateral inflow or an outflow's gain
+            # all day it would be a lateral inflow or a gain error
             spans = [span] if span.hours is not None and span.gain >= CLEAR else []
         elif trial.dates == "all":
             spans = [whole]
-        else:  # beside the best window always the whole season: a slow noise hides it from the search
+        else:  # the whole season in any case: a slow noise hides it from the search
             spans = [whole, span] if _window(record, rows, span, trial)[1] else [whole]
         if p_flips > LOOK and span.gain < CLEAR and not _promising(w, free_of, rows):
             continue
@@ -439,7 +415,7 @@ def proposals(
 
 
 def _promising(w: Floats, r: Floats, rows: np.ndarray) -> bool:
-    """Whether the columns as a whole gain enough to be looked at."""
+    """Whether the columns as a whole gain enough to be measured."""
     score, information = _sums(w, r, rows)
     s, q = score.sum(axis=1), information.sum(axis=2)
     return bool(0.5 * float(s @ np.linalg.lstsq(q, s, rcond=None)[0]) > PROMISING)
@@ -455,13 +431,13 @@ def _measured(
     p_flips: float,
     shown: tuple[np.ndarray, Floats, np.ndarray, int],
 ) -> Proposal | None:
-    """A trial in a window, with all its gains; None where it cannot be told or is likely chance."""
+    """A trial in a window, with all its gains; None where it cannot be estimated or is likely chance."""
     record, split = model.record, model.split
     rows, free_of, blocks, dated = shown
     window, used = _window(record, rows, span, trial)
     tried = _inside(trial, c, record, window)
     if not np.abs(tried[:, split.fit]).any() or not np.abs(tried[:, split.select]).any():
-        return None  # nothing to fit it to, or to confirm it with
+        return None  # no days to fit or to confirm it
     after = evaluate(model, tried, thorough=trial.dates != "all")
     if trial.sign and trial.sign * after.coefficients[0] <= 0:
         return None
@@ -512,7 +488,7 @@ def _sums(w: Floats, r: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
 
 
 def _span(trial: Trial, w: Floats, r: Floats, rows: np.ndarray) -> Span:
-    """The best window among the open days; whole where the trial is always there."""
+    """The best window among the open days; the whole season where the trial has none."""
     if trial.dates == "all":
         return Span(0, len(rows) - 1, None, 0.0)
     if len(w) > 1 and not trial.hourly:
@@ -521,7 +497,7 @@ def _span(trial: Trial, w: Floats, r: Floats, rows: np.ndarray) -> Span:
 
 
 def _window(record: Record, rows: np.ndarray, span: Span, trial: Trial) -> tuple[Window, bool]:
-    """Dates and hours of a span; days between two open ones are its own where both neighbours are."""
+    """Dates and hours of a span, extended to days beyond the open ones at the season's ends."""
     dates = None
     if span.last - span.first + 1 < ALWAYS * len(rows):
         first = 0 if span.first <= 1 else rows[span.first]
@@ -535,7 +511,7 @@ def _window(record: Record, rows: np.ndarray, span: Span, trial: Trial) -> tuple
 
 
 def _inside(trial: Trial, columns: Floats, record: Record, window: Window) -> Floats:
-    """The columns within a window; hours of the day added up."""
+    """The columns within a window; hours of the day summed."""
     dates, hours = window
     c = columns
     if trial.hourly:

@@ -22,12 +22,12 @@ from rivid.diagnosis.response.river import RiverResponse
 from rivid.effects import Effect, effect_classes
 from rivid.errors import ConfigError, RividError
 
-AS_GOOD = 2.0
-"""Nats a selecting day by which a later candidate must be ahead of one that is preferred to it."""
-PROMISE = 0.6
-"""Share of what a response is behind that one effect must promise: it is tried at one size only."""
+TOLERANCE = 2.0
+"""Nats a selecting day by which a later candidate must be likelier than a preferred one."""
+RECOVERED = 0.6
+"""Share of a response's deficit that one effect must recover: effects are tried at one size only."""
 FEW = 12
-"""Fitting days from which every third is fitted to first."""
+"""Fitting days from which the fit starts on every third."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,28 +39,23 @@ class Calibrated:
     model : Model
     linear : Linear
     evaluation : Evaluation
-    behind : float
-        By how much the selecting days are less likely than under the best candidate [nats].
+    deficit : float
+        Log-likelihood of the selecting days below that of the best candidate [nats].
     """
 
     model: Model
     linear: Linear
     evaluation: Evaluation
-    behind: float = 0.0
+    deficit: float = 0.0
 
     @property
-    def as_good(self) -> bool:
-        """Whether it is near enough to the best."""
-        return self.lacks <= 0.0
+    def shortfall(self) -> float:
+        """Gain on the selecting days that it needs to be accepted [nats]; 0 or less where it is."""
+        return self.deficit - TOLERANCE * max(int(self.linear.split.select.sum()), 1)
 
-    @property
-    def lacks(self) -> float:
-        """What it must gain on the selecting days to be near enough [nats]."""
-        return self.behind - AS_GOOD * max(int(self.linear.split.select.sum()), 1)
-
-    def lives_up(self, promise: float) -> bool:
-        """Whether an effect that gains so much on the selecting days [nats] makes up for what it lacks."""
-        return promise >= min(self.lacks, PROMISE * self.behind)
+    def acceptable(self, gain: float = 0.0) -> bool:
+        """Whether it is accepted with an effect that gains so much on the selecting days [nats]."""
+        return self.shortfall <= 0.0 or gain >= min(self.shortfall, RECOVERED * self.deficit)
 
 
 def calibrated(
@@ -70,7 +65,7 @@ def calibrated(
     trim: float,
     report: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Calibrated], tuple[str, ...]]:
-    """Calibrate the candidates, and say how far each is behind the best.
+    """Calibrate the candidates, and compare their likelihoods of the selecting days.
 
     Parameters
     ----------
@@ -79,26 +74,26 @@ def calibrated(
     candidates : sequence of Model
         In order of preference, not calibrated.
     trim : float
-        Share of the noisiest days that count for nothing.
+        Share of the noisiest days left out of the fit.
     report : callable
 
     Returns
     -------
     list of Calibrated
-        In the same order, to the first that is within :data:`AS_GOOD` a day of the best.
+        In the same order, up to the first within :data:`TOLERANCE` a day of the best.
     tuple of str
-        What those said that cannot be run.
+        Errors of those that cannot be run.
 
     Raises
     ------
     RividError
-        Where no candidate can be calibrated; with what the first one said.
+        Where no candidate can be calibrated; the error of the first one.
 
     Notes
     -----
-    By likelihood, not by the error some hours ahead: this is mostly the unknown inflow's and hardly differs
-    between a good response and a poor one. A candidate that is behind may still be the right one, if what it
-    lacks is what the logs lack: coefficients enough take a slow gate or a late wave upon themselves.
+    By likelihood, not by the error some hours ahead: this is mostly due to the unknown inflow and hardly
+    differs between a good response and a poor one. A less likely candidate may still be the right one with an
+    effect that the logs lack: many coefficients absorb a slow gate or a late wave.
     """
     done: list[Calibrated] = []
     refused: list[RividError] = []
@@ -111,8 +106,8 @@ def calibrated(
     if not done:
         raise refused[0]
     gains = np.array([one.evaluation.likelihood[dealt.select].sum() for one in done])
-    done = [replace(one, behind=float(gains.max() - gain)) for one, gain in zip(done, gains, strict=True)]
-    last = next(i for i, one in enumerate(done) if one.as_good)
+    done = [replace(one, deficit=float(gains.max() - gain)) for one, gain in zip(done, gains, strict=True)]
+    last = next(i for i, one in enumerate(done) if one.shortfall <= 0.0)
     return done[: last + 1], tuple(str(error) for error in refused)
 
 
@@ -134,7 +129,7 @@ def as_candidates(response: Response | Sequence[Response]) -> tuple[Response, ..
 
 FALLBACKS: tuple[Fronts, ...] = ("none", "zero", "fir")
 SPREAD = 0.3
-"""Of a river's arrivals, first guess, as a share of its delay."""
+"""Spread of a river's arrivals, first guess, as a share of its delay."""
 
 
 def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
@@ -146,7 +141,7 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
     Raises
     ------
     ConfigError
-        Where the geometry gives none.
+        Where the geometry is impossible.
     """
     first = response_of(config, record)
     if record.kind == "river":
@@ -161,7 +156,7 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
 
 
 def response_of(config: Config, record: Record) -> Response:
-    """The first of them: Saint-Venant for a pool, a diffusive wave for a river."""
+    """The preferred response: Saint-Venant for a pool, a diffusive wave for a river."""
     reach, flow = config.reach, record.usual_flow
     if reach.kind == "river":
         bounds = travel_bounds(flow, length=reach.length, width=reach.width, depth=reach.depth)
@@ -178,23 +173,23 @@ def response_of(config: Config, record: Record) -> Response:
         raise ConfigError(
             f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m"
         )
-    said = config.diagnose
+    settings = config.diagnose
     return HydraulicResponse.nominal(
-        reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow, slope=said.slope,
-        manning=said.manning,
+        reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow,
+        slope=settings.slope, manning=settings.manning,
     )  # fmt: skip
 
 
 def library_of(config: Config) -> dict[str, type[Effect]]:
     """The effects that may be named."""
-    said = config.diagnose
-    classes = effect_classes(said.effects_file)
-    for name in said.exclude:
+    settings = config.diagnose
+    classes = effect_classes(settings.effects_file)
+    for name in settings.exclude:
         if name not in classes:
             raise ConfigError(
                 f"diagnose.exclude: no effect is called {name!r}: expected {', '.join(classes)}"
             )
-    return {name: one for name, one in classes.items() if name not in said.exclude}
+    return {name: one for name, one in classes.items() if name not in settings.exclude}
 
 
 def gauge_floor_of(config: Config, record: Record) -> float:

@@ -19,7 +19,7 @@ from rivid.types import DAY, Floats
 
 Kind = Literal["pool", "river"]
 START_UP = 30
-"""Samples, beyond the delay, in which a day that nothing precedes forgets its made-up start."""
+"""Samples, beyond the delay, in which a day without a predecessor forgets its assumed start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Record:
     output : ndarray, shape (days, n)
         Level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing.
     used : ndarray of bool, shape (days, n)
-        Samples that count: of the day itself, not in the start-up of a day that nothing precedes, and with
-        an output.
+        Samples that count: of the day itself, with an output, and not in the start-up of a day without a
+        predecessor.
     lead : int
         Samples before each day.
     sample_time : float
@@ -76,16 +76,16 @@ class Record:
 
     @property
     def usual_output(self) -> float:
-        """Median of the output that counts: what level-dependent effects count from."""
+        """Median of the used output: reference of level-dependent effects."""
         return float(np.median(self.output[self.used]))
 
     @property
     def usual_flow(self) -> float:
-        """Median inflow of the samples that count [m3/s]."""
+        """Median inflow of the used samples [m3/s]."""
         return float(np.median(self.inflow[self.used]))
 
     def world(self, level: float | None = None, flow: float | None = None) -> World:
-        """Where effects take place: this record's grid and logs; the usual level and flow unless given."""
+        """Grid and logs for effects; the usual level and flow unless given."""
         return World(
             time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0],
             sample_time=self.sample_time, level=self.usual_output if level is None else level,
@@ -169,22 +169,6 @@ def as_record(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Logs:
-    """What a directory gave.
-
-    Attributes
-    ----------
-    record : Record
-        The days that can be used.
-    failed : tuple of (datetime.date or None, str)
-        What could not be used, and why; a file that speaks of no day has no date.
-    """
-
-    record: Record
-    failed: tuple[tuple[dt.date | None, str], ...]
-
-
 def read_record(
     root: Path,
     config: Config,
@@ -192,7 +176,7 @@ def read_record(
     first: dt.date | None = None,
     last: dt.date | None = None,
     today: dt.date | dt.datetime | None = None,
-) -> Logs:
+) -> tuple[Record, tuple[tuple[dt.date | None, str], ...]]:
     """Read the days of DATA_DIR that a diagnosis can use.
 
     Parameters
@@ -204,6 +188,12 @@ def read_record(
         Only days from and until these.
     today : datetime.date or datetime.datetime, optional
         A log of this day may be unfinished.
+
+    Returns
+    -------
+    Record
+    tuple of (datetime.date or None, str)
+        Days that cannot be used and the reason; None for a file without a date.
 
     Raises
     ------
@@ -254,7 +244,7 @@ def read_record(
         np.array([day.output for day in whole]), sample_time=reach.sample_time, delay=proposal.d_max // 2,
         kind=reach.kind,
     )  # fmt: skip
-    return Logs(record, tuple(failed))
+    return record, tuple(failed)
 
 
 def _no_day(

@@ -1,16 +1,21 @@
-"""Which proposal is named, which are tied with it, and when none is."""
+"""Selection: which proposal is named, which are tied with it, whether it holds, and the verdict.
 
-import math
+The guard against operators: they hold the level by the outflow, so a level that an unknown inflow raised is
+lowered by hand, and a reach that seems to lose water at high levels may only have attentive operators. An
+effect that depends on the level is therefore tested again with an instrument: the same effect in a reach
+whose level moves as the logged inflow drives it, which no operator and no unknown inflow has changed.
+"""
+
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.candidates import Proposal
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.fit import Evaluation, Linear, Model, limited
+from rivid.diagnosis.response.base import leaky
 from rivid.diagnosis.result import Gap, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import RividError
@@ -138,7 +143,7 @@ def choose(
     round_number : int
         From 0; the error budget halves.
     taken : sequence of Effect
-        Effects that are in; a second of the same name is refused unless it is repeatable.
+        Effects in the model; a second of the same name is refused unless it is repeatable.
     """
     names = {effect.name for effect in taken}
     best: dict[str, Proposal] = {}
@@ -171,9 +176,10 @@ def choose(
 
 
 def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
-    """Without those that take less from the error than another, where the error speaks.
+    """Without those that reduce the error less than another, where the error is informative.
 
-    A flow where there is none turns the knobs of a poor response: likelier, but no nearer to the level.
+    A flow where there is none adjusts the parameters of a poor response: likelier, but no nearer to the
+    level.
     """
     flows = {
         name: float(p.improvement.mean())
@@ -249,31 +255,22 @@ Simulated = Callable[[Record, Sequence[Effect]], Floats]
 
 
 def driven_level(record: Record) -> Floats:
-    """The level [m] as far as leaky integrals of the inflow explain it, shape (days, n).
+    """The level [m] of a pool as far as leaky integrals of the inflow explain it, shape (days, n).
 
-    Parameters
-    ----------
-    record : Record
-        Of a pool.
-
-    Notes
-    -----
-    Least squares of the level that counts on a constant, the day's mean inflow and three leaky means of it
-    with memories of 1, 4 and 12 hours; each row's means begin at its first inflow.
+    Least squares of the used level on a constant, the day's mean inflow and three leaky means of it with
+    memories of 1, 4 and 12 hours; each row's means begin at its first inflow.
     """
     inflow = record.inflow - record.usual_flow
     parts = [np.ones_like(inflow), np.broadcast_to(inflow.mean(axis=1, keepdims=True), inflow.shape)]
     for memory in MEMORIES:
-        keep = math.exp(-record.sample_time / memory)
-        start = keep * inflow[:, :1]
-        parts.append(lfilter([1.0 - keep], [1.0, -keep], inflow, axis=1, zi=start)[0])
+        parts.append(leaky(inflow, record.sample_time, memory))
     X = np.stack([part[record.used] for part in parts])
     b = np.linalg.lstsq(X.T, record.output[record.used], rcond=None)[0]
     return np.asarray(np.tensordot(b, np.stack(parts), 1))
 
 
 def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: Simulated) -> float:
-    """How clearly an effect of the level shows through the instrument: t over blocks of days.
+    """t over blocks of an effect of the level, seen through the instrument.
 
     Parameters
     ----------
@@ -288,8 +285,8 @@ def guard(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated: 
     Returns
     -------
     float
-        Positive where the instrument agrees in sign. With x the effect's whitened column, z the one of the
-        instrument without what the response's parameters do, r the whitened residual without the same and
+        Positive where the instrument agrees in sign. With x the effect's whitened column, z that of the
+        instrument and r the whitened residual, both without what the response's parameters explain, and
         s_b = z'r of a block: t = sign(z'x) sum s_b / sqrt(sum s_b^2).
     """
     record, effect = model.record, proposal.effect
@@ -352,7 +349,7 @@ class Round:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """All that a diagnosis came by, for the telling.
+    """Everything a diagnosis found, for its report.
 
     Attributes
     ----------
@@ -368,9 +365,9 @@ class Study:
         Step responses by place; see :func:`rivid.diagnosis.response.base.kernels_of`.
     notes : tuple of str
     noises : tuple of Effect
-        Noises (wind, a seiche) that were known from the start.
+        Noises (wind, a seiche) known from the start.
     contradicted : Proposal or None
-        Where nothing was named: what fits the fitting days well, and the selecting days not.
+        Where nothing was named: a proposal that fits the fitting days well, and the selecting days not.
     """
 
     record: Record
@@ -393,31 +390,16 @@ class Study:
         return tuple(float(getattr(e, "period")) for e in swings)  # noqa: B009 - every seiche has a period
 
 
-TOLD = 0.2
-"""Standard error of the share above which the sealed days do not tell."""
+LARGEST_ERROR = 0.2
+"""Largest standard error of the share for which the sealed days decide."""
 
 
 def held_share(model: Model, linear: Linear, after: Evaluation, name: str) -> tuple[float, float] | None:
-    """Size of an effect on the sealed days over what the model gives it, and its standard error.
+    """Size of an effect on the sealed days over its size in the model, and its standard error.
 
-    What the effect does to the output is fitted to the sealed days' residual once more, beside the response's
-    parameters, which are as free as the fitting days leave them.
-
-    Parameters
-    ----------
-    model : Model
-        With the effect.
-    linear : Linear
-        The record about it.
-    after : Evaluation
-        Of it.
-    name : str
-        Of the effect.
-
-    Returns
-    -------
-    (float, float) or None
-        None where the model holds no such effect, or the sealed days do not tell its size.
+    The effect's change of the output is fitted to the sealed days' residual, together with the response's
+    parameters, which are as free as the fitting days leave them. None where the model holds no such effect,
+    or the sealed days do not determine its size.
     """
     places = [i for i, effect in enumerate(model.effects) if effect.name == name]
     if not places or not linear.split.sealed.any():
@@ -428,16 +410,16 @@ def held_share(model: Model, linear: Linear, after: Evaluation, name: str) -> tu
     record = linear.record
     try:
         without = replace(model, effects=others, free=free).baseline(record)
-    except RividError:  # a flow that cannot be
+    except RividError:  # the reach runs dry
         return None
-    does = model.baseline(record) - without
+    change = model.baseline(record) - without
     z = linear.used(after.residual)[sealed]
-    X = np.concatenate([does[None], linear.columns[: len(model.reach.parameters)]])[:, sealed]
+    X = np.concatenate([change[None], linear.columns[: len(model.reach.parameters)]])[:, sealed]
     w = after.noise.whiten(X, like=z)
     e = after.noise.whiten(z)
     loose = np.append(0.0, 1.0 / np.maximum(after.shift_errors[: len(X) - 1], 1e-12) ** 2)
     G = np.einsum("kdn,ldn->kl", w, w) + np.diag(loose)
-    if G[0, 0] <= TOLD**-2:
+    if G[0, 0] <= LARGEST_ERROR**-2:
         return None
     inverse = np.linalg.inv(G)
     b = inverse @ np.einsum("kdn,dn->k", w, e)
@@ -446,7 +428,7 @@ def held_share(model: Model, linear: Linear, after: Evaluation, name: str) -> tu
     sums = np.array([left[blocks == one].sum(axis=0) for one in np.unique(blocks)])
     scatter = inverse @ (sums.T @ sums) @ inverse
     error = float(np.sqrt(max(inverse[0, 0], scatter[0, 0])))
-    return (1.0 + float(b[0]), error) if error < TOLD else None
+    return (1.0 + float(b[0]), error) if error < LARGEST_ERROR else None
 
 
 USUAL: dict[str, str] = {
@@ -480,15 +462,7 @@ HALF = 0.5
 
 
 def verdict_of(study: Study, gap: Gap, unknown: Unknown | None) -> tuple[Verdict, str]:
-    """Word and sentence.
-
-    Parameters
-    ----------
-    study : Study
-    gap : Gap
-    unknown : Unknown or None
-        What is left, if it has a rhythm or a place.
-    """
+    """Verdict and its reason in a sentence; `unknown` is a periodic or localised remainder."""
     base, end = np.array(gap.rmse_baseline), study.last_evaluation.errors.rmse(study.split.sealed)
     named, unit = study.named, gap.unit
     if not named:
@@ -522,15 +496,10 @@ def verdict_of(study: Study, gap: Gap, unknown: Unknown | None) -> tuple[Verdict
 
 
 def fails(study: Study, base: Floats, end: Floats) -> bool:
-    """Whether the sealed days contradict what was named: by its size there, their errors, their likelihood.
+    """Whether the sealed days contradict the names: by size, error (base, end: (horizons,)) or likelihood.
 
-    The error hours ahead is mostly the unknown inflow's; for a lag or a slow gate the likelihood speaks.
-
-    Parameters
-    ----------
-    study : Study
-    base, end : ndarray, shape (horizons,)
-        Errors on the sealed days before and after.
+    The error hours ahead is mostly due to the unknown inflow; for a lag or a slow gate the likelihood
+    decides.
     """
     first = study.named[0]
     held = held_share(study.last, study.last_linear, study.last_evaluation, first.proposal.name)

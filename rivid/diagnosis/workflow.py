@@ -1,7 +1,7 @@
-"""The workflow: calibrate, look for what is missing, name it, add it, look again, and show the gap.
+"""The workflow: calibrate, search what is missing, name it, add it, repeat, and report the gap.
 
-Steps as in docs/diagnose.md. What fits, what selects and what confirms are days apart; the sealed days are
-looked at once, at the end.
+Steps as in docs/diagnose.md. Days that fit, that select and that confirm are separate; the sealed days are
+used once, at the end.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from rivid.diagnosis.adding import (
     varied,
     worth_trying,
 )
-from rivid.diagnosis.answer import Evidence, no_candidates, tell, too_few, too_still
+from rivid.diagnosis.answer import Evidence, conclude, no_candidates, too_few, too_still
 from rivid.diagnosis.blocks import Split, split
 from rivid.diagnosis.candidates import Proposal, proposals, trials_of
 from rivid.diagnosis.choice import Calibrated, as_candidates, calibrated
@@ -38,8 +38,8 @@ from rivid.types import Floats
 
 MOST_EFFECTS = 4
 TRIM = {"pool": 0.0, "river": 0.4}
-"""Share of days left out of the first calibration: nothing else holds a river's gain near one while a
-release is missing; the equations of a pool cannot bend as far."""
+"""Share of days left out of the first calibration: while a release is missing nothing else holds a river's
+gain near one; the equations of a pool cannot bend as far."""
 FEWEST_DAYS = 15
 """One cycle of blocks."""
 Report = Callable[[str], None]
@@ -58,14 +58,13 @@ def diagnose(
     most: int = MOST_EFFECTS,
     report: Report = lambda _: None,
 ) -> tuple[Diagnosis, Evidence | None]:
-    """Find what a simulation of the reach lacks.
+    """Find the effects that a simulation of the reach lacks.
 
     Parameters
     ----------
     record : Record
     response : Response, or a sequence of them
-        Nominal, as the configuration knows the reach; of several, in order of preference, the one is taken
-        that predicts the selecting days.
+        Nominal; of several, in order of preference, the first that describes the selecting days well enough.
     classes : dict
         Effects that may be named, by name; see :func:`rivid.effects.effect_classes`.
     gauge_floor : float
@@ -75,14 +74,14 @@ def diagnose(
     floor : sequence of float, optional
         RMSE at 1, 4 and 24 h of the model that knows the truth, where one is known.
     most : int
-        Effects at most.
+        Most effects.
     report : callable
-        Told what is being done, a line each.
+        Called with a line for each step.
 
     Returns
     -------
     Diagnosis, Evidence or None
-        None where there are too few days to look at anything.
+        None where there are too few days.
     """
     if record.days < FEWEST_DAYS or not split(record.dates).complete:
         return too_few(record, FEWEST_DAYS), None
@@ -90,11 +89,13 @@ def diagnose(
         return too_still(record), None
     if not classes:
         return no_candidates(), None
-    study = look(record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report)
-    return tell(study, classes, floor)
+    study = find_effects(
+        record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report
+    )
+    return conclude(study, classes, floor)
 
 
-def look(
+def find_effects(
     record: Record,
     response: Responses,
     classes: dict[str, type[Effect]],
@@ -104,7 +105,7 @@ def look(
     most: int = MOST_EFFECTS,
     report: Report = lambda _: None,
 ) -> Study:
-    """All steps but the telling; see :func:`diagnose`."""
+    """All steps but the report; see :func:`diagnose`."""
     dealt = split(record.dates)
     noises = tuple(e for e in start if e.found_as in LEVEL_NOISES)
     start = tuple(e for e in start if e.found_as not in LEVEL_NOISES)
@@ -117,7 +118,7 @@ def look(
     ]
     search, notes = _begun(record, dealt, classes, nominal, noises, report)
     chosen = search.start
-    while search.turn(most):
+    while search.round(most):
         pass
     rounds, last = search.rounds, (search.model, search.linear, search.evaluation)
     if patched(rounds):
@@ -138,27 +139,27 @@ def _begun(
     noises: tuple[Effect, ...],
     report: Report,
 ) -> tuple["_Search", list[str]]:
-    """The search about the first response that is as good as any, once the best effect is in it.
+    """The search about the first acceptable response.
 
-    A response that is behind is not left for one that fits better before it is asked what it would be with
-    one effect: many coefficients fit a late wave or a slow gate as well, and then nothing is missing.
+    A less likely response is rejected only if the best effect does not make up for its deficit: a response
+    with many coefficients fits a late wave or a slow gate as well, and then nothing seems missing.
     """
     done, refused = calibrated(record, dealt, nominal, TRIM[record.kind], report)
     notes = [f"a response was passed over: {why}" for why in refused]
     for one in done:
         search = _Search(record, dealt, classes, one, noises, report)
-        if one.as_good or one.lives_up(search.promises()):
+        if one.acceptable() or one.acceptable(search.best_gain()):
             break
         notes.append(
             f"{one.model.reach.name} describes the selecting days worse than {done[-1].model.reach.name}, by "
-            f"{one.behind / dealt.select.sum():.0f} nats a day, and no effect makes it as good: check the "
+            f"{one.deficit / dealt.select.sum():.0f} nats a day, and no effect makes it as good: check the "
             "reach's geometry"
         )
     return search, notes
 
 
 class _Search:
-    """The model as it grows, and the rounds behind it."""
+    """The growing model and its rounds."""
 
     def __init__(
         self,
@@ -173,7 +174,7 @@ class _Search:
         self.fit = record.take(dealt.fit)
         self.start = start
         self.ahead: list[Proposal] | None = None
-        """What was found before the first turn."""
+        """Proposals found before the first round."""
         self.model: Model = start.model
         self.linear: Linear = start.linear
         self.evaluation: Evaluation = start.evaluation
@@ -183,10 +184,10 @@ class _Search:
         self.trials: list[Trial] = trials_of(classes, record)
         self.rounds: list[Round] = []
         self.count = 0
-        """Turns that named something, whether or not it was dropped again: they spend the error budget."""
+        """Rounds that named an effect, dropped later or not: they spend the error budget."""
 
-    def turn(self, most: int) -> bool:
-        """One round; whether something was named."""
+    def round(self, most: int) -> bool:
+        """One round; whether an effect was named."""
         self.report(f"round {len(self.rounds) + 1}: {len(self.trials)} trials, events, noises")
         found = self._found() if self.ahead is None else self.ahead
         self.ahead = None
@@ -197,8 +198,8 @@ class _Search:
         self.count += 1
         return True
 
-    def promises(self) -> float:
-        """What the best proposal gains on the selecting days [nats]."""
+    def best_gain(self) -> float:
+        """Gain of the best proposal on the selecting days [nats]."""
         self.ahead = self._found()
         return max((p.gain_select for p in self.ahead), default=0.0)
 

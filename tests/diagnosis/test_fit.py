@@ -310,7 +310,7 @@ def glen_canyon(column):
     """Glen Canyon Dam to Lees Ferry, 426 days; the bypass of 133 days is in the total release alone."""
     config = load_toml(ROOT / "configs" / "glen_canyon.toml", Config)
     told = config.input.model_copy(update={"u_Qi": column})
-    return read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": told})).record
+    return read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": told}))[0]
 
 
 def test_trimmed_days_keep_a_bypass_out_of_a_rivers_response():

@@ -5,7 +5,7 @@ import pytest
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.choice import as_candidates, calibrated
 from rivid.diagnosis.response.linear import LinearPool
-from rivid.diagnosis.workflow import look
+from rivid.diagnosis.workflow import find_effects
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from tests.diagnosis.pools import GAUGE_FLOOR, fresh, nominal, season
@@ -30,7 +30,7 @@ def choice(record, responses):
 def test_of_responses_that_predict_alike_the_first_is_enough(seed):
     record = season(seed, days=30)
     (first,), refused = choice(record, [nominal(record, fronts) for fronts in ("none", "zero", "fir")])
-    assert first.model.reach.name == "integrator-delay" and first.as_good and not refused
+    assert first.model.reach.name == "integrator-delay" and first.acceptable() and not refused
     assert first.evaluation.likelihood.shape == (30,)
 
 
@@ -40,10 +40,10 @@ def test_a_response_that_cannot_follow_is_behind():
     known = {"area_sd": 0.01, "delay_sd": 0.01}
     small = LinearPool.nominal(record, "zero", surface_area=6e4, delay=4000.0, **known)
     (poor, good), _ = choice(record, [small, nominal(record)])
-    assert not poor.as_good and poor.lacks > 100.0 and good.behind == 0.0
+    assert not poor.acceptable() and poor.shortfall > 100.0 and good.deficit == 0.0
     days = split(record.dates).select
     gap = (good.evaluation.likelihood - poor.evaluation.likelihood)[days].sum()
-    assert poor.behind == pytest.approx(gap)
+    assert poor.deficit == pytest.approx(gap)
 
 
 def test_a_candidate_that_cannot_be_run_costs_nothing_but_a_word():
@@ -69,6 +69,6 @@ def test_a_response_that_lacks_an_effect_is_not_left_for_more_coefficients():
     """A lag of ten minutes: a FIR follows it, the integrator does not, and the lag is what is missing."""
     record = season(6, effects=(CATALOGUE["outflow_lag"](lag=900.0),))
     classes = {"outflow_lag": CATALOGUE["outflow_lag"]}
-    study = look(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
+    study = find_effects(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
     assert study.first.reach.name == "integrator-delay"
     assert [r.proposal.name for r in study.named] == ["outflow_lag"]

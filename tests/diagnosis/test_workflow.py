@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from rivid.cli.diagnose import command
 from rivid.config import Config, load_config
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.model.augmented import read_effects
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.result import read_effects
 from rivid.diagnosis.selection import USUAL, breaker
 from rivid.diagnosis.workflow import diagnose
 from rivid.effects import CATALOGUE, effect_classes

@@ -1,1 +1,0 @@
-"""The calibrated model, and what happens when an effect comes in."""
