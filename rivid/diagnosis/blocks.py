@@ -1,8 +1,8 @@
-"""Which days fit, select and confirm, and which flip signs together.
+"""Days that fit, select and confirm, and blocks of days whose signs flip together.
 
-Whole days go in blocks, and blocks are dealt in the cycle fit, fit, select, fit, sealed: what is fitted,
-what chooses, and what confirms are days apart, spread over the same season. Days of one block are flipped
-together in the score test, so a block must be longer than the residual remembers.
+Whole days go in blocks, and blocks are dealt in the cycle fit, fit, select, fit, sealed: the three roles are
+separate days, spread over the same season. Days of one block are flipped together in the score test, so a
+block must be longer than the correlation of the residual.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ FEWEST_BLOCKS = 8
 
 
 class Role(IntEnum):
-    """What a day is for."""
+    """Role of a day."""
 
     FIT = 0
     SELECT = 1
@@ -39,21 +39,11 @@ CYCLE = (Role.FIT, Role.FIT, Role.SELECT, Role.FIT, Role.SEALED)
 
 @dataclass(frozen=True)
 class Split:
-    """Days dealt into roles.
+    """Days dealt into roles."""
 
-    Attributes
-    ----------
-    day : ndarray of int, shape (days,)
-        Days since the first one; gaps of the calendar included.
-    role : ndarray of int, shape (days,)
-        A :class:`Role` each.
-    block : ndarray of int, shape (days,)
-        Number of the day's block, 0, 1, ... without holes.
-    """
-
-    day: Ints
-    role: Ints
-    block: Ints
+    day: Ints  # (days,): days since the first one; gaps of the calendar included
+    role: Ints  # (days,): a :class:`Role` each
+    block: Ints  # (days,): number of the day's block, 0, 1, ... without holes
 
     @property
     def fit(self) -> Bools:
@@ -67,7 +57,7 @@ class Split:
 
     @property
     def sealed(self) -> Bools:
-        """Days that confirm and are looked at once, shape (days,)."""
+        """Days that confirm and are used once, shape (days,)."""
         return np.asarray(self.role == Role.SEALED)
 
     @property
@@ -117,20 +107,10 @@ def split(days: int | Sequence[object] | NDArray[np.datetime64], block_days: int
 
 
 def memory(scores: ArrayLike, day: ArrayLike) -> Floats:
-    """Autocorrelation of day scores at lags of 1, 2, ... days, as far as it stands out.
+    """Autocorrelation of day scores at lags of 1, 2, ... days, shape (lags,), as far as it is significant.
 
-    Parameters
-    ----------
-    scores : array_like, shape (days,) or (scores, days)
-        Of mean 0 if nothing is missing; several are averaged, each with its own variance.
-    day : array_like of int, shape (days,)
-        Days since the first one.
-
-    Returns
-    -------
-    ndarray, shape (lags,)
-        Empty where neighbouring days have nothing in common; cut before the first lag whose correlation is
-        less than its standard error, 1 / sqrt(pairs).
+    `scores` (days,) or (scores, days) have mean 0 if nothing is missing; several are averaged, each with its
+    own variance. Cut before the first lag whose correlation is less than its standard error, 1 / sqrt(pairs).
     """
     s = np.atleast_2d(np.asarray(scores, float))
     days = np.asarray(day, np.int64)
@@ -157,22 +137,12 @@ def across(correlation: ArrayLike, length: float) -> float:
 
 
 def flip_blocks(scores: ArrayLike, split: Split, used: ArrayLike | None = None) -> Ints:
-    """Blocks for sign flips: those of the split, merged until they are longer than the correlation.
+    """Blocks for sign flips, shape (days,): those of the split, merged until longer than the correlation.
 
-    Parameters
-    ----------
-    scores : array_like, shape (days,) or (scores, days)
-        What the days say, mean 0 if nothing is missing: scores of candidates, or means of the whitened
-        residual.
-    split : Split
-    used : array_like of bool, shape (days,), optional
-        Days that count; default: those not sealed.
-
-    Returns
-    -------
-    ndarray of int, shape (days,)
-        The shortest merged blocks that leave at most :data:`MOST_ACROSS` of the variance to pairs of days in
-        different blocks, as long as :data:`FEWEST_BLOCKS` remain among the used days.
+    `scores` (days,) or (scores, days) have mean 0 if nothing is missing; `used` are the days to count, by
+    default those not sealed. The shortest merged blocks that leave at most :data:`MOST_ACROSS` of the
+    variance to pairs of days in different blocks, as long as :data:`FEWEST_BLOCKS` remain among the used
+    days.
     """
     use = ~split.sealed if used is None else np.asarray(used, bool)
     s = np.atleast_2d(np.asarray(scores, float))

@@ -74,22 +74,12 @@ TURNS = 12
 
 @dataclass(frozen=True)
 class Span:
-    """A window.
+    """A window."""
 
-    Attributes
-    ----------
-    first, last : int
-        Days, both included.
-    hours : (int, int) or None
-        From and to; (22, 6) passes midnight. None is all day.
-    gain : float
-        Likelihood gain [nats].
-    """
-
-    first: int
+    first: int  # days, both included
     last: int
-    hours: tuple[int, int] | None
-    gain: float
+    hours: tuple[int, int] | None  # from and to; (22, 6) passes midnight. None is all day
+    gain: float  # likelihood gain [nats]
 
 
 def chance_of(
@@ -238,57 +228,26 @@ MOST_USUAL = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """An effect that might be missing.
+    """An effect that might be missing."""
 
-    Attributes
-    ----------
-    name, label : str
-        Of the effect, and which of its trials.
-    effect : Effect
-        With its window.
-    free : tuple of str
-        Parameters to refit.
-    window : Window
-        Dates and hours; None where it always acts.
-    p_value : float
-        Family-wise, of the whole library.
-    evaluation : Evaluation
-    columns : ndarray, shape (k, days, n)
-        What was tried; empty for a noise.
-    gain_fit, gain_select : float
-        Log-likelihood gained on the fitting (priors included) and the selecting days [nats].
-    t : float
-        Paired gain on the selecting blocks over its standard error.
-    improvement : ndarray, shape (horizons,)
-        Share by which the error of the simulation falls on the selecting days.
-    blocks : int
-        Selecting blocks on which it acts.
-    events : Events or None
-    level_noise : bool
-        Whether the proposal is a noise of the level (wind, a seiche).
-    spreads : dict of str to float
-        Standard errors of a noise's parameters, where they are known.
-    gains : ndarray of shape (days,), or None
-        Of a noise: its gain on each day [nats].
-    """
-
-    name: str
+    name: str  # of the effect, and which of its trials
     label: str
-    effect: Effect
-    free: tuple[str, ...]
-    window: Window
-    p_value: float
+    effect: Effect  # with its window
+    free: tuple[str, ...]  # parameters to refit
+    window: Window  # dates and hours; None where it always acts
+    p_value: float  # family-wise, of the whole library
     evaluation: Evaluation
-    columns: Floats
-    gain_fit: float
+    columns: Floats  # (k, days, n): what was tried; empty for a noise
+    gain_fit: float  # log-likelihood gained on the fitting (priors included) and the selecting days [nats]
     gain_select: float
-    t: float
-    improvement: Floats
-    blocks: int
+    t: float  # paired gain on the selecting blocks over its standard error
+    improvement: Floats  # (horizons,): share by which the error of the simulation falls on the selecting days
+    blocks: int  # selecting blocks on which it acts
     events: "Events | None" = None
-    level_noise: bool = False
+    level_noise: bool = False  # whether the proposal is a noise of the level (wind, a seiche)
+    # Standard errors of a noise's parameters, where they are known.
     spreads: dict[str, float] = field(default_factory=dict)
-    gains: Floats | None = None
+    gains: Floats | None = None  # (days,): of a noise: its gain on each day [nats]
 
 
 def compared(

@@ -32,21 +32,12 @@ FEW = 12
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A candidate, calibrated.
-
-    Attributes
-    ----------
-    model : Model
-    linear : Linear
-    evaluation : Evaluation
-    deficit : float
-        Log-likelihood of the selecting days below that of the best candidate [nats].
-    """
+    """A candidate, calibrated."""
 
     model: Model
     linear: Linear
     evaluation: Evaluation
-    deficit: float = 0.0
+    deficit: float = 0.0  # log-likelihood of the selecting days below that of the best candidate [nats]
 
     @property
     def shortfall(self) -> float:

@@ -37,27 +37,14 @@ READINGS = 5
 
 
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
-    """One day with the operators in the loop.
+    """Level [m] and commands [m3/s] of one day with the operators in the loop, shape (n,) each.
 
-    Parameters
-    ----------
-    reach : Response
-        A pool: :class:`HydraulicResponse` or :class:`LinearPool`.
-    law : Law
-    day : Record
-        One row.
-    changes : Changes
-        On this row.
-
-    Returns
-    -------
-    level, outflow : ndarray, shape (n,)
-        Reading of the gauge [m] and commands [m3/s]; NaN before the first sample that counts.
+    NaN before the first sample that counts. `day` is a record of one row, `changes` those on it.
 
     Raises
     ------
     RividError
-        Where the pool runs dry, or the response is of another kind.
+        Where the pool runs dry, or the response is neither Saint-Venant nor linear.
     """
     first = int(np.argmax(day.used[0]))
     plain = without_fronts(reach)
@@ -196,19 +183,9 @@ SHOWN = 0.8
 def closed_loop(study: "Study") -> ClosedLoop | None:
     """Level and outflow of the sealed days with the operators in the loop, compared with the measured ones.
 
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    ClosedLoop or None
-        None for a river reach. Without errors, but with a reason, where the logs do not follow a law.
-
-    Notes
-    -----
     Each day starts from the state that the logs before its first used sample give, with the level set to the
-    measured one and the command to the logged one; from there on only the inflow is logged.
+    measured one and the command to the logged one; from there on only the inflow is logged. None for a river
+    reach; without errors, but with a reason, where the logs do not follow a law.
     """
     record = study.record
     if record.kind != "pool":

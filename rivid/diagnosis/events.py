@@ -50,21 +50,12 @@ PATTERNS = 2
 
 @dataclass(frozen=True)
 class Found:
-    """An event in a row.
+    """An event in a row."""
 
-    Attributes
-    ----------
-    start : int
-        Sample of the row; negative before its first one.
-    size, size_se : float
-    gain : float
-        Log-likelihood lost without it, the others fitted again [nats].
-    """
-
-    start: int
+    start: int  # sample of the row; negative before its first one
     size: float
     size_se: float
-    gain: float
+    gain: float  # log-likelihood lost without it, the others fitted again [nats]
 
 
 def extended(kernel: Floats, length: int) -> Floats:
@@ -281,27 +272,16 @@ RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of event to look for.
-
-    Attributes
-    ----------
-    name : str
-    shape : {"pulse", "recession"}
-        A constant flow for some time, or a steep rise that recedes exponentially.
-    sign : {-1, 1}
-        Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it.
-    kernel : ndarray, shape (m,)
-        Change of the output to a unit step of added flow at its place, by samples since the step [m per
-        m3/s], or of a river reach [-].
-    grid : tuple of float
-        Durations or recessions [s].
-    """
+    """A kind of event to look for."""
 
     name: str
-    shape: Shape
+    shape: Shape  # a constant flow for some time, or a steep rise that recedes exponentially
+    # Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it.
     sign: int
+    # (m,) Change of the output to a unit step of added flow at its place, by samples since the step [m per
+    # m3/s], or of a river reach [-].
     kernel: Floats
-    grid: tuple[float, ...] = ()
+    grid: tuple[float, ...] = ()  # durations or recessions [s]
 
     def __post_init__(self) -> None:
         kernel = np.asarray(self.kernel, float)
@@ -319,55 +299,26 @@ class Kind:
 
 @dataclass(frozen=True)
 class Event:
-    """One event.
+    """One event."""
 
-    Attributes
-    ----------
-    day : int
-        Row in which it begins, or is under way at the beginning.
-    start_s : float
-        Start after the day's midnight [s]; negative where it is under way before.
-    duration_s : float
-        Duration of a pulse, or recession [s].
-    size, size_se : float
-        Flow, of a recession at its peak [m3/s], and its standard error.
-    gain : float
-        Log-likelihood that is lost without it, the rest fitted again [nats].
-    under_way : bool
-        Whether it began before the first sample of the row: the start is a guess then.
-    """
-
-    day: int
-    start_s: float
-    duration_s: float
-    size: float
+    day: int  # row in which it begins, or is under way at the beginning
+    start_s: float  # start after the day's midnight [s]; negative where it is under way before
+    duration_s: float  # duration of a pulse, or recession [s]
+    size: float  # flow, of a recession at its peak [m3/s], and its standard error
     size_se: float
-    gain: float
-    under_way: bool
+    gain: float  # log-likelihood that is lost without it, the rest fitted again [nats]
+    under_way: bool  # whether it began before the first sample of the row: the start is a guess then
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The events of one kind.
-
-    Attributes
-    ----------
-    kind : Kind
-    duration_s : float
-        The duration or recession with the largest gain [s].
-    events : tuple of Event
-        By day and start.
-    coded : ndarray, shape (days, n)
-        Their response, as it is in the residual.
-    gain : float
-        Log-likelihood gained on all days, prices paid [nats].
-    """
+    """The events of one kind."""
 
     kind: Kind
-    duration_s: float
-    events: tuple[Event, ...]
-    coded: Floats
-    gain: float
+    duration_s: float  # the duration or recession with the largest gain [s]
+    events: tuple[Event, ...]  # by day and start
+    coded: Floats  # (days, n): their response, as it is in the residual
+    gain: float  # log-likelihood gained on all days, prices paid [nats]
 
 
 def find_events(

@@ -61,21 +61,10 @@ def residual_of(record: Record, baseline: Floats) -> Floats:
 def day_errors(
     record: Record, residual: Floats, noise: NoiseModel, hours: tuple[float, ...] = HOURS
 ) -> DayErrors:
-    """Errors of the simulation at each horizon.
+    """Errors of the simulation at each horizon [h], of targets that the record uses.
 
-    Parameters
-    ----------
-    record : Record
-    residual : ndarray, shape (days, n)
-        From :func:`residual_of`; origins lie in the lead time too, so that a horizon crosses midnight.
-    noise : NoiseModel
-    hours : tuple of float
-        Horizons [h].
-
-    Returns
-    -------
-    DayErrors
-        Of targets that the record uses.
+    `residual` (days, n) is that of :func:`residual_of`; origins lie in the lead time too, so that a horizon
+    crosses midnight.
     """
     days, n = residual.shape
     squares, counts = np.zeros((len(hours), days)), np.zeros((len(hours), days))
@@ -101,34 +90,18 @@ REFITS = 2
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A model about which candidates are tried.
-
-    Attributes
-    ----------
-    record : Record
-    split : Split
-    residual : ndarray, shape (days, n)
-        Measured less simulated; NaN where nothing was measured.
-    columns : ndarray, shape (p, days, n)
-        The response's parameters: change of the simulated output for one unit of each.
-    prior_sd, deviation : ndarray, shape (p,)
-        Prior standard deviation of each, and its present value less the prior's mean.
-    noise : NoiseModel
-    gauge_floor : float
-        Lower limit of the gauge noise [m or m3/s].
-    level_noise : bool
-        Whether the noise has a level part (wind).
-    """
+    """A model about which candidates are tried."""
 
     record: Record
     split: Split
-    residual: Floats
+    residual: Floats  # (days, n): measured less simulated; NaN where nothing was measured
+    # (p, days, n) The response's parameters: change of the simulated output for one unit of each.
     columns: Floats
-    prior_sd: Floats
+    prior_sd: Floats  # (p,): prior standard deviation of each, and its present value less the prior's mean
     deviation: Floats
     noise: NoiseModel
-    gauge_floor: float
-    level_noise: bool = False
+    gauge_floor: float  # lower limit of the gauge noise [m or m3/s]
+    level_noise: bool = False  # whether the noise has a level part (wind)
 
     def used(self, residual: Floats) -> Floats:
         """A residual with NaN where a sample is not used."""
@@ -141,33 +114,18 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The model refitted with some columns.
+    """The model refitted with some columns."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (k,)
-        Of the columns.
-    shift, shift_errors : ndarray, shape (p,)
-        Change of the response's parameters, and their standard errors.
-    residual : ndarray, shape (days, n)
-    noise : NoiseModel
-    likelihood : ndarray, shape (days,)
-        Log-likelihood of each day.
-    penalty : float
-        Half the squared deviations of the response's parameters from their priors, in standard deviations.
-    errors : DayErrors
-    weights : ndarray, shape (days,)
-    """
-
-    coefficients: Floats
-    shift: Floats
+    coefficients: Floats  # (k,): of the columns
+    shift: Floats  # (p,): change of the response's parameters, and their standard errors
     shift_errors: Floats
-    residual: Floats
+    residual: Floats  # (days, n)
     noise: NoiseModel
-    likelihood: Floats
+    likelihood: Floats  # (days,): log-likelihood of each day
+    # Half the squared deviations of the response's parameters from their priors, in standard deviations.
     penalty: float
     errors: DayErrors
-    weights: Floats
+    weights: Floats  # (days,)
 
 
 def least_squares(
@@ -175,13 +133,7 @@ def least_squares(
 ) -> tuple[Floats, Floats, Floats]:
     """Coefficients of response and candidate, (p + k,), their standard errors, and the residual with them.
 
-    Parameters
-    ----------
-    model : Linear
-    columns : ndarray of shape (k, days, n), or None
-    noise : NoiseModel
-    weights : ndarray, shape (days,)
-        Only the fitting days are used.
+    Of the fitting days, with weights (days,); `columns` has the shape (k, days, n), or None.
     """
     p = len(model.columns)
     C = model.columns if columns is None else np.concatenate([model.columns, columns])
@@ -222,8 +174,7 @@ def evaluate(
     Parameters
     ----------
     model : Linear
-    columns : ndarray of shape (k, days, n), or None
-        None: the model as it is.
+    columns : ndarray of shape (k, days, n), optional
     level_noise : bool, optional
         Another noise than the model's.
     walk_limit : float, optional
@@ -231,10 +182,6 @@ def evaluate(
     thorough : bool
         Whether the noise is fitted from all starts: with a slow flow as candidate the noise may be far from
         that without it.
-
-    Returns
-    -------
-    Evaluation
     """
     record, fit = model.record, model.split.fit
     level = model.level_noise if level_noise is None else level_noise
@@ -279,32 +226,16 @@ MOST_STEPS = 8
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A response with effects.
-
-    Attributes
-    ----------
-    reach : Response
-    noise : NoiseModel or None
-        None before the first fit.
-    level, flow : float
-        Reference of level- and flow-dependent effects [m], [m3/s].
-    gauge_floor : float
-        Lower limit of the gauge noise.
-    effects : tuple of Effect
-    free : tuple of tuple of str
-        Fitted parameters of each.
-    level_noise : bool
-        Whether the noise has a level part.
-    """
+    """A response with effects."""
 
     reach: Response
-    noise: NoiseModel | None
-    level: float
+    noise: NoiseModel | None  # none before the first fit
+    level: float  # reference of level- and flow-dependent effects [m], [m3/s]
     flow: float
-    gauge_floor: float
+    gauge_floor: float  # lower limit of the gauge noise
     effects: tuple[Effect, ...] = ()
-    free: tuple[tuple[str, ...], ...] = ()
-    level_noise: bool = False
+    free: tuple[tuple[str, ...], ...] = ()  # fitted parameters of each
+    level_noise: bool = False  # whether the noise has a level part
 
     def changes(self, record: Record, more: tuple[Effect, ...] = ()) -> Changes:
         """What the effects change on a record."""
@@ -400,24 +331,9 @@ def calibrate(
     trim: float = 0.0,
     report: Callable[[str], None] = lambda _: None,
 ) -> Model:
-    """Fit all free parameters to a record.
+    """Fit all free parameters and the noise to the days of a record.
 
-    Parameters
-    ----------
-    model : Model
-    record : Record
-        The days to fit to.
-    steps : int
-        Most steps.
-    trim : float
-        Share of the noisiest days that are left out: an effect on many days bends the response.
-    report : callable
-        Called with a line for each step.
-
-    Returns
-    -------
-    Model
-        With the fitted noise.
+    `trim` is the share of the noisiest days left out: an effect on many days bends the response.
     """
     model = replace(model, reach=model.reach.settled(record))
     p = len(model.reach.parameters)

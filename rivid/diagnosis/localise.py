@@ -41,38 +41,21 @@ WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", 
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """A quantity that samples are binned by.
-
-    Attributes
-    ----------
-    name, unit : str
-    edges : ndarray, shape (k + 1,)
-        [unit]; a bin holds its lower edge.
-    labels : tuple of str, length k
-    bin : ndarray of int, shape (days, n)
-        Bin of each sample; -1 for none.
-    cyclic : bool
-        Whether the last bin is next to the first one.
-    """
+    """A quantity that samples are binned by."""
 
     name: str
     unit: str
-    edges: Floats
-    labels: tuple[str, ...]
-    bin: Ints
-    cyclic: bool = False
+    edges: Floats  # (k + 1,) [unit]; a bin holds its lower edge
+    labels: tuple[str, ...]  # length k
+    bin: Ints  # (days, n): bin of each sample; -1 for none
+    cyclic: bool = False  # whether the last bin is next to the first one
 
 
 def drivers(record: Record, blocks: ArrayLike, shift_start: float = 5.0) -> tuple[Driver, ...]:
     """Everything the logs allow to bin by; constant quantities are left out.
 
-    Parameters
-    ----------
-    record : Record
-    blocks : array_like of int, shape (days,)
-        Block of each day; parts of the season are whole blocks.
-    shift_start : float
-        Hour at which one of the day's three shifts begins.
+    `blocks` (days,) are those of the days: parts of the season are whole blocks. One of three shifts begins
+    at `shift_start` [h].
     """
     hour, used = record.hour, record.used
     weekday = np.asarray(record.day_number + record.dates[0].weekday(), float) % 7.0
@@ -166,36 +149,18 @@ KEPT = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores ready to be binned; made by :func:`as_scores`.
+    """Scores ready to be binned; made by :func:`as_scores`."""
 
-    Attributes
-    ----------
-    score, information : ndarray, shape (days, n)
-        s and q; 0 where a sample does not count.
-    used : ndarray of bool, shape (days, n)
-    block : ndarray of int, shape (days,)
-        0, 1, ... without holes.
-    """
-
-    score: Floats
+    score: Floats  # (days, n) s and q; 0 where a sample does not count
     information: Floats
-    used: Bools
-    block: Ints
+    used: Bools  # (days, n)
+    block: Ints  # (days,) 0, 1, ... without holes
 
 
 def as_scores(
     score: ArrayLike, used: ArrayLike, blocks: ArrayLike, information: ArrayLike | None = None
 ) -> Scores:
-    """Scores, their samples and their blocks, checked.
-
-    Parameters
-    ----------
-    score : array_like, shape (days, n)
-    used : array_like of bool, shape (days, n)
-        Samples that count.
-    blocks : array_like of int, shape (days,)
-    information : array_like, shape (days, n), optional
-        q; 1 by default.
+    """Scores (days, n) with information (1 by default), used samples (days, n) and blocks (days,), checked.
 
     Raises
     ------
@@ -223,17 +188,8 @@ def p_values(
 ) -> tuple[Floats, float]:
     """p of the largest departure of each driver, shape (drivers,), and p of the smallest of them.
 
-    Parameters
-    ----------
-    scores : Scores
-    by : sequence of Driver
-    draws, seed : int
-        Sign flips of blocks, the same for all drivers; their seed.
-
-    Notes
-    -----
-    Bins of one driver are comparable, drivers are not; the smallest p of each flip is (Westfall and Young
-    1993).
+    By sign flips of blocks, the same for all drivers. Bins of one driver are comparable, drivers are not; the
+    smallest p of each flip is (Westfall and Young 1993).
     """
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), (draws, int(scores.block.max()) + 1))
     ranks = []
@@ -287,31 +243,18 @@ def _shares(values: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a gap is largest.
-
-    Attributes
-    ----------
-    driver : str
-    low, high : float
-        Range of the driver [its unit]; low >= high goes past midnight or Sunday. Of dates, see `windows`.
-    size, size_se : float
-        There, less elsewhere [unit of the effect], and its standard error by blocks.
-    p_value : float
-        All drivers and bins counted.
-    windows : tuple of (date, date)
-        First and last day of each time in which it is there; the whole season if no end is seen.
-    text : str
-        The same in words.
-    """
+    """Where a gap is largest."""
 
     driver: str
+    # Range of the driver [its unit]; low >= high goes past midnight or Sunday. Of dates, see `windows`.
     low: float
     high: float
-    size: float
+    size: float  # there, less elsewhere [unit of the effect], and its standard error by blocks
     size_se: float
-    p_value: float
+    p_value: float  # all drivers and bins counted
+    # First and last day of each time in which it is there; the whole season if no end is seen.
     windows: tuple[tuple[date, date], ...]
-    text: str
+    text: str  # the same in words
 
 
 def strongest(
@@ -327,10 +270,8 @@ def strongest(
     dates : sequence of date, length days
     unit : str
         Of a size.
-    level : float
-        Of the largest bin of all drivers. With k blocks no p is below 2^(1 - k).
-    cut_level : float
-        Of the dates.
+    level, cut_level : float
+        Of the largest bin of all drivers, and of the dates. With k blocks no p is below 2^(1 - k).
     draws, seed : int
         As for :func:`p_values`.
     """

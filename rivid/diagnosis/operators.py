@@ -35,21 +35,11 @@ FEWEST_DAYS = 6
 
 @dataclass(frozen=True)
 class SetPoint:
-    """The level aimed at: ``level + slope max(flow - hinge, 0)``, flow the day's mean inflow.
+    """The level aimed at: ``level + slope max(flow - hinge, 0)``, flow the day's mean inflow."""
 
-    Attributes
-    ----------
-    level : float
-        [m].
-    slope : float
-        [m per m3/s].
-    hinge : float
-        [m3/s].
-    """
-
-    level: float
-    slope: float = 0.0
-    hinge: float = 0.0
+    level: float  # [m]
+    slope: float = 0.0  # [m per m3/s]
+    hinge: float = 0.0  # [m3/s]
 
     def at(self, flow: Floats) -> Floats:
         """The level aimed at on days of a mean inflow [m3/s]; any shape."""
@@ -191,55 +181,23 @@ Aim = tuple[SetPoint, float]
 
 @dataclass(frozen=True)
 class Law:
-    """The law of the operators.
+    """The law of the operators."""
 
-    Attributes
-    ----------
-    feedforward : float
-        K_Q [-].
-    lag : int
-        l [samples].
-    level_gain : float
-        G = -K_h [m2/s]; 0 where no response to the level is seen.
-    trim_time : float
-        T_trim [s]; infinite where a lasting deviation is not trimmed away.
-    dead_band : float
-        [m].
-    set_point : SetPoint
-    look, notice : float
-        Longest time between looks [s]; change of the inflow that causes one at once [m3/s].
-    quantum, lowest : float
-        Step and smallest value of the command [m3/s].
-    gauge_quantum : float
-        Step of the reading [m].
-    """
-
-    feedforward: float
-    lag: int
-    level_gain: float
-    trim_time: float
-    dead_band: float
+    feedforward: float  # K_Q [-]
+    lag: int  # l [samples]
+    level_gain: float  # g = -K_h [m2/s]; 0 where no response to the level is seen
+    trim_time: float  # T_trim [s]; infinite where a lasting deviation is not trimmed away
+    dead_band: float  # [m]
     set_point: SetPoint
-    look: float
+    look: float  # longest time between looks [s]; change of the inflow that causes one at once [m3/s]
     notice: float
-    quantum: float
+    quantum: float  # step and smallest value of the command [m3/s]
     lowest: float
-    gauge_quantum: float
+    gauge_quantum: float  # step of the reading [m]
 
 
 def identify(record: Record) -> Law | None:
-    """The law behind the outflow commands of some days.
-
-    Parameters
-    ----------
-    record : Record
-        The days of a pool to fit to.
-
-    Returns
-    -------
-    Law or None
-        None where the outflow hardly ever moves.
-    """
+    """The law behind the outflow commands of a pool's days; None where the outflow hardly ever moves."""
     moved = moves(record)
     if moved.sum() < FEWEST_MOVES:
         return None
@@ -295,14 +253,6 @@ def identify(record: Record) -> Law | None:
 def validate(law: Law, record: Record) -> Operators:
     """The law with the share of the outflow's changes within an hour that it explains on other days.
 
-    Parameters
-    ----------
-    law : Law
-    record : Record
-        Days that the law was not fitted to.
-
-    Notes
-    -----
     A change is from the move in force an hour before to a move: the times of looks are not predicted.
     """
     n = max(round(HOUR / record.sample_time), 1)

@@ -48,26 +48,14 @@ FLIPS = 4_999
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect to test.
-
-    Attributes
-    ----------
-    name : str
-    columns : ndarray, shape (k, days, n)
-        Whitened columns: the residual's change for one unit of each parameter.
-    dates : {"all", "from", "until", "between"}
-        Windows of whole days to scan.
-    hours : bool
-        Whether the k columns are parts of the day, of which a contiguous run acts with one size.
-    sign : {-1, 0, 1}
-        Sign of its one parameter; 0: any.
-    """
+    """An effect to test."""
 
     name: str
-    columns: ArrayLike
-    dates: Dates = "all"
+    columns: ArrayLike  # (k, days, n): whitened columns: the residual's change for one unit of each parameter
+    dates: Dates = "all"  # windows of whole days to scan
+    # Whether the k columns are parts of the day, of which a contiguous run acts with one size.
     hours: bool = False
-    sign: int = 0
+    sign: int = 0  # sign of its one parameter; 0: any
 
 
 def scan(
@@ -186,14 +174,7 @@ def _by_block(per_day: Floats, block: Ints, many: int) -> Floats:
 
 
 def _sums(base: _Base, candidate: Candidate) -> tuple[Floats, Floats, Floats, Ints]:
-    """Sums of a candidate's days up to each of E edges, the last one after the last day.
-
-    Returns
-    -------
-    v, c, q : ndarray
-        z'r~ (E, blocks, k), X'z (E, blocks, p, k) and z'z (E, blocks, k, k).
-    days : ndarray of int, shape (E, blocks)
-    """
+    """Sums of a candidate's days up to each of E edges: z'r~, X'z, z'z (E, blocks, ...), days (E, blocks)."""
     z = np.asarray(candidate.columns, float)
     shape = (len(base.root), base.r.shape[1])
     if z.ndim != 3 or z.shape[1:] != shape:
@@ -225,10 +206,7 @@ def _sums(base: _Base, candidate: Candidate) -> tuple[Floats, Floats, Floats, In
 
 
 def _windows(base: _Base, candidate: Candidate) -> tuple[Floats, Floats]:
-    """Scores of a candidate's windows that count, (windows, blocks, k), scaled so that V is the identity.
-
-    And the factors (windows, k, k) that take the sum of scores to that of the data.
-    """
+    """Scores (windows, blocks, k) of the windows that count, with V = 1, and factors (windows, k, k)."""
     v, c, q, days = _sums(base, candidate)
     k, last = v.shape[2], len(days) - 1
     pairs = {

@@ -57,10 +57,7 @@ def partition(
 
     Returns
     -------
-    bounds : ndarray of int, shape (k + 1,)
-    on : ndarray of bool, shape (k,)
-    gain : float
-        Over no window or no change [nats].
+    bounds (k + 1,), on (k,), and the gain over no window or no change [nats].
     """
     g, q = np.asarray(score, float), np.asarray(information, float)
     n = len(g)
@@ -120,26 +117,15 @@ with 95 % (Hansen 2000, Econometrica 68)."""
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Days cut into segments.
+    """Days cut into segments."""
 
-    Attributes
-    ----------
-    bounds : ndarray of int, shape (k + 1,)
-        First day of each segment, and the number of days.
-    size, size_se : ndarray, shape (k,)
-        Score by information [unit of the effect] and its standard error, inflation included; 0 and 0 where
-        the effect is off.
-    on : ndarray of bool, shape (k,)
-        Whether the effect is there; where the rest is free, all are.
-    gain : float
-        Over no window or no change, penalties paid [nats, by nominal variances].
-    """
-
-    bounds: Ints
+    bounds: Ints  # (k + 1,): first day of each segment, and the number of days
+    # (k,) Score by information [unit of the effect] and its standard error, inflation included; 0 and 0 where
+    # the effect is off.
     size: Floats
     size_se: Floats
-    on: Bools
-    gain: float
+    on: Bools  # (k,): whether the effect is there; where the rest is free, all are
+    gain: float  # over no window or no change, penalties paid [nats, by nominal variances]
 
     @property
     def mask(self) -> Bools:

@@ -323,64 +323,33 @@ def guarded(proposal: Proposal, model: Linear, evaluation: Evaluation, simulated
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One round of the search: the named proposal, and the models before and after.
-
-    Attributes
-    ----------
-    before : Evaluation
-    proposal : Proposal
-    tied : tuple of str
-        Other names that the data cannot separate from it.
-    runner_up : str or None
-        The next best name.
-    margin : float or None
-        Share of the gain on the selecting days by which it is ahead of that.
-    after : Evaluation
-        With the named effect in the simulator.
-    """
+    """One round of the search: the named proposal, and the models before and after."""
 
     before: Evaluation
     proposal: Proposal
-    tied: tuple[str, ...]
-    runner_up: str | None
-    margin: float | None
-    after: Evaluation
+    tied: tuple[str, ...]  # other names that the data cannot separate from it
+    runner_up: str | None  # the next best name
+    margin: float | None  # share of the gain on the selecting days by which it is ahead of that
+    after: Evaluation  # with the named effect in the simulator
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything a diagnosis found, for its report.
-
-    Attributes
-    ----------
-    record : Record
-    split : Split
-    first, last : Model
-        Calibrated without and with the named effects.
-    last_linear : Linear
-        Linearised about `last`.
-    first_evaluation, last_evaluation : Evaluation
-    named : tuple of Round
-    kernels : dict of str to ndarray
-        Step responses by place; see :func:`rivid.diagnosis.response.base.kernels_of`.
-    notes : tuple of str
-    noises : tuple of Effect
-        Noises (wind, a seiche) known from the start.
-    contradicted : Proposal or None
-        Where nothing was named: a proposal that fits the fitting days well, and the selecting days not.
-    """
+    """Everything a diagnosis found, for its report."""
 
     record: Record
     split: Split
-    first: Model
+    first: Model  # calibrated without and with the named effects
     last: Model
-    last_linear: Linear
+    last_linear: Linear  # linearised about `last`
     first_evaluation: Evaluation
     last_evaluation: Evaluation
     named: tuple[Round, ...]
+    # Step responses by place; see :func:`rivid.diagnosis.response.base.kernels_of`.
     kernels: dict[str, Floats]
     notes: tuple[str, ...] = field(default=())
-    noises: tuple[Effect, ...] = ()
+    noises: tuple[Effect, ...] = ()  # noises (wind, a seiche) known from the start
+    # Where nothing was named: a proposal that fits the fitting days well, and the selecting days not.
     contradicted: Proposal | None = None
 
     def swings(self) -> tuple[float, ...]:

@@ -98,16 +98,10 @@ def lanes(pattern: Ints, patterns: Bools) -> tuple[Ints, Ints, Bools]:
 
 @njit(cache=True, error_model="numpy")
 def gains(there: Bools, systems: Floats, diffuse: bool, keep: bool) -> tuple[Floats, Floats, Floats]:
-    """Gains of each system and pattern of samples that are there.
+    """Gains of each system and pattern of samples that are present.
 
-    Parameters
-    ----------
-    there : ndarray of bool, shape (n, m)
-    systems : ndarray, shape (q, 7)
-        The first seven numbers of a :class:`System` each.
-    diffuse : bool
-    keep : bool
-        Whether to return the filtered covariances.
+    `there` has the shape (n, m), `systems` (q, 7): the first seven numbers of a :class:`System` each; `keep`:
+    whether to return the filtered covariances.
 
     Returns
     -------
@@ -164,20 +158,10 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 @njit(cache=True, error_model="numpy")
 def log_likelihoods(values: Floats, ends: Ints, there: Bools, systems: Floats, diffuse: bool) -> Floats:
-    """Log-likelihood of each system and day, without the sample that sets a day's start.
+    """Log-likelihood of each system and day, shape (q, days), without the sample that sets a day's start.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, days)
-        0 where a sample is missing; days in the order of :func:`lanes`.
-    ends, there
-        Of the lanes.
-    systems : ndarray, shape (q, 7)
-    diffuse : bool
-
-    Returns
-    -------
-    ndarray, shape (q, days)
+    `values` (n, days) has 0 where a sample is missing and days in the order of :func:`lanes`, which gives
+    `ends` and `there`; `systems` has the shape (q, 7).
     """
     days, many = values.shape[1], there.shape[1]
     K, S, _ = gains(there, systems, diffuse, False)
@@ -253,20 +237,8 @@ def innovations(
 ) -> tuple[Floats, bool]:
     """Innovations over their standard deviation, 0 where a sample is missing or only sets the start.
 
-    Parameters
-    ----------
-    columns : ndarray, shape (p, days, n)
-        Where a sample is missing, whatever they read.
-    order, ends, there
-        Of the lanes.
-    systems : ndarray, shape (1, 7)
-    diffuse : bool
-
-    Returns
-    -------
-    ndarray, shape (p, days, n)
-    bool
-        Whether all that is there is finite.
+    `columns` (p, days, n) may hold anything where a sample is missing; `order`, `ends` and `there` are those
+    of :func:`lanes`, `systems` has the shape (1, 7). Also whether all samples that are present are finite.
     """
     p, _, n = columns.shape
     c, phi, psi = systems[0, 0], systems[0, 1], systems[0, 2]
@@ -318,23 +290,10 @@ def _step(
 
 @njit(cache=True, error_model="numpy")
 def filtered(Z: Floats, pattern: Ints, K: Floats, m: System) -> tuple[Floats, Floats]:
-    """Filtered states and innovations.
+    """Filtered states (days, n, 3) and innovations (days, n) [m or m3/s].
 
-    Parameters
-    ----------
-    Z : ndarray, shape (days, n)
-        0 where a sample is missing.
-    pattern : ndarray of int, shape (days,)
-        The lane of K for each day.
-    K : ndarray, shape (3, n, lanes)
-        From :func:`gains`.
-    m : System
-
-    Returns
-    -------
-    states : ndarray, shape (days, n, 3)
-    v : ndarray, shape (days, n)
-        Innovations [m or m3/s].
+    `Z` (days, n) has 0 where a sample is missing; `pattern` (days,) is the lane of K (3, n, lanes) for each
+    day.
     """
     days, n = Z.shape
     states, v = np.empty((days, n, 3)), np.empty((days, n))
@@ -362,17 +321,7 @@ def smoothed(
     The Rauch-Tung-Striebel smoother in the form that inverts no covariance: with r and N gathered backwards
     from the innovations, the mean is the filtered one + P F' r and the covariance P - P F' N F P. Before
     the first sample x is as unknown as its start, and only the memories of w and s run backwards; the
-    variance of x is not followed there (NaN).
-
-    Parameters
-    ----------
-    states, v
-        From :func:`filtered`.
-    pattern : ndarray of int, shape (days,)
-    there : ndarray of bool, shape (n, lanes)
-    K, S, P
-        From :func:`gains`.
-    m : System
+    variance of x is not followed there (NaN). Arguments as of :func:`filtered` and from :func:`gains`.
     """
     (days, n), many = v.shape, there.shape[1]
     spread, begins = np.empty((many, n, 3)), np.zeros(many, np.int64)

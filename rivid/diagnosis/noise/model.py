@@ -26,23 +26,14 @@ Number = float | Floats
 
 
 class Smoothed(NamedTuple):
-    """Estimates of the hidden parts from whole days; arrays of shape (days, n).
+    """Estimates of the hidden parts from whole days; arrays of shape (days, n)."""
 
-    Attributes
-    ----------
-    inflow, inflow_sd : ndarray
-        The unknown inflow w and its standard deviation [m3/s]; of a river reach, s.
-    level : ndarray
-        The level error x [m], without gauge noise and wind; NaN on a day without samples. Of a river
-        reach, s [m3/s].
-    wind : ndarray
-        The noise of the level s [m]; of a river reach, s [m3/s].
-    """
-
-    inflow: Floats
+    inflow: Floats  # the unknown inflow w and its standard deviation [m3/s]; of a river reach, s
     inflow_sd: Floats
+    # The level error x [m], without gauge noise and wind; NaN on a day without samples. Of a river reach, s
+    # [m3/s].
     level: Floats
-    wind: Floats
+    wind: Floats  # the noise of the level s [m]; of a river reach, s [m3/s]
 
 
 @dataclass(frozen=True)

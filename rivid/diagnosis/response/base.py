@@ -39,30 +39,16 @@ START_SAMPLES = 5
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A number that the calibration may move; all but `name` and `unit` on the scale that it moves on.
+    """A number that the calibration may move; all but `name` and `unit` on the scale that it moves on."""
 
-    Attributes
-    ----------
-    name, unit : str
-        The unit is that of :attr:`natural`.
-    value : float
-        Its logarithm where `log`, else itself.
-    mean, sd : float
-        Gaussian prior.
-    low, high : float
-        Limits, both allowed.
-    log : bool
-        Whether the scale is logarithmic.
-    """
-
-    name: str
+    name: str  # the unit is that of :attr:`natural`
     unit: str
-    value: float
-    mean: float
+    value: float  # its logarithm where `log`, else itself
+    mean: float  # gaussian prior
     sd: float
-    low: float
+    low: float  # limits, both allowed
     high: float
-    log: bool = False
+    log: bool = False  # whether the scale is logarithmic
 
     @classmethod
     def positive(cls, name: str, unit: str, nominal: float, sd: float, reach: float = 4.0) -> "FreeParameter":
@@ -189,13 +175,7 @@ def gauge_of(record: Record, changes: Changes) -> Floats:
 
 
 def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
-    """A nudged level less the volume that the nudge has added.
-
-    Parameters
-    ----------
-    time, level, nudge : ndarray, shape (days, n)
-        [s], [m] and the rise [m/s] that was added from each sample to the next.
-    """
+    """A nudged level (days, n) [m] less the volume of the nudge (days, n) [m/s], times in [s]."""
     free = level.copy()
     free[:, 1:] -= np.cumsum(nudge[:, :-1] * np.diff(time, axis=1), axis=1)
     return free
@@ -203,34 +183,17 @@ def without_nudge(time: Floats, level: Floats, nudge: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RealFlows:
-    """The real flows, after all changes of the logged ones.
+    """The real flows, after all changes of the logged ones."""
 
-    Attributes
-    ----------
-    inflow, outflow : ndarray, shape (days, n)
-        Through the dams, means of the samples [m3/s].
-    added : tuple of AddedFlow
-        Further flows; those lost to leaks and ponds are negative.
-    storage : ndarray, shape (days, n)
-        Water surface over the usual one [-].
-    gauge : ndarray, shape (days, n)
-        Reading of the gauge less the water level.
-    """
-
-    inflow: Floats
+    inflow: Floats  # (days, n): through the dams, means of the samples [m3/s]
     outflow: Floats
-    added: tuple[AddedFlow, ...]
-    storage: Floats
-    gauge: Floats
+    added: tuple[AddedFlow, ...]  # further flows; those lost to leaks and ponds are negative
+    storage: Floats  # (days, n): water surface over the usual one [-]
+    gauge: Floats  # (days, n): reading of the gauge less the water level
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
     """The real flows of a record under changes.
-
-    Parameters
-    ----------
-    record : Record
-    changes : Changes
 
     Raises
     ------
@@ -328,20 +291,9 @@ TRIAL = 1.0
 
 
 def step_response(response: Response, record: Record, place: float) -> Floats:
-    """Change of the output at each sample after 1 m3/s more enters at a place, about the usual flow.
+    """Change of the output (n,) after 1 m3/s more enters at a place, about the usual flow [m per m3/s, or -].
 
-    Parameters
-    ----------
-    response : Response
-    record : Record
-        Its grid, usual flow and output are taken.
-    place : float
-        0 at the upstream dam, 1 at the downstream one.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [m per m3/s], or for a river reach [-].
+    `place` is 0 at the upstream dam, 1 at the downstream one.
     """
     n = record.time.shape[1]
     level, flow = record.usual_output, record.usual_flow
