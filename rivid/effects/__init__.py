@@ -1,4 +1,4 @@
-"""Effects: what a simulation of a reach may lack, each defined once for simulation and diagnosis."""
+"""Effects that a simulation of a reach may lack, each defined once for simulation and diagnosis."""
 
 from rivid.effects.base import FAMILIES, LEVEL_NOISES, Dates, Effect, Quantity, Trial, World, quantity
 from rivid.effects.level import Autoregression

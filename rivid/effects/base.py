@@ -36,30 +36,30 @@ class Quantity:
 
 
 def quantity(default: Any, unit: str, low: float, high: float, meaning: str, *, many: bool = False) -> Any:
-    """A parameter of an effect, as a field of its dataclass."""
+    """Return a dataclass field that is a parameter of an effect."""
     return field(default=default, metadata={"quantity": Quantity(unit, low, high, meaning, many)})
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Where an effect takes place: the time grid, what the logs hold there, and the usual state.
+    """Input of an effect: the time grid, the logged flows, and the usual state.
 
     Parameters
     ----------
     time : ndarray, shape (n,) or (days, n)
         Sample times [s] since midnight, local time, of `first_day`; increasing along the last axis.
-        What stands before 0 is lead time.
+        Times below 0 are lead time.
     inflow, outflow : ndarray, same shape
-        Logged commands [m3/s]; `outflow` is None while the operators have yet to give it.
+        Logged commands [m3/s]; `outflow` is None before the operators are simulated.
     first_day : datetime.date
     sample_time : float
         T_s [s].
     level : float
-        Usual level at the gauge [m]: what level-dependent effects count from.
+        Usual level at the gauge [m]: reference of level-dependent effects.
     flow : float
         Usual discharge [m3/s].
     seed : tuple of int
-        For effects that are drawn: the same seed, the same draw.
+        For random effects: the same seed gives the same draw.
     """
 
     time: Floats
@@ -72,7 +72,7 @@ class World:
     seed: tuple[int, ...] = (0,)
 
     def rng(self, stream: int = 0) -> np.random.Generator:
-        """A generator of its own for each stream."""
+        """Random generator of a stream."""
         return np.random.default_rng([*self.seed, stream])
 
     @property
@@ -155,9 +155,9 @@ class Effect(ABC):
         Canonical name.
     family : {"flow", "timing", "level"}
     sentence : str
-        What it is, for an engineer.
+        Description in one sentence.
     looks : str
-        What it looks like in the logs.
+        How it appears in the logs.
     windowed : bool
         Whether it may be limited to dates and hours.
     acts_on_river : bool
@@ -287,7 +287,7 @@ class Effect(ABC):
         return replace(self, **values)
 
     def to_table(self) -> dict[str, Any]:
-        """The keys that give this effect again, for a configuration."""
+        """The effect as a table of a configuration."""
         table: dict[str, Any] = {"name": self.name}
         for one in self.parameters():
             value = getattr(self, one)
@@ -384,7 +384,7 @@ class Effect(ABC):
 
     @abstractmethod
     def changes(self, world: World) -> Changes:
-        """What the effect changes. With `world.outflow` None it may not depend on the outflow."""
+        """Return what the effect changes; it may not depend on the outflow where `world.outflow` is None."""
 
 
 def _label(values: dict[str, Any]) -> str:

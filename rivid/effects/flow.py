@@ -1,4 +1,4 @@
-"""Sizes that vary slowly with the date."""
+"""Effects on flows and storage: inflows, releases, gain errors, leakage, storage."""
 
 import datetime as dt
 from collections.abc import Sequence
@@ -16,13 +16,7 @@ Sizes = float | tuple[float, ...]
 
 
 def spread_over_dates(effect: Effect, key: str) -> None:
-    """Check that a parameter of several values has dates to lie over.
-
-    Raises
-    ------
-    ConfigError
-        Where it has none, or no value.
-    """
+    """Raise ConfigError where a parameter of several values has no dates to spread over, or no value."""
     value = getattr(effect, key)
     if isinstance(value, tuple) and (not value or (len(value) > 1 and effect.dates is None)):
         came = f"{len(value)} values without dates" if value else "no value"
@@ -35,8 +29,8 @@ def spread_over_dates(effect: Effect, key: str) -> None:
 def over_dates(effect: Effect, sizes: Sizes, world: World) -> Floats:
     """Size at each sample, shape of the time grid.
 
-    Several sizes lie evenly from the beginning of the first date to the end of the last, with straight
-    lines between.
+    Several sizes are spread evenly from the start of the first date to the end of the last, with linear
+    interpolation between them.
     """
     if not isinstance(sizes, tuple) or effect.dates is None:
         return np.full(world.time.shape, np.ravel(sizes)[0], float)
@@ -45,18 +39,12 @@ def over_dates(effect: Effect, sizes: Sizes, world: World) -> Floats:
 
 
 def each(sizes: Sizes, n: int) -> Floats:
-    """A value for each of n events."""
+    """One value for each of n events."""
     return np.array(np.broadcast_to(np.asarray(sizes, float), (n,)))
 
 
 def check_given(effect: Effect, *keys: str) -> None:
-    """Check that parameters of several values have one for each of the effect's `starts`.
-
-    Raises
-    ------
-    ConfigError
-        Where they have not.
-    """
+    """Raise ConfigError where a parameter of several values does not have one for each of the `starts`."""
     starts: Any = getattr(effect, "starts")  # noqa: B009 - of the subclasses that call this
     n = np.size(starts)
     for key in keys:
@@ -69,7 +57,7 @@ def check_given(effect: Effect, *keys: str) -> None:
 
 
 def allowed(effect: Effect, starts: Floats, world: World) -> Floats:
-    """Those of the starts [s] that the effect's dates and hours allow."""
+    """Whether each start [s] is within the effect's dates and hours."""
     there = np.ones(starts.shape, bool)
     if effect.dates is not None:
         first, last = (world.day_of(date) for date in effect.dates)
@@ -96,7 +84,7 @@ def drawn_days(effect: Effect, world: World) -> list[tuple[float, np.random.Gene
 
 
 def drawn_starts(effect: Effect, per_day: float, rng: np.random.Generator) -> Floats:
-    """Times after midnight [s] of the events of a day: as many as a Poisson draw says, within its hours."""
+    """Times after midnight [s] of the events of a day: a Poisson number of them, within its hours."""
     first = 0.0 if effect.hours is None else effect.hours[0]
     at = first + _width(effect) * rng.random(rng.poisson(per_day))
     return np.sort(np.mod(at, 24.0)) * HOUR
@@ -392,7 +380,7 @@ class RainInflow(Effect):
         return []
 
     def events(self, world: World) -> list[dict[str, float]]:
-        """What happens, in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
+        """The events in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
         found, rise = self._events(world)
         return [
             {"start_h": s / HOUR, "peak_m3s": p, "rise_h": r / HOUR, "recession_h": k / HOUR}

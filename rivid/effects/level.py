@@ -1,4 +1,4 @@
-"""Stationary autoregressions of first and second order, and series drawn from them."""
+"""Effects on the gauge reading: drift, steps, wind set-up, seiches."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The catalogue, what users add to it, and effects from tables."""
+"""The catalogue of effects, effects of users, and effects from tables."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ CATALOGUE: dict[str, type[Effect]] = {
         level.Seiche,
     )
 }
-"""What rivid knows, by name."""
+"""Effects of rivid, by name."""
 
 
 def effect_classes(path: Path | None = None) -> dict[str, type[Effect]]:
@@ -97,21 +97,20 @@ def build(table: dict[str, Any], classes: dict[str, type[Effect]]) -> Effect:
 
 
 def worlds_of(effects: Sequence[Effect], world: World) -> tuple[World, ...]:
-    """What each effect sees: the real inflow that those before it made, and a seed of its own.
+    """Input of each effect: the real inflow after the effects before it, and its seed.
 
-    The seed goes with the name, and the number among effects of that name: another effect beside it
-    changes no draw.
+    The seed depends on the name and the count of effects of that name, so other effects change no draw.
     """
     return tuple(seen for seen, _ in _in_turn(effects, world))
 
 
 def changes_of(effects: Sequence[Effect], world: World) -> Changes:
-    """What several effects change together.
+    """Changes of several effects together.
 
     Parameters
     ----------
     effects : sequence of Effect
-        Maps of the inflow are applied in this order.
+        Changes of the inflow are applied in this order.
     world : World
 
     Raises

@@ -1,4 +1,4 @@
-"""What comes earlier, later or smoother than the logs tell."""
+"""Effects on timing: travel time, attenuation, clocks, and the gate's drive."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,15 @@ from rivid.reach.changes import Changes, Gate
 from rivid.reach.transport import delayed_flow, spread_flow
 
 LAYERS = 64
-"""Slices of the flow's range that :class:`FlowDependentDelay` moves one by one."""
+"""Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlowDependentDelay(Effect):
     """``a flow Q comes delay (Q - usual flow) later``.
 
-    The inflow is cut into thin layers, and each layer moves by its own delay: high and low water keep
-    their height and all water its volume, while a rise gets steeper (`delay` negative) or flatter.
+    The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
+    a rise becomes steeper (`delay` negative) or flatter.
 
     Parameters
     ----------

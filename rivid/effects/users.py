@@ -19,7 +19,7 @@ GROUP = "rivid.effects"
 
 
 def from_entry_points() -> list[tuple[str, type[Effect]]]:
-    """Where each effect of an installed package is from, and the effect.
+    """Origin and class of each effect of an installed package.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def from_file(path: Path) -> tuple[type[Effect], ...]:
 
 @lru_cache
 def _from_file(path: Path, changed: int, size: int) -> tuple[type[Effect], ...]:
-    """Imported once, as long as the file stays as it is: its classes are then the same ones."""
+    """Import a file once while it is unchanged, so that its classes stay the same objects."""
     module = f"rivid_effects_file_{crc32(str(path).encode()):08x}_{changed:x}_{size:x}"
     spec = importlib.util.spec_from_file_location(module, path)
     if spec is None or spec.loader is None:
@@ -88,7 +88,7 @@ def _from_file(path: Path, changed: int, size: int) -> tuple[type[Effect], ...]:
 
 
 def check_class(where: str, one: type[Effect]) -> None:
-    """Check that an effect says what an effect has to say.
+    """Check that the class of an effect is complete.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""What may be changed in a reach from outside: flows, gates, storage, gauge. Nothing here knows why.
+"""Changes of a reach: flows, gates, storage, gauge.
 
-Commands are logged, flows are real: every change says how the real thing differs from what the logs tell.
-Arrays lie on the time grid of the simulation they are for; an array of one value holds for all samples.
+Commands are logged, flows are real: a change is the difference between the two. Arrays are on the time grid
+of the simulation; an array of one value holds for all samples.
 """
 
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ def _check_place(what: str, place: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class AddedFlow:
-    """A flow that enters the reach beside the dams.
+    """A flow that enters the reach other than through the dams.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Leak:
 
 @dataclass(frozen=True, eq=False)
 class Pond:
-    """Water beside the reach that fills and empties with it: ``exchange (level - level of the pond)``.
+    """Storage connected to the reach: ``exchange (level - level of the pond)``.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class Gate:
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """All that is changed; nothing is by default.
+    """All changes of a reach; none by default.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Changes:
     area_reference : float
         [m].
     gauge : ndarray
-        What the gauge gives above the true level [m].
+        Reading of the gauge minus true level [m].
     """
 
     inflow: Floats | None = None
@@ -167,7 +167,7 @@ NO_CHANGES = Changes()
 def together(changes: Iterable[Changes]) -> Changes:
     """Several changes at once.
 
-    Flows, leaks and ponds stand side by side; factors multiply; dead-bands, lags and slopes add; the
+    Flows, leaks and ponds are collected; factors multiply; dead-bands, lags and slopes add; the
     slowest rate holds. References of the level must agree where two changes use one.
 
     Raises

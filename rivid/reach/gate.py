@@ -46,20 +46,20 @@ class ExchangeArrays(NamedTuple):
 
 
 class OperatorArrays(NamedTuple):
-    """Who commands the outflow; arrays of shape (n,).
+    """Operators who command the outflow; arrays of shape (n,).
 
     Attributes
     ----------
     inflow : ndarray
         Announced inflow command [m3/s].
     disturbance : ndarray
-        What the gauge reads above the water [m]: noise, and what effects make of it.
+        Reading of the gauge minus level [m]: noise and effects.
     aim : ndarray
-        Level aimed at by whoever is on duty [m].
+        Level that the operator on duty aims at [m].
     feedforward, level_gain : ndarray
-        K_Q [-] and K_h [m2/s] of whoever is on duty.
+        K_Q [-] and K_h [m2/s] of the operator on duty.
     wait : ndarray
-        Longest time to the next look, were there one at this sample [s].
+        Longest time to the next look after a look at this sample [s].
     dead_band, trim_time, notice, quantum, lowest : float
         See :class:`rivid.reach.operators.OperatorSettings`.
     gauge_quantum : float
@@ -140,7 +140,7 @@ TARGET, POSITION, FLOW, GATE = 0, 1, 2, 3
 
 @njit(cache=True, error_model="numpy")
 def start_operators(operators: OperatorArrays, t: float, memory: Floats) -> None:
-    """Before the first look."""
+    """Set the memory before the first look."""
     memory[:] = 0.0
     memory[WANTED] = memory[SEEN] = operators.inflow[0]
     memory[SINCE] = t

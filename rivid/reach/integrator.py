@@ -166,7 +166,7 @@ def hold(
 
 
 class PoolFlow(NamedTuple):
-    """What the water did, at the sample times; arrays of shape (n,).
+    """Level and flows at the sample times; arrays of shape (n,).
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ def pool_level(
     time, inflow : ndarray, shape (n,)
         Sample times [s]; commands u_Qi [m3/s], held.
     outflow : ndarray of shape (n,), or OperatorArrays
-        Commands u_Qo [m3/s], held, or who gives them as they see the level.
+        Commands u_Qo [m3/s], held, or the operators who give them from the level.
     travel_time : float or ndarray, shape (n,)
         tau of what departs at each sample [s].
     start : float
@@ -253,8 +253,7 @@ def pool_level(
     before : float
         Inflow command before the first sample [m3/s].
     changes : Changes
-        Its `gauge` is not used: this is the water, not what is read of it. All places of leaks and ponds
-        are the pool.
+        Its `gauge` is not used: the level is that of the water. All leaks and ponds are at the pool.
 
     Returns
     -------
@@ -265,8 +264,6 @@ def pool_level(
     RividError
         Where shapes do not agree, or the pool runs dry of surface: `area_slope` and level do not fit.
     """
-    from rivid.reach.integrator import hold
-
     n = len(time)
     operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
     given = np.zeros(n) if isinstance(outflow, OperatorArrays) else np.array(outflow, float)

@@ -1,6 +1,6 @@
-"""The people at the downstream dam: (9) with shifts, dead-band, looks and a slow trim.
+"""Operators of the downstream dam: (9) with shifts, dead-band, intermittent looks and a slow trim.
 
-They act in steps, at looks; what they do at one is :func:`rivid.reach.gate.look`.
+They act in steps; one step is :func:`rivid.reach.gate.operate`.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ class OperatorSettings:
     Parameters
     ----------
     feedforward, feedforward_spread : float
-        K_Q of (9): mean over people and standard deviation [-].
+        K_Q of (9): mean over operators and standard deviation [-].
     level_gain, level_gain_spread : float
         K_h of (9) [m2/s], negative: the outflow grows by ``-K_h`` for each metre of level. The spread is
-        relative, between people.
+        relative, between operators.
     dead_band : float
-        Level error that nobody acts on [m].
+        Level error that is not acted on [m].
     set_point_spread : float
-        Standard deviation between people of the level they aim at [m].
+        Standard deviation between operators of the level aimed at [m].
     trim_time : float
         Time in which the trim repeats the feedback of a lasting error [s].
     look : (float, float)
@@ -40,7 +40,7 @@ class OperatorSettings:
     shift_start : float
         Hour of the first change of shift of the day; a shift has 8 hours.
     people : int
-        How many share the shifts.
+        Number of operators who share the shifts.
     """
 
     feedforward: float = 1.0
@@ -60,7 +60,7 @@ class OperatorSettings:
 
 @dataclass(frozen=True)
 class Crew:
-    """The gains of each person; arrays of shape (people,)."""
+    """Gains of each operator; arrays of shape (people,)."""
 
     feedforward: Floats
     level_gain: Floats
@@ -72,7 +72,7 @@ SHIFT = 8 * 3600.0
 
 
 def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator) -> Crew:
-    """Draw each person's gains.
+    """Draw the gains of each operator.
 
     Parameters
     ----------
@@ -87,13 +87,12 @@ def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator)
     Returns
     -------
     Crew
-        Nobody feeds back so strongly that an error swings: the gain is held where it takes the whole error
-        away.
+        Gains are limited to the correction of the whole error at one look, so that no error oscillates.
 
     Raises
     ------
     ConfigError
-        Where the usual person's loop swings already.
+        Where the mean gain makes the loop oscillate.
     """
     gain = -settings.level_gain * drop
     if gain > 1.0:
@@ -112,7 +111,7 @@ def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator)
 
 
 def roster(time: Floats, settings: OperatorSettings, rng: np.random.Generator) -> Ints:
-    """Who is on duty at each sample: an index into the crew, another person than the shift before.
+    """Operator on duty at each sample: an index into the crew that changes with every shift.
 
     Parameters
     ----------
@@ -151,7 +150,7 @@ def operator_arrays(
     gauge_quantum: float,
     rng: np.random.Generator,
 ) -> OperatorArrays:
-    """The people of a season, for :func:`rivid.reach.integrator.pool_level` or the Saint-Venant reach.
+    """Operators of a season, for :func:`rivid.reach.integrator.pool_level` or the Saint-Venant reach.
 
     Parameters
     ----------
@@ -160,13 +159,13 @@ def operator_arrays(
     inflow : ndarray, shape (n,)
         Announced inflow command u_Qi [m3/s].
     disturbance : ndarray, shape (n,)
-        What the gauge reads above the water [m]; the reading is in whole quanta.
+        Reading of the gauge minus level [m]; the reading is in whole quanta.
     set_point : ndarray, shape (n,)
         Level aimed at [m].
     settings : OperatorSettings
     crew : Crew
     duty : ndarray of int, shape (n,)
-        Who is on duty; see :func:`roster`.
+        Operator on duty; see :func:`roster`.
     gauge_quantum : float
         Step of the reading [m]; 0 for none.
     rng : numpy.random.Generator

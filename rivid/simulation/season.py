@@ -22,7 +22,7 @@ from rivid.simulation.scenario import LevelScenario, Scenario
 from rivid.types import DAY, Floats, Ints
 
 TRIAL = 1.0
-"""Step of outflow that tells how a channel's level answers [m3/s]."""
+"""Step of outflow from which the response of a channel's level is computed [m3/s]."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Water:
         time, inflow : ndarray, shape (n,)
             Sample times [s] and logged inflow [m3/s].
         outflow : ndarray of shape (n,), or OperatorArrays
-            Commands [m3/s], or who gives them.
+            Commands [m3/s], or the operators who give them.
         usual_flow : ndarray, shape (n,)
             Flow that the linear reach's travel time follows [m3/s].
         changes : Changes
@@ -155,9 +155,9 @@ class Season:
     Attributes
     ----------
     scenario : Scenario
-        What was simulated.
+        Scenario of the season.
     seed : int
-        With what seed.
+        Seed of the season.
     dates : tuple of datetime.date
         One per row.
     seconds : ndarray, shape (N,)
@@ -165,11 +165,11 @@ class Season:
     inflow, outflow : ndarray, shape (days, N)
         Commands u_Qi and u_Qo [m3/s].
     level : ndarray, shape (days, N)
-        What the gauge gave, h_L [m]; NaN where it gave nothing.
+        Gauge reading h_L [m]; NaN where it is missing.
     true_level : ndarray, shape (days, N)
-        The water itself [m].
+        True level [m].
     weather : ndarray, shape (days, N)
-        The inflow that no log holds [m3/s].
+        Unlogged random inflow [m3/s].
     travel_time : ndarray, shape (days,)
         True travel time at the day's mean inflow [s].
     delay : ndarray of int, shape (days,)
@@ -181,11 +181,11 @@ class Season:
     real_inflow, real_outflow : ndarray, shape (days, N)
         What the dams really let through [m3/s].
     unlogged : ndarray, shape (days, N)
-        Sum of all flows beside the dams that are known beforehand, the weather included [m3/s].
+        Sum of all flows other than through the dams that do not depend on the level, weather included [m3/s].
     effects : tuple of Effect
-        What was planted.
+        Effects that were simulated.
     world : World
-        Where the effects took place, lead time included.
+        Input of the effects, lead time included.
     place : int
         Number of the reach in its cascade, from 0.
     all_outflow : ndarray, shape (n,)
@@ -234,7 +234,7 @@ def simulate(
         Of one reach; see :func:`simulate_cascade` for several.
     seed : int, optional
         Instead of the scenario's own. The same seed gives the same season; each part of it (river,
-        programme, people, gauge, weather, missing days, each effect) has a stream of its own.
+        programme, operators, gauge, weather, missing days, each effect) has a stream of its own.
     effects : sequence of Effect
         Beside those of the scenario.
     upstream : Season, optional
@@ -380,7 +380,7 @@ def _day_around(flow: Floats, steps: Floats, per_day: int) -> Floats:
 
 
 def _set_points(gauge: LevelScenario, steps: Floats, seed: int, place: int) -> Floats:
-    """Changes of the level aimed at [m]: now and then another one is asked for."""
+    """Random changes of the level aimed at [m]."""
     if gauge.set_points_per_week == 0.0:
         return np.zeros(len(steps))
     rng = np.random.default_rng([seed, 7, place])
@@ -391,7 +391,7 @@ def _set_points(gauge: LevelScenario, steps: Floats, seed: int, place: int) -> F
 
 
 def _silent(gauge: LevelScenario, time: Floats, steps: Floats, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Samples that the gauge does not give."""
+    """Samples without a gauge reading."""
     silent = np.zeros(len(time), bool)
     starts = np.flatnonzero(rng.random(len(time)) < gauge.gaps_per_day * steps / DAY)
     lengths = rng.exponential(gauge.gap_length, len(starts))

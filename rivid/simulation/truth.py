@@ -1,4 +1,4 @@
-"""The truth of a season as files, apart from its logs."""
+"""The truth of a season as files, and numbers that describe a season."""
 
 import json
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def write_truth(season: Season, path: Path) -> None:
 
 
 def _effects(season: Season) -> list[dict[str, Any]]:
-    """What was planted, with its drawn events."""
+    """Effects of the season with their random events."""
     tables = []
     for effect, world in zip(season.effects, worlds_of(season.effects, season.world), strict=True):
         table = effect.to_table()
@@ -59,7 +59,7 @@ def _effects(season: Season) -> list[dict[str, Any]]:
 
 
 def write_water(season: Season, path: Path) -> None:
-    """Write what the water did, sample by sample, as Parquet.
+    """Write true level and flows at each sample, as Parquet.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From commands to levels: one call for a season, or for many days that know nothing of each other."""
+"""Levels from commands, for a season or for many independent days; travel time of a small wave."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

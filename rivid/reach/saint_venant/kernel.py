@@ -94,7 +94,7 @@ def fluxes(A: Floats, Q: Floats, z: Floats, P: Floats, M: Floats, c: Sections) -
 
 @njit(cache=True, error_model="numpy")
 def cube_roots(A: Floats, P: Floats, root: Floats) -> None:
-    """R^(-1/3) on the inner faces, from the library: the loop's dearest function, once a sample."""
+    """R^(-1/3) on the inner faces, from the library: the slowest function of the loop, once a sample."""
     for i in range(1, len(A)):
         root[i] = np.cbrt((P[i - 1] + P[i]) / (A[i - 1] + A[i]))
 
