@@ -112,6 +112,6 @@ def test_a_constant_input_is_unidentifiable_and_its_neighbours_are_not():
         (np.full(50, np.nan), np.zeros(50), "not finite"),
     ],
 )
-def test_input_that_does_not_fit_is_told(u, y, words):
+def test_input_that_does_not_fit_is_refused(u, y, words):
     with pytest.raises(RividError, match=words):
         ml(u, y, order=12)

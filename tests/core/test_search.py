@@ -1,6 +1,6 @@
 """Table IV against plain loops with numpy's least squares, and against reaches whose delay is known."""
 
-import time
+import itertools
 from dataclasses import fields
 
 import numpy as np
@@ -24,7 +24,7 @@ def programme(rng, shape):
 
 
 def open_loop(d, seed, noise, n=3, N=300):
-    """(8) with an outflow that knows nothing of the level."""
+    """(8) with an outflow independent of the level."""
     rng = np.random.default_rng([seed, d])
     u, o = programme(rng, (n, N)), programme(rng, (n, N))
     h = difference_equation(u - u[:, :1], o - o[:, :1], d, ALPHA_I, ALPHA_O)
@@ -33,7 +33,7 @@ def open_loop(d, seed, noise, n=3, N=300):
 
 
 def regulated(d, seed, noise, n=3, N=300):
-    """(10): reach and people together, v shaped as there."""
+    """(10): reach and operators together, v shaped as there."""
     rng = np.random.default_rng([seed, d])
     u = programme(rng, (n, N))
     h = theoretical_fir(N, d, ALPHA_I, ALPHA_O, K_Q, K_H)
@@ -121,28 +121,23 @@ def test_they_are_so_on_days_of_a_managed_reach_too(season):
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005])
-def test_the_direct_search_finds_every_delay_of_the_open_loop(noise):
-    for d in range(2, 15):
-        for seed in range(5):
-            found = direct(*open_loop(d, seed, noise))
-            assert found.delay.tolist() == [d] * 3, (d, seed)
-            if noise == 0.0:
-                np.testing.assert_allclose(found.parameters, [[ALPHA_I, ALPHA_O]] * 3, rtol=1e-9)
-                assert (found.noise_variance < 1e-20).all()
+@pytest.mark.parametrize(
+    ("search", "reach", "theta"),
+    [
+        (direct, open_loop, [ALPHA_I, ALPHA_O]),
+        (indirect, regulated, [K_H * ALPHA_O + 1, -K_Q * ALPHA_O, ALPHA_I]),
+    ],
+)
+def test_a_search_finds_every_delay_of_its_own_model(search, reach, theta, noise):
+    for d, seed in itertools.product(range(2, 15), range(3)):
+        found = search(*reach(d, seed, noise))
+        assert found.delay.tolist() == [d] * 3, (d, seed)
+        if noise == 0.0:
+            np.testing.assert_allclose(found.parameters, [theta] * 3, rtol=1e-7)
+            assert (found.noise_variance < 1e-18).all()
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.0005])
-def test_the_indirect_search_finds_every_delay_of_the_regulated_reach(noise):
-    for d in range(2, 15):
-        for seed in range(5):
-            found = indirect(*regulated(d, seed, noise))
-            assert found.delay.tolist() == [d] * 3, (d, seed)
-            if noise == 0.0:
-                theta = [K_H * ALPHA_O + 1, -K_Q * ALPHA_O, ALPHA_I]
-                np.testing.assert_allclose(found.parameters, [theta] * 3, rtol=1e-7)
-
-
-def test_the_direct_parameters_scatter_as_least_squares_says():
+def test_the_direct_parameters_scatter_as_least_squares_predicts():
     # theta - truth ~ N(0, sigma2 (X'X)^-1): its square, weighed so, has mean 2 and variance 4
     N, sigma, n = 300, 0.002, 400
     rng = np.random.default_rng(8)
@@ -157,21 +152,6 @@ def test_the_direct_parameters_scatter_as_least_squares_says():
     assert abs(squares.mean() - 2.0) < 4 * 2.0 / np.sqrt(n)
     expected = sigma**2 * (N - 3) / N  # N - 1 rows with noise, two parameters
     assert abs(found.noise_variance.mean() / expected - 1) < 4 * np.sqrt(2 / (N - 3) / n)
-
-
-def test_where_the_answers_fall_on_managed_days_is_measured(season, record_property):
-    # nothing is asked of the shares: what the paper found on its year is a finding, not a rule
-    for name, found in (
-        ("direct", direct(season.inflow, season.outflow, season.level)),
-        ("indirect", indirect(season.inflow, season.level)),
-    ):
-        counts = np.bincount(found.delay.astype(int), minlength=16)[1:]
-        right = (found.delay == season.delay) | (found.delay == season.delay_other)
-        record_property(f"{name}: days at d = 1..15", counts.tolist())
-        record_property(f"{name}: share of right days", float(right.mean()))
-        assert found.identifiable.all() and counts.sum() == 40
-        chosen = found.criterion[np.arange(40), found.delay.astype(int) - 1]
-        assert (chosen == found.criterion.min(axis=1)).all()
 
 
 @pytest.mark.parametrize("size", [1, 7, 200])
@@ -189,7 +169,7 @@ def test_a_days_bits_do_not_depend_on_its_neighbours(size, season):
                     np.testing.assert_array_equal(getattr(again, f.name), getattr(whole, f.name)[days])
 
 
-def test_days_without_motion_say_so_and_leave_the_others_alone():
+def test_days_without_motion_have_a_reason_and_leave_the_others_alone():
     u, o, h = open_loop(5, 1, 0.001, n=6)
     alone = direct(u[5], o[5], h[5])
     h[0], u[1], o[2] = 118.0, 300.0, 250.0
@@ -206,18 +186,13 @@ def test_days_without_motion_say_so_and_leave_the_others_alone():
     assert [bool(r) for r in reasons] == [True, True, False, True, False, False]
 
 
-def test_an_outflow_that_follows_the_inflow_at_one_candidates_delay_is_found_out():
+def test_an_outflow_that_follows_the_inflow_at_one_candidates_delay_is_recognised():
     u, _, h = open_loop(5, 2, 0.001, n=1)
     for d in range(1, 16):
         o = np.r_[np.full(d, u[0, 0]), u[0, :-d]][None]
         assert "move as one" in direct(u, o, h).reason[0]
     o = np.r_[np.full(20, u[0, 0]), u[0, :-20]][None]
     assert direct(u, o, h).identifiable.all()
-
-
-def test_a_level_kept_exactly_still_is_not_identifiable():
-    u = programme(np.random.default_rng(0), (1, 200))
-    assert indirect(u, np.full((1, 200), 118.0)).status.tolist() == ["unidentifiable"]
 
 
 def test_one_day_comes_without_an_axis_of_days_and_deviations_are_as_good_as_readings():
@@ -235,14 +210,6 @@ def test_no_days_give_no_days():
     assert indirect(nothing, nothing).parameters.shape == (0, 3)
 
 
-def test_a_year_takes_well_under_a_second(season):
-    u, o, h = (np.tile(x, (9, 1))[:332] for x in (season.inflow, season.outflow, season.level))
-    start = time.process_time()
-    direct(u, o, h)
-    indirect(u, h)
-    assert time.process_time() - start < 0.5
-
-
 @pytest.mark.parametrize(("low", "high"), [(0, 15), (5, 4), (-1, -1)])
 def test_bounds_in_the_wrong_order_are_refused(low, high):
     with pytest.raises(ConfigError, match=f"d_min = {low}"):
@@ -252,12 +219,12 @@ def test_bounds_in_the_wrong_order_are_refused(low, high):
 @pytest.mark.parametrize(
     ("u", "h", "words"),
     [
-        (np.zeros(50), np.zeros(49), r"inflow \(50,\), level \(49,\)"),
+        (np.zeros(50), np.zeros(49), "level has shape"),
         (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "inflow has shape"),
         (np.zeros(19), np.zeros(19), "needs 20 or more"),
         (np.full((2, 50), np.nan), np.zeros((2, 50)), "inflow: not finite on 2 days"),
     ],
 )
-def test_input_that_does_not_fit_is_told(u, h, words):
+def test_input_that_does_not_fit_is_refused(u, h, words):
     with pytest.raises(RividError, match=words):
         indirect(u, h)

@@ -1,7 +1,6 @@
 """CUSUM against a loop over single numbers, a brute-force search for the onset, and the exact run lengths."""
 
 import statistics
-import time
 from dataclasses import fields
 
 import numpy as np
@@ -9,11 +8,8 @@ import pytest
 from scipy.stats import norm
 
 from rivid.core.cusum import CusumSettings, cusum
-from rivid.core.fir import map_fir, ml
 from rivid.errors import ConfigError, RividError
 from rivid.reach.integrator import theoretical_fir
-from rivid.simulation import simulate
-from rivid.simulation.scenario import Scenario
 
 
 def rough_firs(n, M=30, seed=0, jump=4.0):
@@ -88,7 +84,7 @@ def test_a_jump_that_towers_over_the_noise_is_dated_exactly(moment):
         assert found.alarm.tolist() == [d + 1] * 50
 
 
-def test_false_alarms_come_as_often_as_the_exact_run_lengths_say():
+def test_false_alarms_come_as_often_as_the_exact_run_lengths_predict():
     # Brook and Evans (1972): g as a Markov chain on 600 cells from 0 to the threshold
     drift, threshold, M, n, cells = 0.5, 3.0, 101, 4000, 600
     width = 2 * threshold / (2 * cells - 1)
@@ -130,25 +126,7 @@ def test_the_papers_response_decays_before_the_jump_so_the_drift_must_be_tuned()
     assert cusum(h, sd=1e-4, drift=0.1, threshold=0.5).delay < 7
 
 
-def test_where_the_answers_fall_on_managed_days_is_measured(record_property):
-    # nothing is asked of the shares: how well a change detector does is a finding
-    season = simulate(Scenario(days=40, seed=3))
-    u, y = season.inflow - season.inflow[:, :1], season.level - season.level[:, :1]
-    for name, fir in (("ml", ml(u, y).fir), ("map", map_fir(u, y).fir)):
-        for moment in ("onset", "alarm"):
-            found = cusum(fir, moment=moment)
-            told = found.delay[found.identifiable]
-            near = np.abs(found.delay - season.delay) <= 1
-            record_property(f"{name}, {moment}: days at d = 1..15", np.bincount(told.astype(int)).tolist())
-            record_property(f"{name}, {moment}: share within one sample", float(near.mean()))
-            assert (found.decision >= 0).all() and ((told >= 1) & (told <= 15)).all()
-            assert np.isnan(found.delay[~found.identifiable]).all()
-            for i in range(40):
-                delay, _, _ = plain(fir[i], CusumSettings(moment=moment))
-                assert found.delay[i] == delay if delay is not None else np.isnan(found.delay[i])
-
-
-def test_days_without_an_answer_say_why_and_leave_the_others_alone():
+def test_days_without_an_answer_have_a_reason_and_leave_the_others_alone():
     fir, _ = rough_firs(5, seed=2, jump=9.0)
     fir[0] = np.nan
     fir[1] = -5.0
@@ -182,13 +160,6 @@ def test_one_fir_comes_without_an_axis_of_days_and_none_gives_none():
     assert cusum(np.empty((0, 30))).decision.shape == (0, 30)
 
 
-def test_a_year_takes_well_under_a_second():
-    fir, _ = rough_firs(332)
-    start = time.process_time()
-    cusum(fir)
-    assert time.process_time() - start < 0.2
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -209,6 +180,6 @@ def test_settings_out_of_range_are_refused(changes, words):
 @pytest.mark.parametrize(
     ("fir", "words"), [(np.zeros((2, 2, 30)), "expected"), (np.zeros(17), "order >= 18, got 17")]
 )
-def test_an_fir_that_does_not_fit_is_told(fir, words):
+def test_an_fir_that_does_not_fit_is_refused(fir, words):
     with pytest.raises(RividError, match=words):
         cusum(fir)
