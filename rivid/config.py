@@ -214,7 +214,7 @@ class DiagnoseConfig(Section):
     ] = None
     exclude: Annotated[list[str], Means("-", "effects that are not to be looked for")] = []
     effects_file: Annotated[
-        Path | None, Means("-", "a Python file with effects of yours, beside the configuration")
+        Path | None, Means("-", "a Python file with own effects, relative to the configuration")
     ] = None
     most_effects: Annotated[int, Field(ge=1, le=10), Means("-", "no more effects than this are added")] = 4
 
@@ -236,7 +236,7 @@ class Config(Section):
     def _columns_of_one_role(cls, value: InputConfig, info: ValidationInfo) -> InputConfig:
         reach = info.data.get("reach")
         if reach is None:
-            return value  # its own fault is said instead
+            return value  # its own error is raised
         roles = ("time", "u_Qi", "u_Qo", "h_L") if reach.kind == "pool" else ("time", "u_Qi", "Q_L")
         given = {}
         for role in roles:
@@ -269,9 +269,9 @@ class Config(Section):
         return self
 
     def as_used(self) -> dict[str, Any]:
-        """The configuration as JSON can hold it, without the tables of estimators that are not asked for.
+        """The configuration as JSON can hold it, without the tables of unused estimators.
 
-        So days that are done stay done where a table changes that nothing works with.
+        A change of an unused table then leaves finished days valid.
         """
         used = {ESTIMATORS[name].table for name in self.run.estimators}
         unused = {one.table for one in ESTIMATORS.values()} - used - {"jmap"}
@@ -375,7 +375,7 @@ def load_config(path: Path | None) -> Config:
     if path is None:
         return Config()
     raw = read_toml(path)
-    said = raw.get("diagnose")
-    if isinstance(said, dict) and isinstance(said.get("effects_file"), str):
-        said["effects_file"] = str(path.parent / said["effects_file"])  # beside the configuration
+    diagnose = raw.get("diagnose")
+    if isinstance(diagnose, dict) and isinstance(diagnose.get("effects_file"), str):
+        diagnose["effects_file"] = str(path.parent / diagnose["effects_file"])
     return parse(raw, Config, str(path))

@@ -23,7 +23,7 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Means:
-    """Unit and meaning of a key, beside its type; the reference is made of them.
+    """Unit and meaning of a key, as metadata of its type; the reference page shows them.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ USUAL_ZONES = {
     "ist": "Asia/Kolkata",
     "jst": "Asia/Tokyo",
 }
-"""What people call zones, and a zone of that name."""
+"""Usual names of zones, and a zone of the IANA database for each."""
 
 
 def _near_zones(name: str) -> str:
@@ -87,7 +87,7 @@ def _near_zones(name: str) -> str:
     from zoneinfo import available_timezones
 
     words = re.findall(r"[a-z]+", name.lower())
-    near = [zone for said, zone in USUAL_ZONES.items() if set(said.split()) & set(words)]
+    near = [zone for names, zone in USUAL_ZONES.items() if set(names.split()) & set(words)]
     if not near:
         known = {
             zone.rpartition("/")[2].lower(): zone for zone in sorted(available_timezones(), reverse=True)
@@ -98,8 +98,9 @@ def _near_zones(name: str) -> str:
 
 
 class InputConfig(Section):
-    """`[input]`: what the log files look like. Nothing is guessed: what is not canonical is said here.
+    """`[input]`: what the log files look like.
 
+    Nothing is guessed: every departure from the canonical form is set here.
     In the long layout (a row per value), u_Qi, u_Qo, h_L and Q_L name tags, not columns.
     """
 
@@ -123,7 +124,7 @@ class InputConfig(Section):
     ] = None
     tag_pattern: Annotated[
         Annotated[str, Field(max_length=200)] | None,
-        Means("-", "long layout: regular expression of the line above the rows that tells their tag"),
+        Means("-", "long layout: regular expression of the line above the rows with their tag"),
     ] = None
     value: Annotated[str, Field(min_length=1), Means("-", "long layout: column of the values")] = "value"
     quality: Annotated[
@@ -272,7 +273,7 @@ class InputConfig(Section):
     def _long_is_whole(self) -> "InputConfig":
         if self.layout == "long":
             if self.tag is not None and self.tag_pattern is not None:
-                raise ValueError("tag and tag_pattern both say where the tags are: expected one of them")
+                raise ValueError("tag and tag_pattern both define the tags: expected one of them")
             if isinstance(self.quality, dict):
                 raise ValueError("quality is a table: expected the name of one column in the long layout")
         elif self.tag is not None or self.tag_pattern is not None:
@@ -341,7 +342,7 @@ class InputConfig(Section):
         except ValueError as error:
             raise ValueError(f"no format of times ({error}); {expected}") from None
         if back.date() != moment.date():
-            raise ValueError(f"does not tell year, month and day; {expected}")
+            raise ValueError(f"lacks year, month or day; {expected}")
         if back.hour not in (0, moment.hour):
             raise ValueError(f"%I counts hours to 12 and needs %p for AM or PM; {expected}")
         return value

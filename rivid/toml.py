@@ -1,4 +1,4 @@
-"""TOML into a model: the first fault is one line: the file, the key, what came and what is valid."""
+"""Read TOML into a model; an error is one line: the file, the key, what came and what is valid."""
 
 import tomllib
 from collections.abc import Iterable
@@ -11,9 +11,9 @@ from rivid.errors import ConfigError
 
 T = TypeVar("T", bound=BaseModel)
 MOST_BYTES = 1_000_000
-"""Of a configuration file; a bomb is refused unread."""
+"""Largest configuration file [bytes]; larger ones are not read."""
 MOST_DEPTH = 20
-"""Tables and lists within each other."""
+"""Deepest nesting of tables and lists."""
 
 
 def load_toml(path: Path, model: type[T]) -> T:
@@ -50,7 +50,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _refuse_depth(raw: dict[str, Any], path: Path) -> None:
-    """Deep tables exhaust the stack of whoever goes through them; none of ours is deeper than a few."""
+    """Refuse nesting that would exhaust the stack; a valid configuration has a few levels."""
     level: list[Any] = [raw]
     for _ in range(MOST_DEPTH):
         level = [
@@ -61,7 +61,7 @@ def _refuse_depth(raw: dict[str, Any], path: Path) -> None:
         ]
         if not level:
             return
-    raise ConfigError(f"{path}: tables stand more than {MOST_DEPTH} deep in each other: expected [table] key")
+    raise ConfigError(f"{path}: tables are nested more than {MOST_DEPTH} deep: expected [table] key")
 
 
 def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:

@@ -1,9 +1,14 @@
-"""A day without outflow as a smooth response with a jump: what the level does whatever people do.
+"""p(d | y) where the outflow is not logged: the mean of two models of the day.
 
-The level is ``y[k] = sum_l (f(l) + theta s(l)) u[k-l] + c + n``. f is a Gaussian process over the lag, smooth
-and fading: water, people who follow the inflow and the feedback of the level, all at once. s is a jump at lag
-d + 1 that decays, theta its size, positive. n is noise of one of a few kinds. f and theta are integrated out;
-the noise's variance s2, in whose units both have their prior, is taken at its best.
+One is a first- or second-order equation or a store with a front (:mod:`rivid.core.posterior.front`), as in
+:func:`rivid.core.posterior.daily.posterior`. The other is a smooth response with a jump,
+``y[k] = sum_l (f(l) + theta s(l)) u[k-l] + c + n``: f is a Gaussian process over the lag, smooth and fading,
+for the water, the operators who follow the inflow, and the feedback of the level; s is a jump at lag d + 1
+that decays, theta > 0 its size; n is noise of one of a few kinds. f and theta are integrated out; the noise
+variance s2, the unit of both priors, is taken at its maximum.
+
+The probabilities are averaged, not the evidence: without the outflow both models are wrong in some way, and
+evidence would select the one that is wrong with more confidence.
 """
 
 from dataclasses import dataclass
@@ -34,16 +39,16 @@ from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.types import Floats
 
 NOISES = ((0.0, (0.3, 0.03)), (0.5, (0.3, 0.03)), (0.8, (0.3, 0.03, 0.003)))
-"""r of what wanders, ``A = (1 - q^-1)(1 - r q^-1)``, and the ratios of its variance to the gauge's."""
+"""r of the random walk, ``A = (1 - q^-1)(1 - r q^-1)``, and the ratios of its variance to the gauge's."""
 
 LENGTHS = (3.0, 8.0)
-"""Over how many lags f stays itself."""
+"""Correlation lengths of f [lags]."""
 FADING = 0.9
-"""What is left of f's variance from one lag to the next."""
+"""Ratio of f's variance from one lag to the next."""
 STRENGTHS = (1.0, 10.0, 100.0, 1e3, 1e4)
 """Variance of f's part in the level, summed over the rows, for each lag, over s2."""
 DECAYS = (0.6, 0.85, 1.0)
-"""What is left of the jump from one lag to the next."""
+"""Ratio of the jump from one lag to the next."""
 
 KEPT = 1e-7
 """Directions of f with less of its variance are left out."""
@@ -233,13 +238,13 @@ def blind_fir(found: BlindEvidence, belongs: NDArray[np.bool_], temperature: flo
 
 
 TEMPERATURE = 2.0
-"""By which the log evidence of the smooth response is divided."""
+"""Divisor of the log evidence of the smooth response."""
 
 SHARE = 0.5
-"""Of the smooth response in the pool."""
+"""Weight of the smooth response in the mean of the two models."""
 
 IS_STORE = tuple(length > 5.0 for length in LENGTHS)
-"""Whether a jump means a store's: waves that run to and fro leave no response smooth over many lags."""
+"""Whether a jump is that of a store: reflected waves leave no response that is smooth over many lags."""
 
 
 def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | None = None) -> PosteriorResult:
@@ -256,7 +261,7 @@ def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | No
     Returns
     -------
     PosteriorResult
-        Its `fir` is how the level answers the inflow with people as they are, not with the outflow held.
+        Its `fir` is the response of the level with the operators' feedback, not with the outflow held.
 
     Raises
     ------

@@ -1,9 +1,13 @@
-"""From the evidence of fronts to a day's travel time: flattened weights, and what a front's place means.
+"""p(d | y) of every day: the probability of each delay, averaged over equations, noises and fronts.
+
+Beyond the paper. The level follows one of a few equations (:mod:`rivid.core.posterior.front`) with one of a
+few kinds of noise (:mod:`rivid.core.posterior.noise`); coefficients are profiled, the rest is averaged with
+flattened evidence as weights.
 
 In a store the place of the front is the travel time. A sharp wave moves the level as it arrives, and the
 sample after the arrival holds it whole: within most of a sample its place does not move, then it runs through
-the rest. What the gate takes to move, and what blunts a wave on its way, make the place follow the arrival
-more evenly, and a little before it.
+the rest. The gate's motion and the dispersion of the wave make the place follow the arrival more evenly, and
+a little before it.
 """
 
 from collections.abc import Callable
@@ -51,7 +55,7 @@ def weights(
     fronts, nothing : list of ndarray
         From :func:`rivid.core.posterior.front.log_evidence`.
     stores : list of bool
-        Which equations know volumes only.
+        Which equations are stores.
     s : PosteriorSettings
 
     Returns
@@ -144,7 +148,7 @@ def fold(q: list[Floats], stores: list[bool], s: PosteriorSettings) -> tuple[Flo
     probability : ndarray, shape (candidates, days)
         That the travel time lies in [d, d + 1).
     right : ndarray, shape (candidates, days)
-        That it lies there or within a tenth of a sample of it: that d is a right answer.
+        That it lies there or within a tenth of a sample of it: d is right.
     place : ndarray, shape (3, days)
         Median, 5 and 95 % of the travel time [samples].
     """

@@ -4,12 +4,12 @@ The front lies at ``x = d + 1 - w`` samples: a sample's inflow begins to act at 
 the rest comes a lag later: ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``. The equations:
 
 - first and second order: ``y[k] = a1 y[k-1] (+ a2 y[k-2]) + b1 v[k] + b2 v[k-1] + g1 o[k-1] + g2 o[k-2] + c``
-  a front that moves the level as it arrives, and waves that run to and fro behind the dam;
-- store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): nothing but volume;
-- drifting store: the same with an unlogged inflow that comes and goes.
+  a front that moves the level as it arrives, and waves that are reflected behind the dam;
+- store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): a balance of volumes;
+- drifting store: the same with an unlogged inflow that varies slowly.
 
-In a short and smooth reach the wave runs up and down once more: it comes back after three times its travel
-time, and the level may follow that echo more plainly than the front. So an echo is no front: :func:`echoes`.
+In a short and smooth reach the wave is reflected twice: it comes back after three travel times, and the
+level may follow that echo more clearly than the front. :func:`echoes` excludes echoes.
 """
 
 from typing import NamedTuple
@@ -25,13 +25,13 @@ SHARES = np.arange(10, 0, -1) / 10.0
 """w of the candidates; the first is the sharp front at a sampling instant."""
 
 ECHOES = 4
-"""Lags at which a front comes back: a sample's travel times thrice, and one for what is blunted."""
+"""Lags at which a front comes back: three travel times of a sample, and one for dispersion."""
 
 LEAST_ECHOED = 2
-"""The least delay whose echo is looked for; below, it overlaps the front itself."""
+"""Smallest delay with a test for an echo; below, the echo overlaps the front itself."""
 
 LEAST_FRONT = 0.6
-"""What a front tells beside its echo, as a share of what the echo tells beside it, for it to be one."""
+"""Smallest log likelihood that a front adds to its echo, as a share of what the echo adds to the front."""
 
 SURE_T = 9.0
 """Beyond so many standard errors a jump is positive (a chance of 1e-19 is none)."""
@@ -67,7 +67,7 @@ class Structure(NamedTuple):
 
     @property
     def is_store(self) -> bool:
-        """Whether it knows volumes only."""
+        """Whether it is a balance of volumes."""
         return self.order == 0
 
 
@@ -127,7 +127,7 @@ def log_evidence(
         _scores(R, u_size[:, s.noises], n_rows, s, first, last) for R, s in zip(left, kinds, strict=True)
     ]
     fronts = [front for front, _ in scores]
-    if with_outflow:  # without it too little is seen to tell an echo from a command
+    if with_outflow:  # without it an echo cannot be distinguished from a command
         is_echo = echoes(second[:, :, plain], fronts[0], fronts[1], u_size[:, plain], n_rows, first, last)
         for wave in fronts[:2]:
             np.copyto(wave, -np.inf, where=is_echo[:, None])
@@ -139,7 +139,7 @@ def echoes(
 ) -> NDArray[np.bool_]:
     """Which candidates are the echo of another, shape (candidates, days).
 
-    The front of delay d comes back at lags 3 d + 1 to 3 d + 4. Beside free coefficients of these, the second
+    The front of delay d comes back at lags 3 d + 1 to 3 d + 4. With free coefficients of these, the second
     order's front at d is likelier than any wave's front at 3 d to 3 d + 3; and what it adds to the echo is
     not much less than what the echo adds to it, so that no true front is taken for the echo of noise. `R`
     holds the second order's products with the first kinds of noise.
@@ -243,7 +243,7 @@ MODELS = 4
 """Models (equation, noise, place of the front) that are averaged for a day."""
 
 RIDGE = 1e-11
-"""Added to the diagonal of the scaled normal equations: columns that are the same share their coefficient."""
+"""Added to the diagonal of the scaled normal equations: equal columns share their coefficient."""
 
 
 class Fronts(NamedTuple):

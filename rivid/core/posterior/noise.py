@@ -1,6 +1,6 @@
 """Kinds of noise for the posterior of the delay: moving averages C that whiten by the filter 1 / C.
 
-The level carries the gauge's noise and, as a sum over time, every inflow that no log holds. An equation in
+The level carries the gauge's noise and, as a sum over time, every inflow that is not logged. An equation in
 differences of the level then has noise ``C(q) e``: ``C`` is the minimum-phase factor of
 ``ratio + |a(q)|^2``, where ``a`` turns the level into the equation's noise and ``ratio`` is the variance of
 what is added to the flow over that of the gauge.
@@ -24,7 +24,7 @@ DRIFT_RATIOS = (0.01, 0.0015, 0.0003, 0.00005)
 """The same where the unlogged inflow drifts, ``a = (1 - q^-1)(1 - rho q^-1)``."""
 
 DRIFT_MEMORY = 0.98
-"""rho: what an unlogged inflow keeps from one sample to the next."""
+"""rho: correlation of an unlogged inflow from one sample to the next."""
 
 
 def spectral_factor(a: Floats, ratio: float) -> Floats:
@@ -66,7 +66,7 @@ def noise_bank() -> Floats:
 
 
 N_PLAIN, N_DRIFT = 1 + len(GAUGE_RATIOS), len(DRIFT_RATIOS)
-"""How many of the bank are for white noise and the gauge's, and for a drifting inflow beside it."""
+"""How many of the bank are for white noise and the gauge's, and for a drifting inflow in addition."""
 
 
 def prewhiten(series: Floats, polynomials: Floats) -> Floats:
@@ -185,7 +185,7 @@ Noises = tuple[tuple[Floats, Floats], ...]
 
 
 class Sums(NamedTuple):
-    """Sums of products over the rows of one window; C inflows, B kinds of noise, Z columns beside them.
+    """Sums of products over the rows of one window; C inflows, B kinds of noise, Z extra columns.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ class Sums(NamedTuple):
     uy : ndarray, shape (C, B, n_lags + 1)
         With the output.
     uz : ndarray, shape (C, B, n_lags + 1, Z)
-        With an orthonormal basis of the columns beside.
+        With an orthonormal basis of the extra columns.
     yy : ndarray, shape (B,)
     yz : ndarray, shape (B, Z)
     """
@@ -206,7 +206,7 @@ class Sums(NamedTuple):
     yz: Floats
 
 
-def whitened_sums(u: Floats, y: Floats, beside: Floats, warm: int, n_lags: int, noises: Noises) -> Sums:
+def whitened_sums(u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, noises: Noises) -> Sums:
     """The sums of :class:`Sums`.
 
     Parameters
@@ -214,7 +214,7 @@ def whitened_sums(u: Floats, y: Floats, beside: Floats, warm: int, n_lags: int, 
     u : ndarray, shape (C, N)
         Versions of the inflow.
     y : ndarray, shape (N,)
-    beside : ndarray, shape (Z - 1, N)
+    extra : ndarray, shape (Z - 1, N)
         Columns that are filtered as u and y are; a constant goes before them, and is not.
     warm : int
         The first row that counts, at least `n_lags`.
@@ -234,10 +234,10 @@ def whitened_sums(u: Floats, y: Floats, beside: Floats, warm: int, n_lags: int, 
     from scipy.signal import lfilter  # slow to import
 
     N, C = u.shape[-1], len(u)
-    series = np.concatenate([u - u[:, :1], (y - y[0])[None], beside])
+    series = np.concatenate([u - u[:, :1], (y - y[0])[None], extra])
     white = np.stack([lfilter(a, c, series) for a, c in noises], axis=1)  # (series, B, N)
     inflow, output = white[:C], white[C]
-    Z = np.ones((len(noises), N - warm, 1 + len(beside)))
+    Z = np.ones((len(noises), N - warm, 1 + len(extra)))
     Z[..., 1:] = np.moveaxis(white[C + 1 :, :, warm:], 0, -1)
     Z = np.linalg.qr(Z)[0]
     aims = np.zeros((len(noises), 1 + Z.shape[-1], N))

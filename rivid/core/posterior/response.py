@@ -1,7 +1,7 @@
-"""How a wave of discharge arrives: three families of responses, each on a grid of t50.
+"""Responses of a river reach: three families, each on a grid of t50.
 
 - Hayami: the diffusive wave, an inverse Gaussian of arrival times with coefficient of variation cv;
-- lag and reservoir: nothing for a while, then a store that empties with one time constant;
+- lag and reservoir: a pure delay, then a reservoir with one time constant;
 - exchange: a Hayami wave of which a quarter is held for a while (pools, banks, hyporheic flow).
 
 Every member only scales with time, so that its t50, the lag by which half of a step has arrived, is set
@@ -157,7 +157,7 @@ def hastened(u: Floats, middle: float, lead: float) -> Floats:
 
     Notes
     -----
-    What would overtake is let catch up only: a rise steepens into a front, and no further.
+    Water does not overtake: a rise steepens into a front, and no further.
     """
     if lead == 0.0 or middle <= 0.0:
         return u

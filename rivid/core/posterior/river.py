@@ -22,10 +22,10 @@ from rivid.core.settings import RiverSettings
 from rivid.types import Floats
 
 SURE_T = 7.0
-"""Beyond so many standard errors a gain is positive."""
+"""Standard errors above zero from which a gain counts as positive."""
 
 FLOOR = 1e-9
-"""Least share of the output's variance that is noise."""
+"""Smallest share of noise in the output's variance."""
 
 
 class Evidence(NamedTuple):
@@ -119,7 +119,7 @@ def evidence(
     xz = np.matmul(flat, sums.uz).reshape(C, B, shapes, T, SINE)
     logs, gains, variances = [], [], []
     yy = sums.yy
-    for columns in (slice(0, 1), slice(1, SINE)):  # the level first, then the sine besides
+    for columns in (slice(0, 1), slice(1, SINE)):  # the mean first, then the sine as well
         part = xz[..., columns]
         yz = sums.yz[:, columns]
         xx = xx - np.einsum("...z,...z->...", part, part)
