@@ -208,7 +208,7 @@ class TestCsv:
         ("content", "said"),
         [
             (
-                gzip.compress(b"time,u_Qi\n"),
+                gzip.compress(b"time,u_Qi\n", mtime=0),
                 "is gzip, though",
             ),
             (b"PK\x03\x04\x14\x00", "is a workbook or an archive, not text: save it as CSV"),
