@@ -1,4 +1,4 @@
-"""The library's door: few words, the same answers as the commands, frozen results that show themselves."""
+"""The library: the same results as the commands, frozen, with a repr and a figure."""
 
 import dataclasses
 import datetime as dt
@@ -12,12 +12,14 @@ import pytest
 from click.testing import CliRunner
 
 import rivid
+from rivid.api.diagnosis import DiagnosisResult
 from rivid.cli import cli
 from rivid.config import Config
 from rivid.core.jmap import jmap as core_jmap
 from rivid.diagnosis.result import VERDICTS
 from rivid.effects import effect_classes
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
+from tests.diagnosis.answers import diagnosis, evidence_of
 
 ROOT = Path(__file__).parents[1]
 WEEK = ROOT / "sample_data" / "basse_isere_csv"
@@ -35,53 +37,42 @@ def season():
     return rivid.simulate(days=4, seed=1)
 
 
-@pytest.fixture(scope="module")
-def finding():
-    """A diagnosis that may name a single effect: enough to see what the door does with it."""
-    made = rivid.simulate(SHORT)
-    others = sorted(set(effect_classes(None)) - {"leakage"})
-    reach = made.config.model_dump(exclude_unset=True)
-    return rivid.diagnose(made, reach | {"diagnose": {"exclude": others, "most_effects": 1}})
-
-
 def is_png(figure):
     return figure._repr_png_().startswith(b"\x89PNG")
 
 
-def test_the_door_answers_as_rivid_run_does(tmp_path):
+def test_estimates_equal_those_of_rivid_run(tmp_path):
     argv = ["run", str(WEEK), "--config", str(CONFIG), "--out", str(tmp_path / "out"), "--quiet"]
     argv += ["--estimator", "jmap", "--estimator", "posterior"]
     assert CliRunner().invoke(cli, argv).exit_code in (0, None)
     rows = {
         (r["date"], r["estimator"]): r for r in pq.read_table(tmp_path / "out/delays.parquet").to_pylist()
     }
+    assert len(rows) == 14
     for date in sorted({date for date, _ in rows}):
         one = rivid.read_day(WEEK, date, CONFIG)
         run, found = rows[date, "jmap"], rivid.jmap(one)
         assert (run["delay_samples"], run["status"]) == (found.delay, found.status)
         assert run["alpha"] == pytest.approx(found.alpha) and run["prior_only"] == found.prior_only
-        run, told = rows[date, "posterior"], rivid.posterior(one)
-        assert run["status"] == told.status and run["message"] == str(told.reason)
-        assert run["probability"] == pytest.approx(told.probability)
-        if told.status == "ok":
-            assert (run["delay_samples"], run["delay_low"]) == (told.delay, told.delay_low)
-            assert run["delay_s"] == pytest.approx(told.travel * one.sample_time)
+        run, found = rows[date, "posterior"], rivid.posterior(one)
+        assert run["status"] == found.status and run["message"] == str(found.reason)
+        assert run["probability"] == pytest.approx(found.probability)
+        if found.status == "ok":
+            assert (run["delay_samples"], run["delay_low"]) == (found.delay, found.delay_low)
+            assert run["delay_s"] == pytest.approx(found.travel * one.sample_time)
 
 
-def test_a_day_says_what_it_is_and_cannot_be_changed(day):
+def test_a_day_has_a_repr_and_cannot_be_changed(day):
     assert repr(day) == "Day(2008-03-14, basse-isere: 650 samples of 133 s, inflow 350 to 452 m3/s)"
     assert day.u[0] == day.y[0] == day.o[0] == 0.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         day.inflow = np.zeros(3)
     with pytest.raises(ValueError, match="read-only"):
         day.inflow[0] = 1.0
-
-
-def test_a_day_copies_what_it_is_made_of():
     mine = np.arange(5.0)
-    made = rivid.Day(mine, mine)
+    copied = rivid.Day(mine, mine)
     mine[0] = 99.0
-    assert made.inflow[0] == 0.0
+    assert copied.inflow[0] == 0.0
 
 
 def test_a_constant_inflow_with_rounding_noise_does_not_move():
@@ -99,7 +90,7 @@ def test_a_constant_inflow_with_rounding_noise_does_not_move():
         ((np.zeros(5), np.array([0, 1, np.nan, 2, 3])), "output is not finite at sample 2"),
     ],
 )
-def test_series_that_make_no_day_are_refused(series, expected):
+def test_invalid_series_are_refused(series, expected):
     with pytest.raises(RividError, match=expected):
         rivid.Day(*series)
 
@@ -155,10 +146,10 @@ def test_posterior_works_without_a_logged_outflow(day):
         (lambda d: rivid.simulate(ROOT / "configs/scenarios/cascade.toml"), ConfigError, "cascade"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(day, call, kind, expected):
-    with pytest.raises(kind, match=expected) as said:
+def test_errors_are_one_line(day, call, kind, expected):
+    with pytest.raises(kind, match=expected) as error:
         call(day)
-    assert "\n" not in str(said.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_log_that_cannot_be_read_names_its_file(tmp_path):
@@ -167,7 +158,7 @@ def test_a_log_that_cannot_be_read_names_its_file(tmp_path):
         rivid.read_day(tmp_path)
 
 
-def test_several_days_in_a_row_are_one_data_set():
+def test_consecutive_days_are_one_data_set():
     two = rivid.read_day(WEEK, "2008-03-12", {"run": {"window_days": 2}})
     assert (two.date, len(two.inflow)) == (dt.date(2008, 3, 12), 1300)
     with pytest.raises(NoDataError, match="2008-03-09"):
@@ -176,8 +167,7 @@ def test_several_days_in_a_row_are_one_data_set():
 
 def test_a_simulated_season_keeps_its_truth_and_gives_days(season):
     assert set(season.delay.tolist()) == {8}
-    words = "SimulatedSeason(reach, 4 days from 2008-01-01, seed 1: true d 8 to 8 samples of 133 s)"
-    assert repr(season) == words
+    assert repr(season).startswith("SimulatedSeason(reach, 4 days from 2008-01-01, seed 1")
     np.testing.assert_array_equal(season.day(2).inflow, season.inflow[2])
     np.testing.assert_array_equal(season.day("2008-01-03").inflow, season.inflow[2])
     assert isinstance(season.config, Config)
@@ -186,7 +176,7 @@ def test_a_simulated_season_keeps_its_truth_and_gives_days(season):
             season.day(which)
 
 
-def test_gaps_of_the_gauge_are_bridged_and_counted():
+def test_gaps_of_the_gauge_are_filled_and_counted():
     silent = rivid.simulate(days=2, seed=4, level={"gaps_per_day": 20.0})
     gaps = np.isnan(silent.level[0])
     assert gaps.any()
@@ -201,26 +191,36 @@ def test_the_same_seed_gives_the_same_season():
     assert not np.array_equal(a.level, c.level)
 
 
-def test_a_diagnosis_is_an_answer_with_its_evidence(finding, tmp_path):
-    assert finding.verdict in VERDICTS and repr(finding).startswith("DiagnosisResult(")
-    assert finding.evidence.record.days == 20 and is_png(finding.plot())
-    assert str(finding).count("\n") > 1
-    page = finding.write(tmp_path / "out")
+def test_a_diagnosis_has_a_repr_a_summary_and_a_figure():
+    evidence = evidence_of()
+    result = DiagnosisResult(diagnosis("explained", evidence), evidence, Config())
+    assert repr(result) == "DiagnosisResult(reach: explained, diurnal_inflow)"
+    assert str(result).count("\n") > 1 and is_png(result.plot())
+
+
+@pytest.mark.long
+def test_a_diagnosis_of_a_season_with_one_candidate_effect_writes_its_files(tmp_path):
+    made = rivid.simulate(SHORT)
+    others = sorted(set(effect_classes(None)) - {"leakage"})
+    reach = made.config.model_dump(exclude_unset=True)
+    result = rivid.diagnose(made, reach | {"diagnose": {"exclude": others, "most_effects": 1}})
+    assert result.verdict in VERDICTS and result.evidence.record.days == 20 and is_png(result.plot())
+    page = result.write(tmp_path / "out")
     there = {path.name for path in (tmp_path / "out").iterdir()}
     assert page.exists() and {"diagnosis.json", "diagnosis.html", "model.toml"} <= there
 
 
-def test_too_few_days_are_an_answer_too(season):
+def test_too_few_days_give_a_result(season):
     few = rivid.diagnose(season)
     assert few.verdict == "insufficient_data" and few.evidence is None and is_png(few.plot())
 
 
-def test_a_diagnosis_of_days_that_are_not_there_is_refused(season):
+def test_a_diagnosis_of_missing_days_is_refused(season):
     with pytest.raises(NoDataError, match="no simulated day"):
         rivid.diagnose(season, first="2011-01-01")
 
 
-def test_every_result_has_a_short_repr_and_a_picture(day, season):
+def test_every_result_has_a_short_repr_and_a_figure(day, season):
     u, y, o = (np.stack([getattr(season.day(i), name) for i in range(4)]) for name in "uyo")
     still = rivid.posterior(np.zeros(650), day.y)
     assert "does not move" in repr(still)
@@ -233,10 +233,10 @@ def test_every_result_has_a_short_repr_and_a_picture(day, season):
             result.date = None
 
 
-def test_a_picture_leaves_the_users_matplotlib_alone(day):
+def test_a_figure_does_not_change_the_settings_of_matplotlib(day):
     code = (
         "import sys, matplotlib, rivid\n"
-        # asking for the backend as a user does would import pyplot
+        # rcParams["backend"] would import pyplot
         "before = dict(dict.items(matplotlib.rcParams))\n"
         f"rivid.read_day({str(WEEK / '2008-03-14.csv')!r}).plot()._repr_png_()\n"
         "print(dict(dict.items(matplotlib.rcParams)) == before, 'matplotlib.pyplot' in sys.modules)"
@@ -245,7 +245,7 @@ def test_a_picture_leaves_the_users_matplotlib_alone(day):
     assert done.stdout.split() == ["True", "False"], done.stderr
 
 
-def test_functions_stay_functions_whatever_is_imported_before():
+def test_functions_are_not_replaced_by_modules_of_the_same_name():
     code = (
         "import rivid.simulation.season, rivid.diagnosis.workflow, rivid.core.jmap, rivid.core.posterior\n"
         "import rivid.cli.simulate, rivid.cli.diagnose, rivid\n"
@@ -256,7 +256,7 @@ def test_functions_stay_functions_whatever_is_imported_before():
     assert done.returncode == 0, done.stderr
 
 
-def test_all_public_names_are_there_and_documented():
+def test_all_public_names_exist_and_are_documented():
     for name in rivid.__all__:
         assert getattr(rivid, name) is not None
         if name != "__version__":

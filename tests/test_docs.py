@@ -1,4 +1,4 @@
-"""The reference holds all there is, every link of the pages leads somewhere, and the recipes work."""
+"""The reference is complete, the links of the pages have targets, and the recipes work."""
 
 import doctest
 import json
@@ -41,20 +41,20 @@ def names(page):
 
 
 @pytest.mark.parametrize("model", [Config, Scenario])
-def test_every_key_is_told_with_its_type_and_what_it_means(model):
-    told = keys.markdown(model)
+def test_every_key_has_a_type_and_a_meaning(model):
+    page = keys.markdown(model)
     tables = list(keys.sections(model))
     assert [name for name, _, _ in tables if name]
     for name, section, found in tables:
-        assert name == "" or f"## `[{name}]`" in told
+        assert name == "" or f"## `[{name}]`" in page
         for key in found:
-            assert f"| `{key.name}` |" in told
-            assert key.meaning and key.type, f"[{name}] {key.name} does not say what it means"
+            assert f"| `{key.name}` |" in page
+            assert key.meaning and key.type, f"[{name}] {key.name} has no meaning or type"
         if name:
             assert [key.name for key in found] == list(section.model_fields)
 
 
-def test_a_key_that_is_a_time_or_a_flow_says_its_unit():
+def test_keys_have_units():
     unit = {(k.table, k.name): k.unit for model in (Config, Scenario)
             for _, _, found in keys.sections(model) for k in found}  # fmt: skip
     assert unit["reach", "sample_time"] == "s" and unit["reach", "discharge_range"] == "m3/s"
@@ -70,53 +70,43 @@ def test_defaults_and_limits_are_those_of_the_models():
     assert found["start"].default == "not given"
 
 
-def test_every_column_of_every_table_has_a_meaning_and_is_told():
-    told = contract.results()
+def test_every_column_of_every_table_has_a_meaning_in_the_reference():
+    page = contract.results()
     for name, (schema, meanings) in contract.schemas().items():
-        section = told.split(" and ".join(f"`{one}`" for one in name.split(", ")), 1)[1].split("## ")[0]
+        section = page.split(" and ".join(f"`{one}`" for one in name.split(", ")), 1)[1].split("## ")[0]
         for column in schema.names:
             assert meanings[column][1], f"{name}: {column} has no meaning"
             assert f"| `{column}` |" in section
+    existing = {column for schema, _ in contract.schemas().values() for column in schema.names}
+    assert all(set(meanings) <= existing for _, meanings in contract.schemas().values())
 
 
-def test_no_meaning_is_left_of_a_column_that_is_gone():
-    there = {column for schema, _ in contract.schemas().values() for column in schema.names}
-    for _, meanings in contract.schemas().values():
-        assert set(meanings) <= there
-
-
-def test_columns_that_a_run_writes_are_those_of_the_reference(tmp_path):
+def test_the_columns_of_a_run_are_those_of_the_reference(tmp_path):
     from rivid.cli import cli
 
-    arguments = [
-        str(ROOT / "sample_data/basse_isere_csv"),
-        "--out",
-        str(tmp_path),
-        "--estimator",
-        "posterior",
-    ]
-    cli.main(["run", *arguments, "--no-figures", "--quiet", "--workers", "1"], standalone_mode=False)
+    week = str(ROOT / "sample_data/basse_isere_csv")
+    words = ["run", week, "--out", str(tmp_path), "--estimator", "posterior", "--no-figures", "--quiet"]
+    cli.main([*words, "--workers", "1"], standalone_mode=False)
     for name, (schema, _) in contract.schemas().items():
         for file in name.split(", "):
             if (tmp_path / file).exists() and file.endswith(".parquet"):
                 assert pyarrow.parquet.read_schema(tmp_path / file).names == schema.names, file
-    record = (
-        (DOCS / "reference/results.md").read_text(encoding="utf-8").split("## `run.json`")[1].split("## ")[0]
-    )
+    page = (DOCS / "reference/results.md").read_text(encoding="utf-8")
+    record = page.split("## `run.json`")[1].split("## ")[0]
     for key in json.loads((tmp_path / "run.json").read_text(encoding="utf-8")):
         assert f"`{key}`" in record, f"run.json: {key} is not in the reference"
 
 
-def test_every_effect_is_told_with_its_parameters_units_and_limits():
-    told = contract.effects()
+def test_every_effect_is_listed_with_its_parameters():
+    page = contract.effects()
     for name, one in CATALOGUE.items():
-        section = told.split(f"### `{name}`", 1)[1].split("### ")[0]
+        section = page.split(f"### `{name}`", 1)[1].split("### ")[0]
         assert one.sentence in section and one.looks in section
-        for key, said in one.parameters().items():
-            assert f"| `{key}` |" in section and said.meaning in section
+        for key, spec in one.parameters().items():
+            assert f"| `{key}` |" in section and spec.meaning in section
 
 
-def test_every_exit_code_that_can_be_is_told():
+def test_every_exit_code_is_in_the_reference_and_in_the_readme():
     kinds, found = [RividError], {0, 3}
     while kinds:
         one = kinds.pop()
@@ -125,13 +115,10 @@ def test_every_exit_code_that_can_be_is_told():
             found.add(one.exit_code)
     assert found <= set(EXIT_CODES) and {130, 143} <= set(EXIT_CODES)
     assert all(f"| `{code}` |" in contract.exits() for code in EXIT_CODES)
-
-
-def test_exit_codes_of_the_readme_are_those_of_the_package():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     table = re.search(r"\| code \| meaning .*?\n\n", readme, re.S)[0].strip()
-    told = {int(code) for row in table.splitlines() for code in re.findall(r"\d+", row.split("|")[1])}
-    assert told == set(EXIT_CODES)
+    listed = {int(code) for row in table.splitlines() for code in re.findall(r"\d+", row.split("|")[1])}
+    assert listed == set(EXIT_CODES)
 
 
 def test_every_command_and_its_options_have_help():
@@ -164,18 +151,18 @@ def test_the_figure_of_the_layers_has_all_folders_and_modules_with_a_description
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names)
-def test_every_link_and_picture_of_a_page_is_there(page):
+def test_every_link_and_picture_of_a_page_exists(page):
     text = page.read_text(encoding="utf-8")
     for target in LINK.findall(BLOCK.sub("", text)):
         if re.match(r"[a-z]+:", target):
             continue
         path, _, place = target.partition("#")
-        there = (page.parent / path).resolve() if path else page
-        assert there.exists(), f"{names(page)} leads to {target}"
+        linked = (page.parent / path).resolve() if path else page
+        assert linked.exists(), f"{names(page)} links to {target}"
         if place:
-            heads = re.findall(r"^#+ (.*)$", there.read_text(encoding="utf-8"), re.M)
+            heads = re.findall(r"^#+ (.*)$", linked.read_text(encoding="utf-8"), re.M)
             slugs = {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
-            assert place in slugs, f"{names(page)} leads to {target}"
+            assert place in slugs, f"{names(page)} links to {target}"
 
 
 def test_every_page_is_in_the_site():
@@ -188,7 +175,7 @@ def test_every_page_is_in_the_site():
     assert pages - listed == {DOCS / "index"}
 
 
-def test_a_picture_of_the_guide_has_a_program_and_a_page():
+def test_every_picture_of_the_guide_has_a_program_and_a_page():
     from benchmarks.guide_pictures import ALL
 
     drawn = {f"guide_{name}.png" for name in ALL}
@@ -197,7 +184,7 @@ def test_a_picture_of_the_guide_has_a_program_and_a_page():
     assert all(f"../pictures/{name}" in shown for name in drawn)
 
 
-def test_a_page_that_leads_nowhere_or_asks_another_host_is_found(tmp_path):
+def test_broken_links_and_links_to_other_hosts_are_found(tmp_path):
     (tmp_path / "a.html").write_text('<p id="here"><a href="b.html#there">x</a><a href="https://x.org">y</a>')
     (tmp_path / "b.html").write_text(
         '<img src="https://x.org/y.png"><a href="a.html#here">x</a><a href="c.html">'
@@ -208,13 +195,13 @@ def test_a_page_that_leads_nowhere_or_asks_another_host_is_found(tmp_path):
     assert len(found.splitlines()) == 3
 
 
-def test_examples_of_what_makes_the_reference_hold():
+def test_the_examples_of_the_extensions_run():
     for module in (keys, markup):
         found = doctest.testmod(module)
         assert found.attempted and not found.failed
 
 
-def test_numpydoc_is_read_with_its_units():
+def test_numpydoc_parameters_are_parsed_with_units():
     class Weir:
         """A weir.
 
@@ -239,7 +226,7 @@ def test_numpydoc_is_read_with_its_units():
 
 
 def recipe(page, package):
-    """Do what a page says to a copy of the package: new files as captioned blocks, changes as diffs."""
+    """Apply a page to a copy of the package: new files as captioned blocks, changes as diffs."""
     text = (DOCS / "built" / page).read_text(encoding="utf-8")
     for path, body in re.findall(
         r"^```\{code-block\} python\n:caption: (\S+)\n\n(.*?)^```", text, re.M | re.S
@@ -250,9 +237,9 @@ def recipe(page, package):
         lines = body.splitlines(keepends=True)
         old = "".join(line[1:] or "\n" for line in lines if line[0] != "+")
         new = "".join(line[1:] or "\n" for line in lines if line[0] != "-")
-        there = (package / path).read_text(encoding="utf-8")
-        assert there.count(old) == 1, f"{page}: {path} has these lines {there.count(old)} times:\n{old}"
-        (package / path).write_text(there.replace(old, new), encoding="utf-8")
+        source = (package / path).read_text(encoding="utf-8")
+        assert source.count(old) == 1, f"{page}: {path} has these lines {source.count(old)} times:\n{old}"
+        (package / path).write_text(source.replace(old, new), encoding="utf-8")
     return len(changes)
 
 
@@ -262,24 +249,15 @@ def scratch(tmp_path):
 
     def run(*arguments):
         environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "rivid",
-            "run",
-            *map(str, arguments),
-            "--workers",
-            "1",
-            "--quiet",
-        ]
+        words = ["run", *map(str, arguments), "--workers", "1", "--quiet"]
+        command = [sys.executable, "-P", "-m", "rivid", *words]
         done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
 
     return tmp_path, run
 
 
-def test_an_estimator_is_added_as_the_page_says(scratch):
+def test_the_recipe_for_an_estimator_works(scratch):
     package, run = scratch
     assert recipe("estimator.md", package) == 1
     out = package / "out"
@@ -290,7 +268,7 @@ def test_an_estimator_is_added_as_the_page_says(scratch):
     assert "peak of the correlation of moves" in (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_reader_is_added_as_the_page_says_and_reads_what_csv_holds(scratch):
+def test_the_recipe_for_a_reader_works(scratch):
     package, run = scratch
     assert recipe("reader.md", package) == 2
     week, logs = ROOT / "sample_data/basse_isere_csv", package / "logs"

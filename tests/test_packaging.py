@@ -1,4 +1,4 @@
-"""What is built is whole: wheel and sdist, and rivid installed from them into a clean environment."""
+"""Wheel and sdist are complete, and rivid installed from them works in a clean environment."""
 
 import subprocess
 import sys
@@ -27,14 +27,14 @@ def run(*argv, **more):
 
 
 def build(source, kind, out):
-    """Call the build backend as a frontend would, without a network."""
+    """Call the build backend without a network."""
     code = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
     run(sys.executable, "-c", code, out, cwd=source)
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """Wheel and sdist of a copy of the sources: building leaves things beside them."""
+    """Wheel and sdist of a copy of the sources, as a build leaves files next to them."""
     place = tmp_path_factory.mktemp("packaging")
     source, out = place / "source", place / "dist"
     out.mkdir()
@@ -47,7 +47,7 @@ def built(tmp_path_factory):
 
 
 def expected():
-    """All that the package holds on the disk."""
+    """All files of the package."""
     return {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "rivid").rglob("*")
@@ -60,7 +60,7 @@ def in_wheel(wheel):
         return set(archive.namelist())
 
 
-def test_the_wheel_holds_all_of_the_package_and_nothing_else(built):
+def test_the_wheel_holds_exactly_the_package(built):
     held = in_wheel(built / WHEEL)
     package = {name for name in held if ".dist-info/" not in name}
     assert package == expected()
@@ -68,25 +68,25 @@ def test_the_wheel_holds_all_of_the_package_and_nothing_else(built):
     assert any(name.endswith("licenses/LICENSE") for name in held)
 
 
-def test_the_sdist_holds_what_a_wheel_is_built_from(built):
+def test_the_sdist_holds_the_sources_of_a_wheel(built):
     with tarfile.open(built / SDIST) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
     assert expected() <= held
     assert {"pyproject.toml", "README.md", "LICENSE"} <= held
 
 
-def test_metadata_say_version_pythons_and_licence(built):
+def test_metadata_have_version_pythons_and_licence(built):
     with zipfile.ZipFile(built / WHEEL) as archive:
         name = next(n for n in archive.namelist() if n.endswith("METADATA"))
-        said = archive.read(name).decode("utf-8")
+        metadata = archive.read(name).decode("utf-8")
     for line in (
         f"Version: {rivid.__version__}", "Requires-Python: >=3.11", "License-Expression: MIT",
         *(f"Classifier: Programming Language :: Python :: 3.{minor}" for minor in range(11, 15)),
     ):  # fmt: skip
-        assert line in said.splitlines(), line
+        assert line in metadata.splitlines(), line
 
 
-def test_one_version_is_said_everywhere():
+def test_the_version_is_the_same_everywhere():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8").splitlines()
     assert PROJECT["version"] == rivid.__version__
     assert f"version: {rivid.__version__}" in citation and "license: MIT" in citation
@@ -110,24 +110,15 @@ def test_the_wheel_works_in_a_clean_environment(built, tmp_path):
     options = ["--no-deps", "--no-index", "--disable-pip-version-check", "--quiet"]
     run(sys.executable, "-m", "pip", "--python", python, "install", *options, built / WHEEL)
     (site,) = (environment / "lib").glob("python*/site-packages")
-    # the dependencies are lent, as there may be no network; a path of a .pth comes last, and its own .pth
-    # files, such as that of an editable rivid, are not followed
+    # dependencies come from this environment, as there may be no network; .pth files there, such as that of
+    # an editable rivid, are not read
     (site / "lent.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
     where = run(python, "-c", "import rivid; print(rivid.__file__)", cwd=tmp_path).strip()
     assert Path(where).is_relative_to(environment)
     assert rivid.__version__ in run(environment / "bin" / "rivid", "--version", cwd=tmp_path)
     week, config = ROOT / "sample_data/basse_isere_csv", ROOT / "configs/basse_isere.toml"
-    run(
-        environment / "bin" / "rivid",
-        "run",
-        week,
-        "--config",
-        config,
-        "--out",
-        "out",
-        "--quiet",
-        cwd=tmp_path,
-    )
+    words = ("run", week, "--config", config, "--out", "out", "--quiet")
+    run(environment / "bin" / "rivid", *words, cwd=tmp_path)
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
     code = "import rivid; print(rivid.simulate(days=2, seed=1)); print(rivid.diagnose)"
     assert "SimulatedSeason(reach, 2 days" in run(python, "-c", code, cwd=tmp_path)

@@ -1,4 +1,4 @@
-"""The README as a new user reads it: every command of it is run, in its order, where nothing else is."""
+"""Every command of the README runs, in order, in an empty directory."""
 
 import os
 import re
@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SLOW = ("rivid diagnose",)
-"""What takes longer than the rest together: in the long loops."""
+"""Commands that are run by a test marked long."""
 
 
 def commands():
@@ -31,7 +31,7 @@ def block(language, holding):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """An empty directory but for what a clone has."""
+    """A directory with the data and the configurations of a clone."""
     place = tmp_path_factory.mktemp("reader")
     for name in ("sample_data", "configs"):
         shutil.copytree(ROOT / name, place / name)
@@ -54,15 +54,17 @@ def test_every_command_runs_in_its_order(place):
     for line in ran:
         run(line, place)
         if line.startswith("rivid sniff"):
-            answered = place / "reach.toml"
-            proposed = answered.read_text(encoding="utf-8")
-            answered.write_text(
+            settings_file = place / "reach.toml"
+            proposed = settings_file.read_text(encoding="utf-8")
+            settings_file.write_text(
                 re.sub(
                     r"\[reach\]\n.*?\n\n", lambda _: block("toml", "[reach]") + "\n", proposed, flags=re.S
                 ),
                 encoding="utf-8",
             )
-            assert proposed.count("[reach]") == 1 and "station-4711" in answered.read_text(encoding="utf-8")
+            assert proposed.count("[reach]") == 1 and "station-4711" in settings_file.read_text(
+                encoding="utf-8"
+            )
     assert len(ran) >= 18
     for name in (
         "results/report.html",
@@ -87,7 +89,7 @@ def test_every_command_runs_in_its_order(place):
     settings = (place / "logs_run.toml").read_text(encoding="utf-8")
     (morning / "rivid.toml").write_text(settings + "\n" + block("toml", "[run]"), encoding="utf-8")
     (line,) = [line for line in commands() if line[0].isdigit()]
-    assert " -" not in line.replace(" --quiet", "")  # the logs' directory is all it needs
+    assert " -" not in line.replace(" --quiet", "")  # no option but --quiet
     done = run(line.split(".venv/bin/")[1].replace("/data/", "data/"), place)
     assert done.stdout == done.stderr == ""
     assert (morning / "results" / "delays.csv").exists()
@@ -96,8 +98,7 @@ def test_every_command_runs_in_its_order(place):
 @pytest.mark.long
 def test_the_hidden_bypass_is_found(place):
     (line,) = [line for line in commands() if line.startswith(SLOW)]
-    told = run(line, place).stdout
-    assert "unlogged_upstream_release" in told
+    assert "unlogged_upstream_release" in run(line, place).stdout
     assert (place / "bypass" / "diagnosis.html").exists()
 
 
@@ -109,11 +110,11 @@ def test_every_target_of_make_exists():
         assert re.search(rf"^{target}:", makefile, re.M), target
 
 
-def test_the_two_commands_of_make_are_those_tried_here():
+def test_the_commands_of_make_are_those_of_the_readme():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert "rivid run sample_data/basse_isere --config configs/basse_isere.toml" in makefile
     assert re.search(r"^figures: run .*\n\t.*rivid figures .*--paper$", makefile, re.M)
 
 
-def test_it_is_no_longer_than_a_person_reads():
+def test_it_is_short():
     assert len(README.splitlines()) < 300

@@ -1,4 +1,4 @@
-"""What Tab completes, that it does not keep one waiting, and the scripts that shells read."""
+"""Completion with Tab, its imports, and the scripts for the shells."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ HEAVY = {"numpy", "pandas", "matplotlib", "scipy", "pyarrow", "pydantic", "rich"
 
 
 def complete(*words, cwd=None):
-    """What is offered for the last of the words, and the modules that it took."""
+    """The completions of the last word, and the modules that were loaded."""
     given = {"COMP_WORDS": " ".join(("rivid", *words)), "COMP_CWORD": str(len(words))}
     env = os.environ | given | {"_RIVID_COMPLETE": "bash_complete"}
     call = [sys.executable, "-X", "importtime", "-c", "from rivid.cli import main; main()"]
@@ -27,21 +27,16 @@ def complete(*words, cwd=None):
 
 
 def test_commands_complete():
-    assert complete("se")[0] == ["season"]
     assert complete("s")[0] == [name for name in COMMANDS if name.startswith("s")]
 
 
-def test_options_complete():
+def test_options_and_estimators_complete():
     assert complete("run", "--es")[0] == ["--estimator"]
-    assert complete("check", "--verb")[0] == ["--verbose"]
-
-
-def test_estimators_complete():
     offered = complete("run", "--estimator", "jmap")[0]
     assert offered == [name for name in ESTIMATORS if name.startswith("jmap")]
 
 
-def test_effects_complete_as_the_catalogue_has_them():
+def test_effects_of_the_catalogue_complete():
     from rivid.cli.effects import _names
 
     assert sorted(_names(None, None, "")) == sorted(effect_classes(None))
@@ -58,7 +53,7 @@ def test_reaches_of_a_fleet_complete(tmp_path):
 @pytest.mark.parametrize(
     "words", [("",), ("run", "--"), ("run", "--estimator", ""), ("effects", "")], ids=" ".join
 )
-def test_completion_does_not_keep_one_waiting(words):
+def test_completion_loads_nothing_heavy(words):
     assert not complete(*words)[1] & HEAVY
 
 
@@ -70,15 +65,15 @@ def test_completion_does_not_keep_one_waiting(words):
         ("fish", "~/.config/fish/completions/rivid.fish"),
     ],
 )
-def test_the_script_of_a_shell_says_where_to_put_it(rivid, shell, where):
-    said = rivid("completion", shell).output
-    comments = [line for line in said.splitlines() if line.startswith("# ")]
+def test_the_script_of_a_shell_names_its_location(rivid, shell, where):
+    script = rivid("completion", shell).output
+    comments = [line for line in script.splitlines() if line.startswith("# ")]
     assert where in " ".join(comments) and max(map(len, comments)) <= 80
-    assert f"{shell}_complete" in said
-    assert (said.splitlines()[0] == "#compdef rivid") == (shell == "zsh")
+    assert f"{shell}_complete" in script
+    assert (script.splitlines()[0] == "#compdef rivid") == (shell == "zsh")
 
 
-def test_another_shell_is_refused_with_those_there_are(rivid):
+def test_another_shell_is_refused_with_a_list(rivid):
     done = rivid("completion", "tcsh")
     assert done.code == 2 and "'bash', 'zsh', 'fish'" in str(done.exception)
 
