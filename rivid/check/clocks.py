@@ -6,7 +6,7 @@ from itertools import compress
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import BELIEVED, Fit, Fits, Record
+from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
 from rivid.types import Floats
 
 # Smallest shifts that are reported
@@ -290,15 +290,9 @@ def _in_rows(
     record: Record, dates: list[dt.date], among: list[dt.date], whole: bool = False
 ) -> list[dt.date]:
     """Return the dates that form dense rows among others (`whole`: with the days between them)."""
-    order = {date: k for k, date in enumerate(among)}
-    least = min(FEW[record.reach.kind], len(among))
-    rows: list[list[dt.date]] = []
-    for date in dates:
-        if rows and order[date] - order[rows[-1][-1]] <= 2:
-            rows[-1].append(date)
-        else:
-            rows.append([date])
-    dense = [r for r in rows if len(r) >= max(DENSE * (order[r[-1]] - order[r[0]] + 1), least)]
-    if whole:
-        return [date for row in dense for date in among[order[row[0]] : order[row[-1]] + 1]]
-    return [date for row in dense for date in row]
+    found = []
+    for row in consecutive(dates, among, gap=2):
+        span = among[among.index(row[0]) : among.index(row[-1]) + 1]
+        if len(row) >= max(DENSE * len(span), min(FEW[record.reach.kind], len(among))):
+            found += span if whole else row
+    return found

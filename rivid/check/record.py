@@ -142,6 +142,18 @@ class Record:
         return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
+def consecutive(dates: Iterable[dt.date], among: Iterable[dt.date], gap: int = 1) -> list[list[dt.date]]:
+    """Split dates into rows in which each is at most `gap` places after the one before, among others."""
+    order = {date: k for k, date in enumerate(among)}
+    rows: list[list[dt.date]] = []
+    for date in dates:
+        if rows and order[date] - order[rows[-1][-1]] <= gap:
+            rows[-1].append(date)
+        else:
+            rows.append([date])
+    return rows
+
+
 class Fit(NamedTuple):
     """The best pair of lags.
 

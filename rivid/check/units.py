@@ -6,7 +6,7 @@ from collections.abc import Collection
 import numpy as np
 
 from rivid.check.findings import Finding
-from rivid.check.record import BELIEVED, Fit, Fits, Record
+from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
 from rivid.config import UNITS, Config
 
 # Flows
@@ -187,16 +187,9 @@ class Flows:
 
     def _in_rows(self, dates: list[dt.date]) -> list[dt.date]:
         """Return the dates that are consecutive days, or all of them if they are most of the record."""
-        order = {date: k for k, date in enumerate(self.record.days)}
-        if len(dates) >= MOST_DAYS * len(order):
+        if len(dates) >= MOST_DAYS * len(self.record.days):
             return dates
-        rows: list[list[dt.date]] = []
-        for date in dates:
-            if rows and order[date] - order[rows[-1][-1]] == 1:
-                rows[-1].append(date)
-            else:
-                rows.append([date])
-        return [date for row in rows if len(row) >= FEWEST for date in row]
+        return [d for row in consecutive(dates, self.record.days) if len(row) >= FEWEST for d in row]
 
     def against_range(self) -> list[Finding]:
         """Find discharges far from [reach] discharge_range."""
