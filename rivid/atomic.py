@@ -32,7 +32,7 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise RividError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # it may never have been; what went wrong is said above
+        with suppress(OSError):  # it may not exist; the error is raised above
             scratch.unlink()
 
 

@@ -266,7 +266,7 @@ class InputConfig(Section):
                 }.get(name, "")
                 raise ValueError(f"empty {name}: expected the name of a column, or a list of names{hint}")
             if len(set(listed)) < len(listed):
-                raise ValueError(f"a column stands twice in {name} = {listed}: expected each once")
+                raise ValueError(f"a column occurs twice in {name} = {listed}: expected each once")
         return self
 
     @model_validator(mode="after")
@@ -307,7 +307,7 @@ class InputConfig(Section):
     def _each_once(cls, value: list[str]) -> list[str]:
         twice = [name for name in value if name and value.count(name) > 1]
         if twice:
-            raise ValueError(f"{twice[0]!r} stands twice: expected each name once")
+            raise ValueError(f"{twice[0]!r} occurs twice: expected each name once")
         return value
 
     @field_validator("tag_pattern")

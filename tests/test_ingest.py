@@ -106,7 +106,7 @@ class TestWhatIsThere:
 
     def test_a_configuration_that_differs_is_not_overwritten(self, tmp_path):
         (tmp_path / "logs_run.toml").write_text("# mine\n")
-        with pytest.raises(ConfigError, match="says otherwise: --force"):
+        with pytest.raises(ConfigError, match="exists and differs: --force"):
             go(tmp_path, wide())
         assert not (tmp_path / "logs").exists()
         go(tmp_path, wide(), dict(force=True))
@@ -131,11 +131,11 @@ class TestWhatIsThere:
         path = tmp_path / "logs_run.toml"
         path.write_text(path.read_text() + edit)
         mine = path.read_text()
-        with pytest.raises(ConfigError, match="says otherwise: --force"):
+        with pytest.raises(ConfigError, match="exists and differs: --force"):
             go(tmp_path, wide(), reach={"name": "lower-river"})
         assert path.read_text() == mine
         path.write_text("# " + mine)
-        with pytest.raises(ConfigError, match="says otherwise: --force"):
+        with pytest.raises(ConfigError, match="exists and differs: --force"):
             go(tmp_path, wide())
 
     def test_it_stays_too_where_the_logs_would_differ_and_then_none_is_written(self, tmp_path):
@@ -143,7 +143,7 @@ class TestWhatIsThere:
         before = (tmp_path / "logs_run.toml").read_text()
         rows = wide(192)
         rows[5][1] = "333"
-        with pytest.raises(ConfigError, match="says otherwise: --force"):
+        with pytest.raises(ConfigError, match="exists and differs: --force"):
             go(tmp_path, rows, reach={"name": "lower-river"})
         assert os.listdir(tmp_path / "logs") == [f"{DAY}.csv"]
         assert (tmp_path / "logs_run.toml").read_text() == before
@@ -443,7 +443,7 @@ class TestNames:
         go(tmp_path, rows, head="time,in,out,level", u_Qi="in", u_Qo="out", h_L="level")
         config = parse({"reach": REACH, "input": {"u_Qi": "in", "u_Qo": "out", "h_L": "level"}}, Config)
         (source,) = find_days(tmp_path / "logs", config).days
-        with pytest.raises(DataError, match="`rivid ingest` wrote, the configuration stands beside them"):
+        with pytest.raises(DataError, match="`rivid ingest` wrote, the configuration is next to them"):
             read_window(tmp_path / "logs", [source], config)
 
     def test_a_parquet_log_with_flags_is_read_like_a_csv_log_with_flags(self, tmp_path):

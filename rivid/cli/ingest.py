@@ -48,7 +48,7 @@ def command(
 
     Only what the configuration declares is applied, every value that is dropped is counted, and a day that
     `rivid run` could not use is refused. Nothing is overwritten unless it is identical, or --force is given.
-    --config is always asked for: exports and the logs made of them do not look alike.
+    --config is required: exports and the logs made of them have different columns.
 
     Exit code: 0 all well, 2 not as declared, 3 days refused, 10 no data.
 
@@ -124,8 +124,8 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
         "refused": "refused",
         "pending": "unfinished",
     }
-    told = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
-    click.echo(f"{len(outcome.days)} days: {told or 'none'}")
+    shown = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
+    click.echo(f"{len(outcome.days)} days: {shown or 'none'}")
     if not dry_run and (counts["written"] or counts["identical"]):
         click.echo(f"next: rivid check {out} --config {outcome.run_config}")
         click.echo(f"then: rivid run {out} --config {outcome.run_config}")

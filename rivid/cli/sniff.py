@@ -18,7 +18,7 @@ def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
     """Propose an [input] block for EXPORTS, one file from elsewhere, or several of one dialect.
 
     Comments list what the files alone do not determine: which discharge is the inflow (a list of columns is
-    a sum), the zone, what a time stands for.
+    a sum), the zone, whether a time is the start or end of an interval.
 
     \b
     Examples:

@@ -184,7 +184,7 @@ def find_days(
             else:
                 parts.setdefault(date, []).append(part)
     for date, part in edges:
-        if date in parts:  # a row at midnight alone makes no day; beside others it may complete one
+        if date in parts:  # a row at midnight alone makes no day; with others it may complete one
             parts[date].append(part)
     if spec.latest:
         for date in parts:  # the row that closes it may be in the next day's file
@@ -275,7 +275,7 @@ def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> Fil
     dates = log.dates()
     days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
     if not days:
-        raise DataError("has no values in the columns that are asked for")
+        raise DataError("has no values in the required columns")
     edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
     return FileFacts(*_stamp(status), log.digest, days, settings, edges)
 
@@ -305,5 +305,5 @@ def _hash(path: Path, size: int) -> tuple[str, int]:
 
 
 def _without_name(reason: str, name: str) -> str:
-    """A reason that is shown beside the name need not begin with it."""
+    """The reason without the file name that it begins with: both are shown together."""
     return reason.removeprefix(name).lstrip(" ,:") or reason

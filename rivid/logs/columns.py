@@ -247,5 +247,5 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
     none = ' or "" where it is not logged' if role == "u_Qo" else ""
     own = "; for an export of another system `rivid sniff FILE` proposes [input]"
     if {"time", "u_Qi"} <= set(names):
-        own = "; of logs that `rivid ingest` wrote, the configuration stands beside them"
+        own = "; of logs that `rivid ingest` wrote, the configuration is next to them"
     return f"{nearest}there are: {listed}. Set [input] {role} to the log's own name{none}{own}"

@@ -54,7 +54,7 @@ def local(time: int, zone: dt.tzinfo) -> dt.datetime:
 
 
 def clock(time: int, zone: dt.tzinfo, with_date: bool = False) -> str:
-    """A time [us UTC] as people say it: 13:05, or with its date."""
+    """A local time for messages: 13:05, or with its date."""
     moment = local(time, zone)
     text = f"{moment:%H:%M:%S}" if moment.second else f"{moment:%H:%M}"
     return f"{moment.date()} {text}" if with_date else text

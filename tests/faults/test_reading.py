@@ -459,7 +459,7 @@ def test_hostile_declarations_are_refused_in_one_line(given):
     [
         ({"h_L": ""}, 'a reach without level is [reach] kind = "river"'),
         ({"u_Qo": []}, 'or "" where the outflow is not logged'),
-        ({"u_Qo": ["a", "a"]}, "a column stands twice in u_Qo = ['a', 'a']"),
+        ({"u_Qo": ["a", "a"]}, "a column occurs twice in u_Qo = ['a', 'a']"),
         ({"u_Qi": "stage", "h_L": "stage"}, "column 'stage' stands for u_Qi and for h_L"),
         ({"time_format": "%Q"}, "'Q' is a bad directive in format '%Q'"),
     ],

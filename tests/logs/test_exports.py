@@ -201,7 +201,7 @@ class TestWhatSniffCannotTell:
         assert "decimal" not in proposal.open_keys
 
     @pytest.mark.parametrize(
-        "text", ["", "\n\n", "no table here\nat all\n", "1;2\n3;4\n", "a;b\n", "a;b\nx;y\nz;w\n"]
+        "text", ["", "\n\n", ",", "no table here\nat all\n", "1;2\n3;4\n", "a;b\n", "a;b\nx;y\nz;w\n"]
     )
     def test_no_table_is_said_to_be_none(self, tmp_path, text):
         with pytest.raises(RividError, match="export.csv"):

@@ -299,6 +299,6 @@ def _standing(path: Path, text: str) -> str:
 def _refuse_overwriting(path: Path) -> None:
     """Refuse to overwrite an edited configuration, or one that other logs are read with."""
     raise ConfigError(
-        f"{shown(str(path))} is there and says otherwise: --force writes it and differing days again, "
+        f"{shown(str(path))} exists and differs: --force overwrites it and differing days again, "
         "--run-config writes it elsewhere"
     )

@@ -106,7 +106,7 @@ class ColumnGuess:
     role : str
         u_Qi, u_Qo, h_L, "flow" for another discharge, or empty.
     unit : str
-        As `[input.units]` writes it; empty where the log does not say.
+        As in `[input.units]`; empty where the log does not state it.
     sentinels : tuple of float
     texts : tuple of str
         Texts of cells that hold no number.
@@ -532,7 +532,11 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
         ins = [c for c in called_out if c not in outs and sites[c.name] != sites[outs[0].name]][:1]
     guessed = "guessed by its name"
     first = "it is only the first discharge" if ins and ins[0].role == "flow" else guessed
-    return ins, outs, (first, "its name does not tell" if outs and outs[0].role == "flow" else guessed)
+    return (
+        ins,
+        outs,
+        (first, "its name does not determine it" if outs and outs[0].role == "flow" else guessed),
+    )
 
 
 def _ask_which(ins: Group, outs: Group, flows: Group, why: tuple[str, str], questions: Questions) -> None:

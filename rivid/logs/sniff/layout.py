@@ -50,7 +50,7 @@ class Layout:
     header_rows : int
         Rows whose cells together make the names.
     repeated : bool
-        Whether the header stands again among the data.
+        Whether the header is repeated among the data.
     blocks : list of str
         The tag of each row of a ZRXP file, of which also:
     zone : str
@@ -138,9 +138,9 @@ def guess_layout(content: bytes, name: str) -> Layout:
     numbered = [(i, line) for i, line in enumerate(lines) if not (comment and line.startswith(comment))]
     lines = [line for _, line in numbered]
     separator, width = _guess_separator(lines)
-    if width < 2:
-        raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
     cells = [_split(line, separator) for line in lines]
+    if width < 2 or not any(any(row) for row in cells if len(row) == width):
+        raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
     header = _find_header(cells, width)
     names = cells[header]
     if sum(map(_looks_like_data, names)) > len(names) // 2:

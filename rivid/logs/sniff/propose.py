@@ -296,7 +296,7 @@ class _Draft:
             self.ask("footer_rows", f"{lines} no data ({ends}): passed over by footer_rows")
 
     def _stamps(self) -> None:
-        """Intervals of the columns, and what their times stand for."""
+        """Intervals of the columns, and the question of their time stamps."""
         tagged, step = self.tagged, self.step
         steps = [tagged.steps.get(column.name, []) for column in self.used] if tagged else [self.time.steps]
         if any(map(_unsteady, steps)):
