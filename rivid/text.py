@@ -305,17 +305,6 @@ def travel_first(values: Sequence[float], sample_time: float) -> str:
     return f"{travel(values, sample_time)} (delay d = {samples(values)} of {step(sample_time)})"
 
 
-def about(seconds: float) -> str:
-    """A travel time with its fraction, which is not known to the second.
-
-    Examples
-    --------
-    >>> about(1714), about(431), about(9000)
-    ('about 29 min', 'about 7.2 min', 'about 2.5 h')
-    """
-    return f"about {seconds / 60:.0f} min" if 600 <= seconds < HOURS_FROM else f"about {duration([seconds])}"
-
-
 def flow(value: float) -> str:
     """A discharge [m3/s] to three digits or to whole units.
 
