@@ -1,6 +1,6 @@
-"""Words for numbers and names: delays in samples and minutes or hours, estimators, dates, statuses.
+"""Formats of numbers: delays in samples and minutes or hours, shares, dates, counts.
 
-Shared by the figures and the report; imports nothing heavy.
+Shared by figures, pages and the terminal; imports nothing heavy.
 """
 
 import datetime as dt
@@ -10,20 +10,20 @@ from collections.abc import Sequence
 from rivid.estimators import ESTIMATORS
 
 HOURS_FROM = 7200
-"""Durations from here on [s] are told in hours."""
+"""Durations from here on [s] are given in hours."""
 
 NO_ANSWER = ("failed", "unidentifiable", "pending")
 """Statuses of days without an answer, the gravest first."""
 
 
 def no_jump(name: str) -> str:
-    """What every figure of a river's jump delay says below it."""
+    """Return the caption of every figure of a river's jump delay."""
     method = ESTIMATORS[name].method
     return f"The {method} looks for a jump; a dispersive river has none, so t50 says more than d."
 
 
 def trust(kind: str, name: str) -> str:
-    """How far to trust a delay, in the words of a legend; an estimator that does not judge has delays only.
+    """Return the legend of a class of days; an estimator without a check of the data has one class of delays.
 
     Examples
     --------
@@ -122,8 +122,6 @@ def samples(values: Sequence[float]) -> str:
 def delays(values: Sequence[float], sample_time: float) -> str:
     """One lag, or several alternatives, in samples and in minutes or hours: d as d T_s, or a t50.
 
-    The page tells the travel time that a delay stands for instead: :mod:`rivid.text`.
-
     Parameters
     ----------
     values : sequence of float
@@ -142,7 +140,7 @@ def delays(values: Sequence[float], sample_time: float) -> str:
 
 
 def minutes_first(value: float, sample_time: float) -> str:
-    """A t50 as a person asks for it: minutes or hours, then samples.
+    """A t50 in minutes or hours, then in samples.
 
     Parameters
     ----------
@@ -209,7 +207,7 @@ def response_unit(unit: str) -> str:
 
 
 def statuses(status: Sequence[str]) -> str:
-    """How many days have no answer, and why.
+    """Count the days without an answer by status.
 
     Examples
     --------
@@ -241,8 +239,8 @@ def step(sample_time: float) -> str:
 def travel(values: Sequence[float], sample_time: float) -> str:
     """The travel time that a delay stands for, or several alternatives.
 
-    A delay of d samples says that the inflow arrives between d T_s and (d + 1) T_s; a median between two
-    delays stands for both.
+    At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; a median between two delays
+    stands for both.
 
     Parameters
     ----------
@@ -268,8 +266,8 @@ def travel(values: Sequence[float], sample_time: float) -> str:
     texts = spelt([end / size for end in ends])
     if all(text.endswith(".0") or "." not in text for text in texts):
         texts = [text.removesuffix(".0") for text in texts]
-    said = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]
-    return f"{listed(said, 'or')} {unit}"
+    texts_ = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]
+    return f"{listed(texts_, 'or')} {unit}"
 
 
 def travel_within(low: float, high: float, sample_time: float) -> str:
@@ -295,7 +293,7 @@ def samples_first(values: Sequence[float], sample_time: float) -> str:
 
 
 def travel_first(values: Sequence[float], sample_time: float) -> str:
-    """Delays as a person asks for them: the travel time, then the samples.
+    """The travel time that delays stand for, then the delays in samples.
 
     Examples
     --------

@@ -53,7 +53,7 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
     _print_failures(summary)
     if not quiet:
         if not summary.reused:
-            click.echo("new here? `rivid check` says whether units, clocks and gauge look right")
+            click.echo("new here? `rivid check` shows whether units, clocks and gauge look right")
         shown = "report.html" if options.figures else "delays.csv"
         click.echo(f"{shown.split('.')[0]}: {summary.out / shown}")
 

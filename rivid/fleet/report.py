@@ -55,7 +55,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "bad_files": ("", "files that are no logs"),
     "first": ("", "first day of its record"),
     "last": ("", "last day of its record"),
-    "estimator": ("", "whose answers the band is of"),
+    "estimator": ("", "estimator of the band"),
     "quantity": ("", "`delay`, or `t50` of a river"),
     "sample_time_s": ("s", "T_s"),
     "answered_last_week": ("days", "of the last seven, with an answer"),
@@ -84,13 +84,13 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     outcomes : sequence of Outcome
         Of all reaches.
     name : str
-        What the page calls the fleet.
+        Name of the fleet on the page.
 
     Returns
     -------
     dict
-        fleet.json: the exit code, counts, and the names of the reaches to look at: `failing`, `left_band`,
-        `silent`, `changed`.
+        fleet.json: the exit code, counts, and the names of the reaches to look at: `failing`, `left_band`
+        (moved in the last week), `silent`, `changed`.
 
     Raises
     ------
@@ -104,14 +104,14 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
     safe = safe_for_spreadsheets(table, texts)
     write_csv(safe, out / "fleet.csv")
-    told = summary(outcomes, before)
-    write_page(out / "fleet.html", "fleet", _context(outcomes, told, before, name))
-    write_text(out / "fleet.json", json.dumps(told, indent=1, sort_keys=True) + "\n")
-    return told
+    found = summary(outcomes, before)
+    write_page(out / "fleet.html", "fleet", _context(outcomes, found, before, name))
+    write_text(out / "fleet.json", json.dumps(found, indent=1, sort_keys=True) + "\n")
+    return found
 
 
 def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, Any]:
-    """What fleet.json says, given what it said before."""
+    """Return the content of fleet.json, compared with that of the last report."""
     contents = before.get("contents") or {}
     latest = max((o.last for o in outcomes if o.last), default="")
     return {
@@ -141,10 +141,10 @@ def is_silent(outcome: Outcome, latest: str) -> bool:
 def _before(out: Path) -> dict[str, Any]:
     """The last fleet.json; empty without one."""
     try:
-        told = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
+        found = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return told if isinstance(told, dict) else {}
+    return found if isinstance(found, dict) else {}
 
 
 def _row(o: Outcome) -> dict[str, Any]:
@@ -162,18 +162,18 @@ def _row(o: Outcome) -> dict[str, Any]:
 
 
 def _context(
-    outcomes: Sequence[Outcome], told: dict[str, Any], before: dict[str, Any], name: str
+    outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[str, Any], name: str
 ) -> dict[str, Any]:
     had = before.get("data_sets_of") or {}
     chosen = {
         kind: [o for o in outcomes if o.reach in names]
         for kind in ("failing", "left_band", "silent", "changed")
-        for names in [set(told[kind])]
+        for names in [set(found[kind])]
     }
     return {
         "name": name,
-        "told": told,
-        "made": _minute(told["made"]),
+        "found": found,
+        "made": _minute(found["made"]),
         "since": _minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
         "moved": sorted(chosen["left_band"], key=_distance, reverse=True),
