@@ -32,7 +32,7 @@ UNITS = re.compile(r"(\d) (min|h|s|samples?|days?|%|m³/s|mm)\b")
 """A number and its unit: a headline has no line break between them."""
 
 
-def tight(text: "Markup") -> "Markup":
+def unbroken(text: "Markup") -> "Markup":
     """Return a text in one line, with units that stay with their numbers where lines are broken."""
     return type(text)(UNITS.sub("\\1\u00a0\\2", " ".join(text.split())))
 
@@ -66,7 +66,7 @@ def environment() -> "Environment":
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     made.globals |= {name: getattr(text, name) for name in WORDS}
     made.globals["seconds"] = text.duration
-    made.filters["tight"] = tight
+    made.filters["unbroken"] = unbroken
     made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
     return made
 
