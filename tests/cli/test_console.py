@@ -98,12 +98,13 @@ def test_wrap_does_not_split_a_path_and_abbreviate_cuts_the_middle():
 
 
 def test_quiet_prints_nothing_if_all_is_well(rivid, logs, tmp_path):
-    out = tmp_path / "out"
+    out, scenario = tmp_path / "out", tmp_path / "short.toml"
+    scenario.write_text("days = 3\n")
     for words in (
         ("check", logs),
         ("run", logs, "--out", out, "--estimator", "posterior", "--no-figures"),
         ("figures", out),
-        ("simulate", ROOT / "configs" / "scenarios" / "basse_isere.toml", "--out", tmp_path / "made"),
+        ("simulate", scenario, "--out", tmp_path / "made"),
     ):
         done = rivid(*words, "--quiet")
         assert (done.code, done.output) == (0, ""), words

@@ -15,7 +15,8 @@ from rivid.cli import COMMANDS, cli
 OF = {name: importlib.import_module(f"rivid.cli.{name}").command for name in COMMANDS}
 FIRST = ["config", "out"]
 LAST = ["first", "last", "workers", "dry_run", "as_json", "quiet", "verbose", "today"]
-FAST = ("bounds", "check", "completion", "effects", "ingest", "sniff", "simulate")
+FAST = ("bounds", "completion", "effects", "sniff")
+SLOW = ("check", "ingest", "simulate")
 """Commands with examples that are run here; those of the others are parsed."""
 
 
@@ -61,7 +62,7 @@ def test_examples_read_files_of_the_project_or_of_examples_before(rivid, project
                 assert (project / word).exists() or any(word.startswith(w) for w in written), (line, word)
 
 
-@pytest.mark.parametrize("name", FAST)
+@pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.long) for name in SLOW)])
 def test_examples_run_as_written(rivid, project, name):
     for line in examples(help_of(rivid, name)):
         words = words_of(line)
@@ -70,6 +71,7 @@ def test_examples_run_as_written(rivid, project, name):
         assert done.stdout
 
 
+@pytest.mark.long
 def test_the_two_examples_of_rivid_itself_run(rivid, project):
     lines = examples(help_of(rivid))
     assert [words_of(line)[0] for line in lines] == ["check", "run"]

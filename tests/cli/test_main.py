@@ -108,7 +108,7 @@ def test_another_command_that_is_interrupted_keeps_nothing(tmp_path):
     time.sleep(0.4)
     assert child.poll() is None
     child.send_signal(signal.SIGINT)
-    assert child.communicate(timeout=20)[1] == "rivid: interrupted\n"
+    assert child.communicate(timeout=60)[1] == "rivid: interrupted\n"
     assert child.returncode == 130
 
 
