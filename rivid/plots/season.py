@@ -1,32 +1,29 @@
-"""What each day says alone, and what the days say together."""
+"""A season: the probabilities of each day with the joined delays, and the law of delay and discharge."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
-from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from rivid.plots import style
-from rivid.plots.dates import date_axis
+from rivid.core.law import DelayLaw
+from rivid.plots import captions, style
+from rivid.plots.estimates import DASHED, flow_axis, probability_cells
 from rivid.plots.style import FigureFile
 from rivid.results.season import Joined, SeasonDays
 from rivid.results.selection import day_numbers
-from rivid.text import count, day_range
+from rivid.text import count, day_range, duration
+from rivid.types import Floats
 
 DARKEST = 0.36
-"""Opacity of a cell whose delay is certain: the band lies over it."""
-
+"""Opacity of a cell of probability 1: the band lies over it."""
 BAND = 0.16
 """Opacity of the band."""
-
 WAYS = {"forward": "each day knows those before it", "both": "each day knows all days"}
 
 
-def draw(days: SeasonDays, joined: Joined, folder: Path) -> FigureFile:
-    """Draw season.png.
+def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[FigureFile]:
+    """Draw season.png and delay_law.png.
 
     Parameters
     ----------
@@ -34,72 +31,153 @@ def draw(days: SeasonDays, joined: Joined, folder: Path) -> FigureFile:
         With at least one day.
     joined : Joined
         Of these days.
+    law : DelayLaw
+        Of these days, in seconds; without one the days are drawn, and why there is none.
     folder : Path
-        Where ``season.png`` goes.
+        Where the files go.
 
     Returns
     -------
-    FigureFile
+    list of FigureFile
     """
-    page = style.sheet(
-        "Delay over the season: posterior-season",
-        f"{days.reach} · {WAYS[joined.direction]} · {count(len(days.dates), 'day')}, "
-        f"{day_range(days.dates[0], days.dates[-1])}",
-    )
-    axes, x = page.axes, day_numbers(days.dates)
-    date_axis(axes, days.dates[0], days.dates[-1])
+    first, last = days.dates[0], days.dates[-1]
+    with style.styled():
+        figure, (ax,) = style.sheet(
+            "Delay over the season: posterior-season",
+            f"{days.reach} · {WAYS[joined.direction]} · {count(len(days.dates), 'day')}, "
+            f"{day_range(first, last)}",
+            [2.42],
+        )
+        style.date_axis(ax, first, last)
+        style.key(season(ax, days, joined))
+        files = [
+            style.written(
+                figure, folder / "season.png", "Delay over the season", captions.SEASON,
+                estimator="posterior-season",
+            )
+        ]  # fmt: skip
+        title, shown = "Delay and discharge: the law", int(_known(days).sum())
+        formula = (
+            f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}, "
+            f"{law.b_low:.2f} to {law.b_high:.2f}"
+            if law.status == "ok"
+            else f"no law: {law.message}"
+        )
+        figure, (ax,) = style.sheet(title, f"{days.reach} · {formula} · {count(shown, 'day')}", [2.62])
+        style.key(delay_law(ax, days, law))
+        path = folder / "delay_law.png"
+        files.append(style.written(figure, path, title, captions.LAW, estimator="posterior"))
+    return files
+
+
+def season(ax: Axes, days: SeasonDays, joined: Joined) -> Axes:
+    """p(d) of each day alone as cells, and over them the median and 90 % band of the joined days.
+
+    Parameters
+    ----------
+    ax : Axes
+        Its x axis are day numbers.
+    days : SeasonDays
+    joined : Joined
+
+    Returns
+    -------
+    Axes
+    """
+    x = day_numbers(days.dates)
     middle, low, high = (
         days.place(joined.probability, share) - (0.0 if days.river else 0.5) for share in (0.5, 0.05, 0.95)
     )
     shown = np.concatenate([low, high, days.delay[np.isfinite(days.delay)]])
-    style.lag_ticks(axes, float(shown.min()) - 1.3, float(shown.max()) + 1.3, bins=14)
-    axes.yaxis.grid(True)
-    _cells(axes, days)
+    style.lag_ticks(ax, float(shown.min()) - 1.3, float(shown.max()) + 1.3, bins=14)
+    ax.yaxis.grid(True)
+    probability_cells(ax, x[0], days.candidates, np.nan_to_num(days.probability).T, DARKEST)
+    ax.fill_between([], [], color=style.INK, alpha=0.7 * DARKEST, lw=0, label="the day alone, p(d)")
     edge = np.array([x[0] - 0.5, *x, x[-1] + 0.5])  # so that a single day is a band too
-    axes.fill_between(
-        edge, *(np.r_[v[0], v, v[-1]] for v in (low, high)), color=style.WATER, alpha=BAND, lw=0, zorder=2.5
-    )
-    for v in (low, high):
-        axes.plot(edge, np.r_[v[0], v, v[-1]], color=style.WATER, lw=0.5, alpha=0.6, zorder=2.6)
-    axes.plot(edge, np.r_[middle[0], middle, middle[-1]], color=style.WATER, lw=1.4, zorder=3.2)
-    handles: list[Any] = [
-        Patch(color=style.INK, alpha=0.7 * DARKEST, lw=0, label="the day alone, p(d)"),
-        style.dot("joined, median", ls="-", color=style.WATER, lw=1.4),
-        Patch(color=style.WATER, alpha=BAND, lw=0, label="90 %"),
-    ]
+    ends = [np.r_[v[0], v, v[-1]] for v in (low, high)]
+    ax.plot(
+        edge, np.r_[middle[0], middle, middle[-1]], color=style.WATER, lw=1.4, zorder=3.2,
+        label="joined, median",
+    )  # fmt: skip
+    ax.fill_between(edge, *ends, color=style.WATER, alpha=BAND, lw=0, zorder=2.5, label="90 %")
+    for v in ends:
+        ax.plot(edge, v, color=style.WATER, lw=0.5, alpha=0.6, zorder=2.6)
     other = np.isfinite(days.delay) & np.isfinite(joined.delay) & (days.delay != joined.delay)
     size = float(np.clip(70 / np.sqrt(len(x)), 3.0, 5.5))
-    looks: list[tuple[str, NDArray[np.bool_], dict[str, Any]]] = [
-        ("another delay than alone", other, {"marker": "o", "color": style.ACCENT}),
-        ("the day says nothing", ~joined.observed,
-         {"marker": "o", "color": style.WATER, "markerfacecolor": "white"}),
-    ]  # fmt: skip
-    for name, at, look in looks:
+    hollow = {"color": style.WATER, "markerfacecolor": "white"}
+    for name, at, look in (
+        ("another delay than alone", other, {"color": style.ACCENT}),
+        ("no information of its own", ~joined.observed, hollow),
+    ):
         if at.any():
-            axes.plot(x[at], middle[at], ls="none", markersize=size, zorder=3.5, **look)
-            handles.append(style.dot(f"{name} ({int(at.sum()):,})", **look, markersize=4.5))
-    axes.set_ylabel("t50 [samples]" if days.river else "delay d [samples]")
-    style.second_axis(axes, days.sample_time, "t50 [minutes]" if days.river else "d T_s [minutes]")
-    style.key(page, handles)
-    path = folder / "season.png"
-    style.save(page.figure, path)
-    return style.figure_file(page, "season", "posterior-season", path, "Delay over the season", _CAPTION)
+            style.marks(
+                ax, x[at], middle[at], f"{name} ({int(at.sum()):,})", size, marker="o", zorder=3.5, **look
+            )
+    ax.set_ylabel("t50 [samples]" if days.river else "delay d [samples]")
+    style.second_axis(ax, days.sample_time, "t50 [minutes]" if days.river else "d T_s [minutes]")
+    return ax
 
 
-def _cells(axes: Axes, days: SeasonDays) -> None:
-    """p(d) of each day alone, the darker the likelier."""
-    x, d = day_numbers(days.dates), days.candidates
-    image = np.zeros((len(d), len(x), 4))
-    image[..., :3] = to_rgb(style.INK)
-    image[..., 3] = DARKEST * np.nan_to_num(days.probability).T
-    limits = axes.get_xlim(), axes.get_ylim()
-    extent = (x[0] - 0.5, x[-1] + 0.5, float(d[0]) - 0.5, float(d[-1]) + 0.5)
-    axes.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
-    axes.set(xlim=limits[0], ylim=limits[1])
+def _known(days: SeasonDays) -> Any:
+    return np.isfinite(days.travel) & np.isfinite(days.discharge)
 
 
-_CAPTION = (
-    "Grey cells are what each day says alone, the darker the likelier. The line is the median of what the "
-    "days say together, between 5 and 95 %. Vermilion: the day alone gave another delay. Hollow: the day "
-    "says nothing of its own."
-)
+def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
+    """Travel time of each day against the discharge, and the law with its intervals.
+
+    Parameters
+    ----------
+    ax : Axes
+    days : SeasonDays
+    law : DelayLaw
+        Drawn where its status is ok.
+
+    Returns
+    -------
+    Axes
+    """
+    what, shown = "t50" if days.river else "travel time", _known(days)
+    ax.set_ylabel(f"{what} [samples]")
+    label = "mean inflow [m³/s]"
+    if not shown.any():
+        style.message(ax, f"None of the {count(len(days.dates), 'day')} has a travel time and a discharge.")
+        style.no_ticks(ax)
+        style.no_ticks(ax, "y")
+        ax.set_xlabel(label)
+        return ax
+    Q, T = days.discharge[shown], days.travel[shown] / days.sample_time
+    low, high = (
+        end(days.place(days.probability, share)[shown], T)
+        for end, share in ((np.minimum, 0.05), (np.maximum, 0.95))
+    )
+    flow_axis(ax, Q, label)
+    # all days and nearly all of their bars: one uncertain day must not compress the others
+    bottom = min(float(T.min()), float(np.quantile(low, 0.02)))
+    top = max(float(T.max()), float(np.quantile(high, 0.98)))
+    style.lag_ticks(ax, bottom - 0.5, top + 0.5)
+    ax.grid(True)
+    ax.vlines(Q, low, high, colors=style.LIGHT, linewidths=0.8, alpha=0.6, zorder=1.5)
+    size = float(np.clip(60 / np.sqrt(len(Q)), 2.0, 5.0))
+    style.marks(
+        ax, Q, T, "a day; bar: 5 to 95 % of its probability", size, marker="o", color=style.INK,
+        markeredgewidth=0, alpha=0.75, zorder=2.5,
+    )  # fmt: skip
+    if law.status == "ok":
+        _law(ax, law, Q, days.sample_time)
+    style.second_axis(ax, days.sample_time, f"{what} [minutes]")
+    return ax
+
+
+def _law(ax: Axes, law: DelayLaw, Q: Floats, T_s: float) -> None:
+    """The law over the observed discharges, its interval, and that of a single day."""
+    q, t = np.geomspace(Q.min(), Q.max(), 200), law.table
+    middle, low, high = (v / T_s for v in law.delay(q))
+    fixed: dict[str, Any] = {"zorder": 3, "scalex": False, "scaley": False}
+    held = f"{law.level:.0%}".replace("%", " %")
+    ax.plot(q, middle, color="white", lw=3.0, **fixed)  # the white edge sets the line off from any marks
+    ax.plot(q, middle, color=style.ACCENT, lw=1.7, label="law", **fixed)
+    ax.fill_between(q, low, high, color=style.ACCENT, alpha=0.3, lw=0, zorder=2.7, label=f"its {held}")
+    dashes: dict[str, Any] = {"color": style.ACCENT, "lw": 0.9, "ls": DASHED}
+    for end, name in ((t.day_low, f"a single day, {held}"), (t.day_high, None)):
+        share = np.interp(np.log(q), np.log(t.discharge), end / t.delay)
+        ax.plot(q, share * middle, label=name, **fixed, **dashes)

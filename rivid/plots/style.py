@@ -1,27 +1,31 @@
-"""One calm style for all figures: colours, fonts, sheets with fixed margins, deterministic files.
+"""One style for all figures: colours, sheets with fixed margins, axes of lags and of dates, files.
 
-Margins are given in inches, never searched for: layout engines draw every figure twice. Each colour has
-one meaning: ink for estimates, vermilion for what asks for attention, blue for hydraulics and the prior,
-beige for no data. They keep apart for colour-blind eyes.
+Margins are set in inches: layout engines draw every figure twice. Each colour has one meaning: ink for
+estimates, vermilion for what needs attention, blue for hydraulics and the prior, beige for no data. They
+remain distinct for colour-blind readers.
 """
 
-from collections.abc import Iterator, Sequence
+import datetime as dt
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.container import Container
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter, NullLocator
+from PIL import Image
 
 from rivid.atomic import replacing
-from rivid.plots.palette import reduced
-from rivid.text import shorten, time_unit
+from rivid.results.selection import day_numbers
+from rivid.text import NO_ANSWER, shorten, time_unit
+from rivid.types import Floats
 
 INK = "#262B31"
 GREY = "#68707A"
@@ -30,10 +34,15 @@ FAINT = "#E4E7EA"
 ACCENT = "#D55E00"
 WATER = "#0072B2"
 NO_DATA = "#F4E8D4"
+STATUS_COLOURS = {"failed": ACCENT, "unidentifiable": INK, "pending": LIGHT}
 
 DPI = 150
 WIDTH = 9.2
 """Width of every figure [inch]."""
+VECTOR_DPI = 300
+"""Resolution of images inside a vector file, such as the time-day representation."""
+NOTE = 130
+"""Characters of the line of facts that fit in the width of a figure."""
 
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -47,6 +56,7 @@ STYLE = {
     "axes.facecolor": "white",
     "axes.axisbelow": True,
     "axes.spines.top": False,
+    "axes.spines.right": False,
     "grid.color": FAINT,
     "grid.linewidth": 0.6,
     "xtick.color": GREY,
@@ -73,13 +83,14 @@ class FigureFile:
     Attributes
     ----------
     kind : str
-        t50, t50_discharge, tdr, histogram, delay_map, delay_discharge or fir_day.
+        t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or one of
+        :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example.
     estimator : str
-        Whose results it shows; empty for all of them.
+        The estimator whose results are shown; empty for all of them.
     path : Path
-        The PNG file.
+        The PNG file. A figure of the paper has an SVG of the same name in the same folder.
     title, caption : str
-        What it is, and how to read it.
+        What is shown, and how to read it.
     width, height : int
         Size [pixels].
     """
@@ -101,111 +112,411 @@ def styled() -> Iterator[None]:
         yield
 
 
-@dataclass(frozen=True)
-class Sheet:
-    """A figure with one main panel.
+# Sheets and panels
 
-    Attributes
-    ----------
-    figure : Figure
-    axes : Axes
-        The main panel.
-    width, height : float
-        Size of the panel [inch].
-    """
 
-    figure: Figure
-    axes: Axes
-    width: float
-    height: float
+class Picture(Figure):
+    """A figure without pyplot's global state; a notebook displays it as the last value of a cell."""
+
+    def _repr_png_(self) -> bytes:
+        held = BytesIO()
+        self.savefig(held, format="png")
+        return held.getvalue()
 
 
 def sheet(
     title: str,
     note: str,
+    heights: Sequence[float] = (2.4,),
+    widths: Sequence[float] = (1.0,),
     *,
-    height: float = 3.9,
+    gap: tuple[float, float] = (0.65, 0.3),
     left: float = 0.68,
     right: float = 0.72,
     top: float = 0.82,
     bottom: float = 0.66,
-) -> Sheet:
-    """A figure with a title, a line of facts under it, and a panel inside margins given in inches."""
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI)
+    heading: float | None = None,
+) -> tuple[Picture, list[Axes]]:
+    """A figure with a title, a line of facts under it, and panels in a grid.
+
+    Parameters
+    ----------
+    title, note : str
+        The title and the line of facts, which is cut at :data:`NOTE` characters.
+    heights : sequence of float
+        Heights of the rows of panels, from the top [inch].
+    widths : sequence of float
+        Widths of the columns, as parts of the available width.
+    gap : tuple of float
+        Between columns and between rows [inch].
+    left, right, top, bottom : float
+        Margins [inch].
+    heading : float, optional
+        Left end of title and note [inch]; `left` by default.
+
+    Returns
+    -------
+    Picture, list of Axes
+        The panels row by row.
+    """
+    height = top + sum(heights) + gap[1] * (len(heights) - 1) + bottom
+    figure = Picture(figsize=(WIDTH, height), dpi=DPI)
     FigureCanvasAgg(figure)
-    w, h = WIDTH - left - right, height - top - bottom
-    axes = figure.add_axes((left / WIDTH, bottom / height, w / WIDTH, h / height))
-    x = left / WIDTH
+    x = (left if heading is None else heading) / WIDTH
     figure.text(x, 1 - 0.13 / height, title, va="top", fontsize=11, fontweight="bold")
-    figure.text(x, 1 - 0.36 / height, shorten(note, 130), va="top", fontsize=8.5, color=GREY)
-    return Sheet(figure, axes, w, h)
+    figure.text(x, 1 - 0.36 / height, shorten(note, NOTE), va="top", fontsize=8.5, color=GREY)
+    unit = (WIDTH - left - right - gap[0] * (len(widths) - 1)) / sum(widths)
+    panels, y = [], height - top
+    for tall in heights:
+        y -= tall
+        x = left
+        for wide in widths:
+            panels.append(panel(figure, x, y, wide * unit, tall))
+            x += wide * unit + gap[0]
+        y -= gap[1]
+    return figure, panels
 
 
-def key(page: Sheet, handles: Sequence[Any]) -> None:
-    """The legend, in one line between the heading and the panel, outside the data."""
-    if handles:
-        page.axes.legend(
-            handles=list(handles),
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0 + 0.07 / page.height),
-            ncols=len(handles),
-        )
+def panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """A panel at a place of the figure given in inches."""
+    w, h = (float(v) for v in figure.get_size_inches())
+    return figure.add_axes((left / w, bottom / h, width / w, height / h))
 
 
-def dot(label: str, **look: Any) -> Line2D:
-    """A legend entry for marks, with their look."""
-    return Line2D([], [], label=label, **({"linestyle": "none"} | look))
+def inches(ax: Axes) -> tuple[float, float]:
+    """Width and height of a panel [inch]."""
+    w, h = (float(v) for v in ax.get_figure(root=True).get_size_inches())  # type: ignore[union-attr]
+    box = ax.get_position()
+    return box.width * w, box.height * h
 
 
-def lag_ticks(axes: Axes, low: float, high: float, bins: int = 8) -> None:
+def heading(ax: Axes, text: str, *, at: float = 0.0, up: float = 4.0, **look: Any) -> None:
+    """A line of text above a panel: from its left end at 0, up to its right end at 1.
+
+    Parameters
+    ----------
+    ax : Axes
+    text : str
+    at : float
+        0 for the left, 1 for the right end.
+    up : float
+        Distance from the panel [points].
+    **look
+        Properties of the text.
+    """
+    given: dict[str, Any] = {"fontsize": 8.5, "color": INK} | look
+    ax.annotate(
+        text, (at, 1), xycoords="axes fraction", xytext=(0, up), textcoords="offset points",
+        ha="right" if at else "left", va="bottom", **given,
+    )  # fmt: skip
+
+
+def name_panel(ax: Axes, letter: str, words: str) -> None:
+    """A letter and a few words above the left edge of a panel."""
+    heading(ax, letter, up=5, fontweight="bold")
+    ax.annotate(
+        words, (0, 1), xycoords="axes fraction", xytext=(13, 5), textcoords="offset points", va="bottom"
+    )
+
+
+def message(ax: Axes, text: str) -> None:
+    """Write in the middle of an empty panel why it is empty."""
+    ax.text(
+        0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY, fontsize=11, wrap=True
+    )
+
+
+# Marks and legends
+
+
+def marks(ax: Axes, x: Floats, y: Floats, label: str, size: float, **look: Any) -> None:
+    """Plot marks of `size` points; in the legend they have the legend's own size."""
+    ax.plot(x, y, **({"ls": "none", "markersize": size} | look))
+    entry(ax, label, **{k: v for k, v in look.items() if k not in ("alpha", "zorder")})
+
+
+def entry(ax: Axes, label: str, **look: Any) -> None:
+    """Add an entry to the legend and nothing to the panel."""
+    ax.plot([], [], label=label, **({"ls": "none", "markersize": 4.5} | look))
+
+
+def entries(*panels: Axes) -> dict[str, Any]:
+    """Legend entries of panels, one for each label; bars come first."""
+    found: dict[str, Any] = {}
+    for ax in panels:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return dict(sorted(found.items(), key=lambda item: not isinstance(item[1], Container)))
+
+
+def key(ax: Axes) -> None:
+    """The legend of a panel in one line above it, outside the data."""
+    if found := entries(ax):
+        ax.legend(
+            found.values(), found, loc="lower left", bbox_to_anchor=(0.0, 1.0 + 0.07 / inches(ax)[1]),
+            ncols=len(found),
+        )  # fmt: skip
+
+
+def figure_key(panels: Sequence[Axes], *, down: float = 0.37, left: float | None = None) -> None:
+    """One legend for several panels, `down` inches below the top: at their right end, or from `left` on."""
+    figure = panels[0].get_figure(root=True)
+    assert figure is not None
+    found, (width, height) = entries(*panels), figure.get_size_inches()
+    x = max(ax.get_position().x1 for ax in panels) if left is None else left / width
+    figure.legend(
+        found.values(), found, loc="upper right" if left is None else "upper left",
+        bbox_to_anchor=(x, 1 - down / height), ncols=max(len(found), 1),
+    )  # fmt: skip
+
+
+# Axes of lags and of durations
+
+
+def few_ticks(ax: Axes, which: str = "y", bins: int = 5) -> None:
+    """Up to `bins` intervals of 1, 2 or 5 between the ticks of an axis, without an offset."""
+    getattr(ax, f"{which}axis").set_major_locator(MaxNLocator(nbins=bins, steps=[1, 2, 5, 10]))
+    ax.ticklabel_format(axis=which, useOffset=False)  # type: ignore[arg-type]
+
+
+def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
     """Whole samples on the y axis, from `low` to `high`."""
-    axes.set_ylim(low, high)
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
+    ax.set_ylim(low, high)
+    ax.yaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
 
 
-def second_axis(axes: Axes, sample_time: float, label: str = "minutes", offset: float = 0.0) -> Axes:
+def no_ticks(ax: Axes, which: str = "x") -> None:
+    """Remove the ticks of one axis."""
+    getattr(ax, f"{which}axis").set_major_locator(NullLocator())
+
+
+def second_axis(ax: Axes, sample_time: float, label: str = "minutes") -> Axes:
     """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
 
     Parameters
     ----------
-    axes : Axes
-        Panel whose y axis counts samples.
+    ax : Axes
+        Panel with samples on its y axis.
     sample_time : float
         T_s [s].
     label : str
         What the axis shows, with ``minutes`` for the unit.
-    offset : float
-        Samples added before the conversion.
     """
-    low, high = axes.get_ylim()
-    unit, seconds = time_unit((high + offset) * sample_time)
+    low, high = ax.get_ylim()
+    unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
-    other = axes.twinx()
-    other.set_ylim((low + offset) * scale, (high + offset) * scale)
+    other = ax.twinx()
+    other.set_ylim(low * scale, high * scale)
     other.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 3, 5, 10]))
     other.set_ylabel(label.replace("minutes", unit), color=GREY)
     other.tick_params(axis="y", labelcolor=GREY)
-    for side in ("left", "bottom", "top"):
+    other.spines["right"].set_visible(True)
+    for side in ("left", "bottom"):
         other.spines[side].set_visible(False)
     return other
 
 
-def say(axes: Axes, text: str) -> None:
-    """Write in the middle of an empty panel why it is empty."""
-    axes.text(
-        0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=11, wrap=True
+def minutes_above(ax: Axes, sample_time: float) -> None:
+    """Minutes along the top of a panel with samples on its x axis."""
+    unit, seconds = time_unit(ax.get_xlim()[1] * sample_time)
+    scale = sample_time / seconds
+    other = ax.secondary_xaxis("top", functions=(lambda x: x * scale, lambda x: x / scale))
+    other.tick_params(labelcolor=GREY, color=GREY, length=3, pad=1)
+    other.spines["top"].set_visible(False)
+    ax.annotate(
+        unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY
     )
 
 
-def no_ticks(axes: Axes) -> None:
-    """A panel whose x axis has nothing to count."""
-    axes.xaxis.set_major_locator(NullLocator())
+def hour_axis(ax: Axes, every: int = 6) -> None:
+    """Hours of the day as the x axis."""
+    ax.set_xlim(0, 24)
+    ax.xaxis.set_major_locator(FixedLocator(list(range(0, 25, every))))
+
+
+def power_of_ten(values: Floats) -> tuple[float, str]:
+    """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4".
+
+    Examples
+    --------
+    >>> power_of_ten(np.array([-3.1e-4, 2e-5])), power_of_ten(np.array([0.4, 2.0]))
+    ((10000.0, '10⁻⁴ '), (1.0, ''))
+    """
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if not 0 < largest < 0.1:
+        return 1.0, ""
+    power = int(np.floor(np.log10(largest)))
+    return 10.0**-power, f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} "
+
+
+# Axes of dates. A day is the unit interval around its ordinal number, so a missing day keeps its width.
+
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+"""Not strftime: the locale must not change the figures."""
+LETTER = 0.087
+"""Width that a letter of a date label needs, with its share of the gap to the next label [inch]."""
+STRIP, STRIP_GAP = 0.11, 0.05
+"""Height of the strip of days without an answer, and its distance from the panel [inch]."""
+
+
+class Ticks(NamedTuple):
+    """Places of the lines and of the labels on an axis of dates (day numbers)."""
+
+    lines: list[float]
+    places: list[float]
+    labels: list[str]
+
+
+def date_ticks(first: dt.date, last: dt.date) -> Ticks:
+    """Ticks for the days from `first` to `last`, about ten to twenty of them.
+
+    Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
+    under the first of its labels.
+
+    Examples
+    --------
+    >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14)).labels
+    ['14 Mar\\n2008']
+    """
+    span = (last - first).days + 1
+    if span <= 80:
+        step = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
+        days = [first + dt.timedelta(days=k) for k in range(0, span, step)]
+        at = [float(day.toordinal()) for day in days]
+        return Ticks(at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days]))
+    if span <= 900:
+        return _between(_month_starts(first, last, 1), first, last, lambda day: MONTHS[day.month - 1], True)
+    if span <= 5500:
+        return _between(_month_starts(first, last, 12), first, last, lambda day: str(day.year), False)
+    every = -(-span // 5500)
+    starts = [day for day in _month_starts(first, last, 12) if day.year % every == 0 and first <= day <= last]
+    at = [day.toordinal() - 0.5 for day in starts]
+    return Ticks(at, at, [str(day.year) for day in starts])
+
+
+def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
+    """First days of the months (or, for step 12, of the years) that touch the record, and the one after."""
+    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
+    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
+    after = next(i for i, day in enumerate(starts) if day > last)
+    return starts[: after + 1]
+
+
+def _between(
+    starts: list[dt.date], first: dt.date, last: dt.date, name: Callable[[dt.date], str], years: bool
+) -> Ticks:
+    low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
+    lines = [at for day in starts if low <= (at := day.toordinal() - 0.5) <= high]
+    days, places = [], []
+    for day, after in zip(starts, starts[1:], strict=False):
+        a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
+        if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
+            days.append(day)
+            places.append((a + b) / 2)
+    labels = [name(day) for day in days]
+    return Ticks(lines, places, _with_year(days, labels) if years else labels)
+
+
+def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
+    seen: set[int] = set()
+    named = []
+    for day, label in zip(days, labels, strict=True):
+        named.append(label if day.year in seen else f"{label}\n{day.year}")
+        seen.add(day.year)
+    return named
+
+
+def thinned(ticks: Ticks, most: int) -> Ticks:
+    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays.
+
+    Examples
+    --------
+    >>> thinned(Ticks([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2).labels
+    ['Nov\\n2023', 'Jan\\n2024']
+    >>> thinned(Ticks([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2).labels
+    ['Dec\\n2023', 'Feb\\n2024']
+    """
+    every = -(-len(ticks.labels) // most)
+    labels, year = [], ""
+    for i, label in enumerate(ticks.labels):
+        name, _, own = label.partition("\n")
+        year = own or year
+        if i % every == 0:
+            labels.append(f"{name}\n{year}" if year else name)
+            year = ""
+    alike = len(ticks.lines) == len(ticks.places)
+    return Ticks(ticks.lines[::every] if alike else ticks.lines, ticks.places[::every], labels)
+
+
+def date_axis(ax: Axes, first: dt.date, last: dt.date, *, labels: bool = True) -> None:
+    """Days from `first` to `last` as the x axis, with as many labels as the panel's width allows."""
+    ticks = date_ticks(first, last)
+    longest = max((len(line) for label in ticks.labels for line in label.split("\n")), default=1)
+    ticks = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
+    ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
+    axis = ax.xaxis
+    axis.remove_overlapping_locs = False  # up to 80 days a label is at its line
+    axis.set_major_locator(FixedLocator(ticks.lines))
+    axis.set_major_formatter(NullFormatter())
+    axis.set_minor_locator(FixedLocator(ticks.places))
+    axis.set_minor_formatter(FixedFormatter(ticks.labels))
+    ax.tick_params(axis="x", which="major", length=4, width=0.7)
+    ax.tick_params(axis="x", which="minor", length=0, pad=6, labelbottom=labels)
+
+
+def date_axes(panels: Sequence[Axes], first: dt.date, last: dt.date) -> None:
+    """The same dates as the x axis of several panels; the lowest has the labels."""
+    for ax in panels:
+        date_axis(ax, first, last, labels=ax is panels[-1])
+
+
+def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
+    """Date axis of a panel and, where days have no answer, a strip under it that marks them.
+
+    The strip's legend, with the number of days per status, is below it on the right.
+    """
+    first, last = dates[0], dates[-1]
+    found = [name for name in NO_ANSWER if name in status]
+    if not found:
+        date_axis(ax, first, last)
+        return
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    box, inch = ax.get_position(), 1 / float(figure.get_size_inches()[1])
+    lift = (STRIP + STRIP_GAP) * inch
+    ax.set_position((box.x0, box.y0 + lift, box.width, box.height - lift))
+    ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
+    no_ticks(ax)
+    strip = figure.add_axes((box.x0, box.y0, box.width, STRIP * inch))
+    strip.set_ylim(0, 1)
+    no_ticks(strip, "y")
+    strip.spines["left"].set_visible(False)
+    date_axis(strip, first, last)
+    days = (last - first).days + 1
+    thick = min(max(72 * inches(ax)[0] / days, 1.4), 40.0)  # points; the thinnest line that remains visible
+    x = day_numbers(dates)
+    entry(strip, "days without an answer:", marker="")
+    for name in found:
+        at = x[[s == name for s in status]]
+        # the gravest status is drawn last, over the others
+        strip.vlines(
+            at, 0, 1, colors=STATUS_COLOURS[name], linewidths=thick, zorder=2.9 - 0.1 * found.index(name)
+        )
+        entry(strip, f"{name} ({len(at):,})", marker="s", color=STATUS_COLOURS[name], markersize=5)
+    shown = entries(strip)
+    figure.legend(
+        shown.values(), shown, loc="lower right", bbox_to_anchor=(box.x1, 0.09 * inch), ncols=len(shown)
+    )
+
+
+# Files
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG atomically, without dates or software names in it.
+    """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
-    256 colours are more than a grey image with four colours needs, and halve the file: a report holds all.
+    The palette halves the size of the file. The method of maximum coverage changes no colour of these
+    figures by more than 6 of 255; a median cut changes rare ones by up to 60.
 
     Raises
     ------
@@ -217,10 +528,28 @@ def save(figure: Figure, path: Path) -> None:
     with replacing(path) as scratch:
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-        reduced(pixels).save(scratch, "PNG")
+        whole = Image.fromarray(np.ascontiguousarray(pixels))
+        whole.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(scratch, "PNG")
 
 
-def figure_file(page: Sheet, kind: str, estimator: str, path: Path, title: str, caption: str) -> FigureFile:
-    """The record of a figure that has been written."""
-    width, height = page.figure.get_size_inches() * DPI
-    return FigureFile(kind, estimator, path, title, caption, int(width), int(height))
+def save_vector(figure: Figure, path: Path) -> None:
+    """Write an SVG atomically; the same figure gives the same bytes.
+
+    Raises
+    ------
+    RividError
+        Where the file cannot be written.
+    """
+    # the ids inside an SVG are hashes with a salt, which is random by default
+    salt = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
+    with matplotlib.rc_context(salt), replacing(path) as scratch:
+        figure.savefig(scratch, format="svg", dpi=VECTOR_DPI, metadata={"Date": None, "Creator": None})
+
+
+def written(
+    figure: Figure, path: Path, title: str, caption: str, *, kind: str | None = None, estimator: str = ""
+) -> FigureFile:
+    """Write a PNG; its kind is the name of the file by default."""
+    save(figure, path)
+    width, height = figure.canvas.get_width_height()
+    return FigureFile(kind or path.stem, estimator, path, title, caption, width, height)

@@ -1,21 +1,19 @@
-"""From an answer and its arrays to the pictures of the page."""
+"""Figures of the page of a diagnosis, from the answer and its arrays."""
 
 from pathlib import Path
 
 import numpy as np
 
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.result import ClosedLoop, Diagnosis, Gap, LoopDay
-from rivid.plots.diagnosis import KINDS
+from rivid.diagnosis.result import Diagnosis, Gap
+from rivid.plots import diagnosis as plots
+from rivid.plots import style
 from rivid.plots.style import FigureFile
-from rivid.report.quantities import name as name_words
-from rivid.report.quantities import scale as scale_of
-from rivid.report.quantities import sentence
-from rivid.text import count
+from rivid.report.quantities import name, scale, sentence
 
 
 def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) -> list[FigureFile]:
-    """Draw the pictures of a diagnosis into OUT/figures.
+    """Draw the figures of a diagnosis into OUT/figures.
 
     Parameters
     ----------
@@ -34,78 +32,69 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
     RividError
         Where a file cannot be written.
     """
-    from rivid.plots import style
-    from rivid.plots.diagnosis import heat, one_day, season
-    from rivid.plots.diagnosis.panels import Window
-
-    folder = out / "figures"
-    files: list[FigureFile] = []
+    folder, named = out / "figures", bool(diagnosis.effects)
+    files: list[FigureFile | None] = []
     with style.styled():
         if diagnosis.gap is not None and np.isfinite(diagnosis.gap.rmse_baseline).any():
             files.append(_gap(folder, diagnosis.gap))
         loop = diagnosis.closed_loop
         if loop is not None and loop.shown is not None:
-            files.append(_loop(folder, loop, loop.shown, bool(diagnosis.effects)))
-        if evidence is None or not evidence.record.used.any():
-            return files
-        r, named = evidence.record, bool(diagnosis.effects)
-        pool = r.kind == "pool"
-        day = one_day.draw(
-            folder, dates=r.dates, hour=r.hour, used=r.used, lead=r.lead, apart=evidence.split.sealed,
-            measured=r.output, before=evidence.run_before, after=evidence.run_after if named else None,
-            inflow=r.inflow, outflow=r.outflow if pool else None,
-        )  # fmt: skip
-        drivers = [("inflow [m³/s]", r.inflow)]
-        drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)] if pool else []
-        drivers += [] if pool else [("discharge [m³/s]", r.output)]
-        course = season.draw(
-            folder, dates=r.dates, hour=r.hour, used=r.used, block=evidence.split.block,
-            before=season.Series(evidence.inflow_before, evidence.inflow_before_sd),
-            after=season.Series(evidence.inflow_after, evidence.inflow_after_sd) if named else None,
-            drivers=drivers,
-            windows=[Window(name_words(e.name), *e.where.dates) for e in diagnosis.effects if e.where.dates],
-        )  # fmt: skip
-        table = heat.draw(
-            folder, dates=r.dates, hour=r.hour, used=r.used, before=evidence.inflow_before,
-            after=evidence.inflow_after if named else None,
-        )  # fmt: skip
-    return [*files, *([day] if day else []), table, course]
+            day, curves = loop.shown, 3 if named else 2
+            files.append(plots.draw_loop(
+                folder, date=day.date, hour=np.array(day.hour), inflow=np.array(day.inflow),
+                level=[np.array(v) for v in day.level[:curves]],
+                outflow=[np.array(v) for v in day.outflow[:curves]], words=sentence("loop", loop, named),
+            ))  # fmt: skip
+        if evidence is not None and evidence.record.used.any():
+            files += _evidence(folder, diagnosis, evidence)
+    return [file for file in files if file is not None]
+
+
+def _evidence(folder: Path, diagnosis: Diagnosis, evidence: Evidence) -> list[FigureFile | None]:
+    r, e, named = evidence.record, evidence, bool(diagnosis.effects)
+    pool = r.kind == "pool"
+    day = plots.draw_day(
+        folder, dates=r.dates, hour=r.hour, used=r.used, lead=r.lead, apart=e.split.sealed,
+        measured=r.output, before=e.run_before, after=e.run_after if named else None, inflow=r.inflow,
+        outflow=r.outflow if pool else None,
+    )  # fmt: skip
+    table = plots.draw_map(
+        folder, dates=r.dates, hour=r.hour, used=r.used, before=e.inflow_before,
+        after=e.inflow_after if named else None,
+    )  # fmt: skip
+    drivers = [("inflow [m³/s]", r.inflow)]
+    drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)] if pool else []
+    drivers += [] if pool else [("discharge [m³/s]", r.output)]
+    course = plots.draw_inflow(
+        folder, dates=r.dates, hour=r.hour, used=r.used, block=e.split.block,
+        before=(e.inflow_before, e.inflow_before_sd),
+        after=(e.inflow_after, e.inflow_after_sd) if named else None, drivers=drivers,
+        windows=[(name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates],
+    )  # fmt: skip
+    return [day, table, course]
 
 
 def drop_pictures(out: Path, kept: list[FigureFile]) -> None:
-    """Remove pictures of an earlier diagnosis that are not among `kept`."""
+    """Remove figures of an earlier diagnosis that are not among `kept`."""
     names = {file.path.name for file in kept}
-    for kind in KINDS:
+    for kind in plots.KINDS:
         path = out / "figures" / f"{kind}.png"
         if path.name not in names:
             path.unlink(missing_ok=True)
 
 
 def _gap(folder: Path, gap: Gap) -> FigureFile:
-    from rivid.plots.diagnosis.gap import Row, draw
+    factor, unit = scale(gap)
 
-    factor, unit = scale_of(gap)
+    def scaled(values: tuple[float, ...]) -> list[float]:
+        return [factor * v for v in values]
 
-    def told(values: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(factor * v for v in values)
-
-    rows = [Row("without any effect", told(gap.rmse_baseline))]
+    rows: list[plots.Row] = [("without any effect", scaled(gap.rmse_baseline), False)]
     for step in gap.steps:
-        rows.append(Row(f"+ {name_words(step.added)}", told(step.rmse)))
+        rows.append((f"+ {name(step.added)}", scaled(step.rmse), False))
         if step.rmse_described is not None:
-            rows.append(Row("events timed on the day", told(step.rmse_described), described=True))
-    return draw(
-        folder, rows=rows, hours=gap.horizon_h, floor=told(gap.rmse_floor) if gap.rmse_floor else None,
-        unit=unit, days=count(len(gap.heldout_dates), "day"),
-    )  # fmt: skip
-
-
-def _loop(folder: Path, loop: ClosedLoop, day: LoopDay, named: bool) -> FigureFile:
-    from rivid.plots.diagnosis.loop import draw
-
-    curves = 3 if named else 2
-    return draw(
-        folder, date=day.date, hour=np.array(day.hour), inflow=np.array(day.inflow),
-        level=[np.array(v) for v in day.level[:curves]], outflow=[np.array(v) for v in day.outflow[:curves]],
-        words=sentence("loop", loop, named),
+            rows.append(("events timed on the day", scaled(step.rmse_described), True))
+    return plots.draw_gap(
+        folder, rows=rows, hours=gap.horizon_h, floor=scaled(gap.rmse_floor) if gap.rmse_floor else None,
+        unit=unit, days=len(gap.heldout_dates),
     )  # fmt: skip

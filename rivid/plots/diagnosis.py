@@ -1,0 +1,574 @@
+"""Figures of a diagnosis, from plain arrays and words.
+
+Before and after have one colour each in all of them: vermilion without the named effects, blue with them.
+"""
+
+import datetime as dt
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import FixedLocator, MaxNLocator
+from numpy.typing import ArrayLike
+from scipy.stats import t as student
+
+from rivid.plots import captions, style
+from rivid.plots.style import FigureFile
+from rivid.text import count, day_range, shorten
+from rivid.types import Bools, Floats
+
+KINDS = ("diagnosis_map", "diagnosis_gap", "diagnosis_day", "diagnosis_inflow", "diagnosis_loop")
+"""Names of the files."""
+BEFORE, AFTER = style.ACCENT, style.WATER
+WITHOUT, WITH = "without the named effects", "with the named effects"
+SIGNED = LinearSegmentedColormap.from_list(
+    "less and more water", ["#5A3A0B", "#A66F1E", "#DDBE86", "#FAFAF8", "#8CCBC1", "#22867D", "#033E37"], 255
+)
+"""Brown where water of the logs is missing, teal where there is more than in the logs."""
+DASHES = (0, (5, 2))
+
+NAME_LENGTH = 36
+"""Characters of the name of a simulation beside its bar; the table of the page has the whole name."""
+SHARE = 0.99
+"""Share of the cells of the map inside the colour scale: single extreme hours must not make the others pale."""
+RANK = 0.8
+"""Rank of the plotted day among the days kept apart by the error of the simulation without effects.
+
+The last day in this order is a day of a broken gauge more often than of a typical gap.
+"""
+WHOLE = 0.8
+"""Smallest share of the samples of a full day that the plotted day has."""
+POINTS = 1500
+"""Points of the course of a season at most, about as many as the figure has pixels across."""
+BINS = 8
+"""Bins of a logged series: blocks of a short season fill as many."""
+FEWEST = 4
+"""Blocks of days that a bin needs for an interval: with fewer, t gives intervals as wide as the panel."""
+
+
+def limits(*curves: Floats, part: float = 1.0) -> float:
+    """The largest absolute value, or of each curve its quantile `part`; 1 where there is none."""
+    sizes = [np.abs(c[np.isfinite(c)]) for c in curves]
+    return max((float(np.quantile(s, part)) for s in sizes if s.size), default=0.0) or 1.0
+
+
+# The errors some hours ahead
+
+Row = tuple[str, Sequence[float], bool]
+"""A simulation: its name, its errors by horizon, and whether its events are timed on the day itself."""
+
+
+def draw_gap(
+    folder: Path, *, rows: Sequence[Row], hours: Sequence[float], floor: Sequence[float] | None, unit: str,
+    days: int,
+) -> FigureFile:  # fmt: skip
+    """Draw diagnosis_gap.png: a panel for each horizon, a bar for each simulation.
+
+    Parameters
+    ----------
+    folder : Path
+    rows : sequence of Row
+        The first is without any effect.
+    hours : sequence of float
+        Horizons [h], as many as each row has errors.
+    floor : sequence of float or None
+        Error from weather and gauge noise alone, where it is known.
+    unit : str
+        Of the errors.
+    days : int
+        Number of days kept apart.
+
+    Returns
+    -------
+    FigureFile
+    """
+    title, events = "The gap on the days kept apart", any(described for _, _, described in rows)
+    figure, panels = style.sheet(
+        title, f"{count(days, 'day')} · root mean square error", [0.36 * len(rows)], [1.0] * len(hours),
+        gap=(0.62, 0.0), left=2.45, right=0.3, top=1.04, bottom=0.62, heading=0.68,
+    )  # fmt: skip
+    for i, (ax, h) in enumerate(zip(panels, hours, strict=True)):
+        errors_ahead(ax, rows, i, None if floor is None else floor[i])
+        ax.set_xlabel(f"error [{unit}]")
+        ax.set_yticklabels([shorten(name, NAME_LENGTH) for name, _, _ in rows] if i == 0 else [])
+        style.heading(ax, f"{h:g} h ahead", fontweight="bold")
+    style.figure_key(panels, down=0.58, left=0.68)
+    return style.written(figure, folder / "diagnosis_gap.png", title, captions.gap(events))
+
+
+def errors_ahead(ax: Axes, rows: Sequence[Row], i: int, floor: float | None) -> Axes:
+    """The errors of simulations at horizon `i` as horizontal bars, the first at the top.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : sequence of Row
+    i : int
+        Number of the horizon.
+    floor : float or None
+        Error that no simulation can avoid, where it is known.
+
+    Returns
+    -------
+    Axes
+    """
+    ax.spines["left"].set_color(style.LIGHT)
+    y = np.arange(len(rows), dtype=float)[::-1]
+    values = [float(errors[i]) for _, errors, _ in rows]
+    finite = [v for v in [*values, np.nan if floor is None else floor] if np.isfinite(v)]
+    ax.set_xlim(0, 1.28 * (max(finite, default=0.0) or 1.0))
+    ax.set_ylim(-0.5, len(rows) - 0.5)
+    for at, (_, _, described), value in zip(y, rows, values, strict=True):
+        look: dict[str, Any] = {"color": AFTER, "label": "effects added, known in advance"}
+        if at == y[0]:
+            look = {"color": BEFORE, "label": "without any effect"}
+        elif described:
+            look = {"facecolor": "white", "edgecolor": AFTER, "hatch": "/////", "linewidth": 0.8}
+            look |= {"label": "events timed on the day"}
+        if np.isfinite(value):
+            ax.barh(at, value, 0.62, **look)
+        ax.annotate(
+            _digits(value) if np.isfinite(value) else "too few samples", (np.nan_to_num(value), at),
+            xytext=(4, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
+        )  # fmt: skip
+    if floor is not None and np.isfinite(floor):
+        ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
+    ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
+    ax.yaxis.set_major_locator(FixedLocator(y.tolist()))
+    ax.tick_params(axis="y", length=0)
+    return ax
+
+
+def _digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 19.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2g}"
+
+
+# The unexplained inflow by hour and date
+
+
+def draw_map(
+    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, before: Floats, after: Floats | None
+) -> FigureFile:
+    """Draw diagnosis_map.png.
+
+    Parameters
+    ----------
+    folder : Path
+    dates : sequence of datetime.date, length days
+    hour : ndarray, shape (days, n)
+        Hour of the day of each sample [h].
+    used : ndarray of bool, shape (days, n)
+        Valid samples.
+    before, after : ndarray, shape (days, n)
+        Unexplained inflow without and with the named effects [m3/s]; None where nothing was named.
+
+    Returns
+    -------
+    FigureFile
+    """
+    maps = [hourly_map(w, hour, used, dates) for w in (before, after) if w is not None]
+    figure, panels = style.sheet(
+        "When water is missing: the unexplained inflow by hour and date",
+        f"{count(len(dates), 'day')}, {day_range(dates[0], dates[-1])} · mean of each hour, above what the "
+        "logs and the simulation account for",
+        [2.73], [1.0] * len(maps), gap=(0.3, 0.0), left=0.62, right=0.98, top=0.92, bottom=0.55,
+    )  # fmt: skip
+    top = limits(*maps, part=SHARE)
+    for ax, image, words in zip(panels, maps, (WITHOUT, WITH), strict=False):
+        hour_map(ax, dates, image, top)
+        style.heading(ax, words if len(maps) == 2 else "")
+    panels[0].set_ylabel("hour of the day")
+    for ax in panels[1:]:
+        ax.tick_params(axis="y", labelleft=False)
+    bar = style.panel(figure, style.WIDTH - 0.8, 0.55, 0.13, 2.73)
+    scale = np.linspace(-1, 1, 255)[:, None]
+    bar.imshow(scale, cmap=SIGNED, aspect="auto", origin="lower", extent=(0, 1, -top, top))
+    bar.xaxis.set_ticks([])
+    bar.yaxis.tick_right()
+    bar.set_ylabel("unexplained inflow [m³/s]")
+    bar.yaxis.set_label_position("right")
+    caption = captions.missing_water(len(maps))
+    return style.written(figure, folder / "diagnosis_map.png", "When water is missing", caption)
+
+
+def hour_map(ax: Axes, dates: Sequence[dt.date], image: Floats, top: float) -> Axes:
+    """A map of shape (24, calendar days) of hours over dates, its colours from -`top` to `top`."""
+    first, last = dates[0], dates[-1]
+    ax.patch.set(facecolor="white", hatch="////", edgecolor=style.LIGHT)
+    ax.imshow(
+        image, cmap=SIGNED, vmin=-top, vmax=top, origin="lower", aspect="auto", interpolation="nearest",
+        extent=(first.toordinal() - 0.5, last.toordinal() + 0.5, 0, 24),
+    )  # fmt: skip
+    style.date_axis(ax, first, last)
+    ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
+    return ax
+
+
+def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
+    """Mean of each hour of each calendar day, shape (24, calendar days); NaN without valid samples.
+
+    Parameters
+    ----------
+    values : ndarray, shape (days, n)
+    hour : ndarray, shape (days, n)
+        Hour of the day of each sample, 0 to 24 [h].
+    used : ndarray of bool, shape (days, n)
+    dates : sequence of datetime.date, length days
+    """
+    day = np.array([(date - dates[0]).days for date in dates])
+    cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * day[:, None]
+    return cell_means(values, cell, used, 24 * (int(day[-1]) + 1)).reshape(-1, 24).T
+
+
+def cell_means(values: Floats, cell: ArrayLike, used: Bools, size: int) -> Floats:
+    """Mean of the valid samples of each of `size` cells, shape (size,); NaN where there are none."""
+    there = used & np.isfinite(values)
+    at = np.asarray(cell)[there]
+    total, number = np.bincount(at, values[there], size), np.bincount(at, minlength=size)
+    return np.asarray(np.divide(total, number, out=np.full(size, np.nan), where=number > 0))
+
+
+# The unexplained inflow over the season
+
+Series = tuple[Floats, Floats]
+"""The unexplained inflow and its standard deviation [m3/s], shape (days, n) each."""
+Window = tuple[str, dt.date, dt.date]
+"""An effect and the dates on which it acts, both ends included."""
+
+
+def draw_inflow(
+    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, block: ArrayLike, before: Series,
+    after: Series | None, drivers: Sequence[tuple[str, Floats]], windows: Sequence[Window] = (),
+) -> FigureFile:  # fmt: skip
+    """Draw diagnosis_inflow.png.
+
+    Parameters
+    ----------
+    folder : Path
+    dates : sequence of datetime.date, length days
+    hour : ndarray, shape (days, n)
+    used : ndarray of bool, shape (days, n)
+        Valid samples.
+    block : array_like of int, shape (days,)
+        Days of one block may be alike.
+    before, after : Series
+        Without and with the named effects; None where nothing was named.
+    drivers : sequence of (str, ndarray of shape (days, n))
+        Series it may depend on besides the hour: a label with unit, and values.
+    windows : sequence of Window
+        Dates of the named effects.
+
+    Returns
+    -------
+    FigureFile
+    """
+    shown = [(WITHOUT, BEFORE, before), *([(WITH, AFTER, after)] if after else [])]
+    small, below = 1.5, 0.55  # height of the panels at the bottom, and the margin under them [inch]
+    figure, panels = style.sheet(
+        "The unexplained inflow",
+        f"{count(len(dates), 'day')}, {day_range(dates[0], dates[-1])} · the inflow that the simulation lacks "
+        "to follow the gauge",
+        [1.35] * len(shown), gap=(0.0, 0.3), left=0.72, right=0.3, top=0.92, bottom=below + small + 0.98,
+    )  # fmt: skip
+    curves = [course(*series, dates, hour, used) for _, _, series in shown]
+    top = 1.08 * limits(*(mean for _, mean, _, _ in curves), part=0.998)
+    for ax, (words, colour, _), (day, mean, half, hours) in zip(panels, shown, curves, strict=True):
+        for _, first, last in windows:
+            ax.axvspan(first.toordinal() - 0.5, last.toordinal() + 0.5, color=style.FAINT, lw=0, zorder=0)
+        banded(ax, day, mean, half, colour, lw=0.8)
+        ax.set_ylim(-top, top)
+        ax.set_ylabel("inflow [m³/s]")
+        step = "hourly means" if hours == 1 else f"means of {hours} h"
+        style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
+    style.date_axes(panels, dates[0], dates[-1])
+    if windows:
+        names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
+        text = shorten(f"grey: dates of {names}", 80)
+        style.heading(panels[-1], text, at=1, fontsize=8, color=style.GREY)
+
+    drivers = [("hour of the day", hour), *drivers]
+    each = (style.WIDTH - 0.72 - 0.3 - 0.3 * (len(drivers) - 1)) / len(drivers)
+    ends = []
+    for i, (label, values) in enumerate(drivers):
+        ax = style.panel(figure, 0.72 + i * (each + 0.3), below, each, small)
+        edges = edges_of(values, used) if i else np.arange(25.0)
+        found = [means(flow, values, used, block, edges) for _, _, (flow, _) in shown]
+        for (_, colour, _), (centre, mean, half) in zip(shown, found, strict=True):
+            banded(ax, centre, mean, half, colour, lw=1.1, marker="o", ms=2.6)
+            ends += [mean, mean - half, mean + half]
+        ax.set_xlabel(label)
+        if i:
+            style.few_ticks(ax, "x", bins=4)
+            ax.tick_params(axis="y", labelleft=False)
+        else:
+            style.hour_axis(ax)
+            ax.set_ylabel("mean [m³/s]")
+            style.heading(ax, "Its mean by hour and by logged series", up=6, fontweight="bold")
+        if not any(np.isfinite(mean).any() for _, mean, _ in found):
+            style.message(ax, "does not vary")
+    for ax in figure.axes[len(shown) :]:
+        ax.set_ylim(-1.1 * limits(*ends), 1.1 * limits(*ends))
+    caption = captions.unexplained_inflow(after is not None)
+    return style.written(figure, folder / "diagnosis_inflow.png", "The unexplained inflow", caption)
+
+
+def banded(ax: Axes, x: Floats, mean: Floats, half: Floats, colour: str, **look: Any) -> Axes:
+    """A curve about zero with a band of `half` to either side."""
+    ax.axhline(0, color=style.LIGHT, lw=0.7)
+    ax.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0)
+    ax.plot(x, mean, color=colour, **look)
+    ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    return ax
+
+
+def course(
+    flow: Floats, sd: Floats, dates: Sequence[dt.date], hour: Floats, used: Bools
+) -> tuple[Floats, Floats, Floats, int]:
+    """Means over some hours, as few as keep a season to :data:`POINTS` points, with the 95 % band.
+
+    The band of a mean is the mean of the bands: neighbouring errors are correlated, so averaging does not
+    narrow it.
+
+    Returns
+    -------
+    day, mean, half : ndarray, shape (points,)
+        Day numbers, means and half widths of the band; NaN where samples are missing.
+    hours : int
+        Hours of each mean.
+    """
+    span = (dates[-1] - dates[0]).days + 1
+    step = next(h for h in (1, 2, 3, 6, 12, 24) if 24 / h * span <= POINTS or h == 24)
+    parts, first = 24 // step, dates[0].toordinal()
+    day = np.array([date.toordinal() for date in dates]) - first
+    cell = day[:, None] * parts + np.minimum(hour // step, parts - 1).astype(np.int64)
+    there = used & np.isfinite(flow) & np.isfinite(sd)
+    at = first - 0.5 + (np.arange(span * parts) + 0.5) / parts
+    mean, deviation = (cell_means(values, cell, there, span * parts) for values in (flow, sd))
+    return at, mean, 1.96 * deviation, step
+
+
+def edges_of(driver: Floats, used: Bools) -> Floats:
+    """Edges of :data:`BINS` bins with as many samples each; fewer where values repeat."""
+    there = used & np.isfinite(driver)
+    if not there.any():
+        return np.empty(0)
+    return np.unique(np.quantile(driver[there], np.linspace(0.0, 1.0, BINS + 1)))
+
+
+def means(
+    series: Floats, driver: Floats, used: Bools, block: ArrayLike, edges: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Mean of a series in each bin of a driver, with 95 % intervals.
+
+    Parameters
+    ----------
+    series, driver : ndarray, shape (days, n)
+    used : ndarray of bool, shape (days, n)
+    block : array_like of int, shape (days,)
+        Days of one block may be alike; blocks are taken as independent.
+    edges : ndarray, shape (k + 1,)
+        The last bin holds its upper edge.
+
+    Returns
+    -------
+    centre, mean, half : ndarray, shape (k,)
+        Mean of the driver, mean of the series and half width of its interval; NaN where a bin has no
+        samples or, for the interval, too few blocks.
+
+    Notes
+    -----
+    The variance of a ratio of sums over blocks, by linearisation, with Student's t on blocks less one.
+    """
+    k = max(len(edges) - 1, 0)
+    there = used & np.isfinite(series) & np.isfinite(driver)
+    if k:
+        there &= (driver >= edges[0]) & (driver <= edges[-1])
+    number = np.unique(np.asarray(block), return_inverse=True)[1]
+    J = int(number.max()) + 1 if number.size else 0
+    if not k or not there.any():
+        return np.full(k, np.nan), np.full(k, np.nan), np.full(k, np.nan)
+    into = np.digitize(driver[there], edges[1:-1])
+    cell = (number[:, None] * k + np.zeros(series.shape, np.int64))[there] + into
+    S, N, D = (
+        np.bincount(cell, weights, J * k).reshape(J, k)
+        for weights in (series[there], np.ones(int(there.sum())), driver[there])
+    )
+    total = N.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean, centre = S.sum(axis=0) / total, D.sum(axis=0) / total
+        seen = (N > 0).sum(axis=0)
+        rest = S - mean * N
+        variance = (rest**2).sum(axis=0) / total**2 * seen / (seen - 1)
+        half = student.ppf(0.975, np.maximum(seen - 1, 1)) * np.sqrt(variance)
+    return centre, mean, np.where(seen >= FEWEST, half, np.nan)
+
+
+# One day that was kept apart
+
+
+def draw_day(
+    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, lead: int, apart: Bools,
+    measured: Floats, before: Floats, after: Floats | None, inflow: Floats, outflow: Floats | None,
+) -> FigureFile | None:  # fmt: skip
+    """Draw diagnosis_day.png: measured, simulated before and after, and the flows that caused it.
+
+    Parameters
+    ----------
+    folder : Path
+    dates : sequence of datetime.date, length days
+    hour : ndarray, shape (days, n)
+        Hour of the day of each sample [h].
+    used : ndarray of bool, shape (days, n)
+        Valid samples.
+    lead : int
+        Samples of each row that belong to the day before.
+    apart : ndarray of bool, shape (days,)
+        Days used for neither fit nor choice.
+    measured, before, after : ndarray, shape (days, n)
+        Level [m], or discharge of a river reach [m3/s]: measured, simulated without and with the effects;
+        None where nothing was named.
+    inflow, outflow : ndarray, shape (days, n)
+        [m3/s]; no outflow for a river reach.
+
+    Returns
+    -------
+    FigureFile or None
+        None where no day was kept apart.
+    """
+    error = errors(measured, before, used)
+    i = choose(error, apart, used)
+    if i is None:
+        return None
+    river, title = outflow is None, f"A day kept apart: {dates[i]}"
+    unit, factor, name = ("m³/s", 1.0, "discharge") if river else ("mm", 1000.0, "level")
+    off = f"{factor * error[i]:.3g} {unit}"
+    if after is not None:
+        off += f" without and {factor * errors(measured, after, used)[i]:.3g} {unit} with the named effects"
+    figure, (upper, lower) = style.sheet(
+        title, f"Error of the simulated {name}: {off} (root mean square)", [2.22, 1.25], gap=(0.0, 0.42),
+        left=0.82, right=0.3, top=0.86, bottom=0.55,
+    )  # fmt: skip
+    clock, valid = hour[i, lead:], used[i, lead:]
+    runs = [(WITHOUT, before), (WITH, after)] if after is not None else [("", before)]
+    upper.plot(clock, measured[i, lead:], color=style.INK, lw=1.6, label="measured")
+    for (words, run), look in zip(runs, ({"color": BEFORE, "ls": DASHES}, {"color": AFTER}), strict=False):
+        assert run is not None
+        values = np.where(valid, run[i, lead:], np.nan)
+        upper.plot(clock, values, lw=1.4, label=f"simulated {words}".strip(), **look)  # type: ignore[arg-type]
+    upper.set_ylabel("discharge at the lower end [m³/s]" if river else "level at the dam [m]")
+    lower.plot(clock, inflow[i, lead:], color=style.INK, lw=1.2, label="inflow")
+    if outflow is not None:
+        lower.plot(clock, outflow[i, lead:], color=style.GREY, lw=1.2, ls=(0, (4, 1.5)), label="outflow")
+    lower.set_ylabel("flow [m³/s]")
+    lower.set_xlabel("hour of the day")
+    for ax in (upper, lower):
+        style.hour_axis(ax, 3)
+        style.few_ticks(ax, bins=6)
+        ax.grid(True)
+        style.key(ax)
+    upper.tick_params(axis="x", labelbottom=False)
+    others = error[apart & np.isfinite(error)]
+    caption = captions.held_out_day(name, len(others), int((others > error[i]).sum()))
+    return style.written(figure, folder / "diagnosis_day.png", title, caption)
+
+
+def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
+    """Root mean square of measured less simulated of each day, shape (days,); NaN without valid samples."""
+    day = np.arange(len(measured))[:, None] + np.zeros(measured.shape, np.int64)
+    return np.asarray(np.sqrt(cell_means((measured - simulated) ** 2, day, used, len(measured))))
+
+
+def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
+    """The day to show: of those kept apart and nearly whole, the one at :data:`RANK` of the errors.
+
+    Parameters
+    ----------
+    error : ndarray, shape (days,)
+        Of the simulation without the effects.
+    apart : ndarray of bool, shape (days,)
+    used : ndarray of bool, shape (days, n)
+
+    Returns
+    -------
+    int or None
+        A row; None where no day was kept apart.
+    """
+    number = used.sum(axis=1)
+    known = np.flatnonzero(apart & np.isfinite(error))
+    if not known.size:
+        return None
+    whole = known[number[known] >= WHOLE * number.max()]
+    days = whole if whole.size else known
+    order = days[np.argsort(error[days], kind="stable")]
+    return int(order[round(RANK * (len(order) - 1))])
+
+
+# One day with the operators in the loop
+
+
+def draw_loop(
+    folder: Path, *, date: dt.date, hour: Floats, inflow: Floats, level: Sequence[Floats],
+    outflow: Sequence[Floats], words: str,
+) -> FigureFile:  # fmt: skip
+    """Draw diagnosis_loop.png: level and outflow of a day kept apart, before and after.
+
+    Parameters
+    ----------
+    folder : Path
+    date : datetime.date
+    hour, inflow : ndarray, shape (n,)
+        Hour of the day [h] and logged inflow [m3/s].
+    level, outflow : sequence of ndarray of shape (n,)
+        Measured, simulated without the named effects and, where something was named, with them [m], [m3/s];
+        NaN where samples are not valid.
+    words : str
+        Result of all days, for the line under the title.
+
+    Returns
+    -------
+    FigureFile
+    """
+    title = f"With the operators in the loop: {date}"
+    figure, (upper, lower, lowest) = style.sheet(
+        title, words, [1.6, 1.6, 1.0], gap=(0.0, 0.42), left=0.82, right=0.3, top=0.9, bottom=0.55
+    )
+    simulated = f"simulated {WITHOUT}" if len(level) > 2 else "simulated"
+    looks: list[dict[str, Any]] = [
+        {"color": style.INK, "lw": 1.6},
+        {"color": BEFORE, "lw": 1.4, "ls": DASHES},
+        {"color": AFTER, "lw": 1.4},
+    ]
+    lower.plot(hour, inflow, color=style.LIGHT, lw=1.1)
+    lowest.axhline(0, color=style.INK, lw=1.0)
+    names = ("measured", simulated, "with them")
+    for i, (name, look, high, flow) in enumerate(zip(names, looks, level, outflow, strict=False)):
+        upper.plot(hour, high, label=name, **look)
+        lower.plot(hour, flow, **look)
+        if i:
+            lowest.plot(hour, hourly(flow - outflow[0], hour), **look)
+    for ax, label in ((upper, "level at the dam [m]"), (lower, "outflow [m³/s]"), (lowest, "[m³/s]")):
+        style.hour_axis(ax, 3)
+        style.few_ticks(ax)
+        ax.grid(True)
+        ax.tick_params(axis="x", labelbottom=ax is lowest)
+        ax.set_ylabel(label)
+    lowest.set_xlabel("hour of the day")
+    style.key(upper)
+    style.heading(lower, "grey: the logged inflow, the only input of the simulation", color=style.GREY)
+    style.heading(lowest, "outflow, simulated less measured, mean of an hour", color=style.GREY)
+    return style.written(figure, folder / "diagnosis_loop.png", title, captions.LOOP)
+
+
+def hourly(values: Floats, hour: Floats) -> Floats:
+    """Mean of the hour about each sample, shape (n,); NaN where the sample itself is NaN."""
+    there = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(there, values, 0.0))])
+    number = np.concatenate([[0], np.cumsum(there)])
+    low = np.searchsorted(hour, hour - 0.5, side="left")
+    high = np.searchsorted(hour, hour + 0.5, side="right")
+    mean = (total[high] - total[low]) / np.maximum(number[high] - number[low], 1)
+    return np.where(there, mean, np.nan)

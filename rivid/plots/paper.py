@@ -1,0 +1,522 @@
+"""The paper's figures of a year of logs: 2-7, 9-10 and 12-19, as SVG and PNG.
+
+The figures of the year (9 and 13-18) are those of the report: :mod:`rivid.plots.estimates`.
+"""
+
+import datetime as dt
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from rivid.core.hydraulics import travel_bounds
+from rivid.errors import ConfigError
+from rivid.plots import captions, estimates, style
+from rivid.plots.draw import typical_day
+from rivid.plots.paper_data import CascadeReach, Estimates, Year
+from rivid.plots.style import FigureFile
+from rivid.reach.response import theoretical_fir
+from rivid.results.selection import day_numbers, rayleigh
+from rivid.text import count, delays, listed, number, response_unit, share, time_unit
+from rivid.types import Floats
+
+OFTEN = 500.0
+"""The paper counts the days below this discharge [m3/s]."""
+DELAY, ALPHA_I, ALPHA_O, K_Q, K_H = 7, 1e-4, 1.2e-4, 1.0, -1000.0
+"""Of the paper's Fig. 10: d [samples], K_i T_s / A and K_o T_s / A [m per m3/s], K_Q [-], K_h [m2/s]."""
+SHOWN = 50
+"""Lags of Fig. 10."""
+CURVES: dict[str, tuple[str, dict[str, Any]]] = {
+    "ml": ("ML", {"color": style.LIGHT, "lw": 0.9, "marker": "o", "ms": 2.6}),
+    "map": ("MAP", {"color": style.WATER, "lw": 1.4}),
+    "jmap": ("JMAP", {"color": style.INK, "lw": 1.8, "marker": "o", "ms": 3.2, "zorder": 2.2}),
+    "jmap-degenerate": ("JMAPdeg", {"color": style.GREY, "lw": 1.4, "ls": estimates.DASHED}),
+}
+"""Curves of Fig. 12: the paper's name and the look."""
+TDR = {
+    "13": ("ml", "Responses of the ML estimator"),
+    "14": ("map", "Responses of the MAP estimator"),
+    "15": ("jmap-uniform", "Responses of the JMAP, uniform prior, alpha fixed"),
+    "16": ("jmap", "Responses of the JMAP, Rayleigh prior"),
+}
+"""Figs 13-16: estimator and title."""
+
+Drawn = tuple[str, str, Figure]
+"""Number and title of a figure, and the figure."""
+
+
+def draw_paper(
+    year: Year,
+    estimates: Estimates,
+    cascade: Sequence[CascadeReach],
+    folder: Path,
+    *,
+    day: dt.date | None = None,
+    progress: Callable[[], Any] = lambda: None,
+) -> list[FigureFile]:
+    """Draw the paper's figures.
+
+    Parameters
+    ----------
+    year : Year
+        The logs.
+    estimates : Estimates
+        Of each estimator and day.
+    cascade : sequence of CascadeReach
+        The reaches of Fig. 19; at least one.
+    folder : Path
+        Where ``fig02.png``, ``fig02.svg`` and so on go.
+    day : datetime.date, optional
+        The day of Figs 7 and 12; a typical one by default.
+    progress : callable, optional
+        Called after each of :data:`FIGURES`.
+
+    Returns
+    -------
+    list of FigureFile
+        In the paper's order; the kind of each is its number.
+
+    Raises
+    ------
+    ConfigError
+        Where `day` has no impulse response.
+    RividError
+        Where a file cannot be written.
+
+    Notes
+    -----
+    The same logs give the same bytes.
+    """
+    i = choose(estimates, day)
+    where = "downstream" if year.outflow else "upstream"
+    files = []
+    with style.styled():
+        for figure_of in FIGURES:
+            num, title, figure = figure_of(year, estimates, i, cascade)
+            path = folder / f"fig{int(num):02d}{'_priors' if num == '11' else ''}.png"
+            caption = captions.PAPER[num].format(where=where)
+            files.append(style.written(figure, path, title, caption, kind=num))
+            style.save_vector(figure, path.with_suffix(".svg"))
+            progress()
+    return files
+
+
+def choose(estimates: Estimates, day: dt.date | None = None) -> int:
+    """The number of the day that represents the year: the given one, or a typical one.
+
+    Raises
+    ------
+    ConfigError
+        Where the given day has no impulse response.
+    """
+    e = estimates.of("jmap")
+    chosen = typical_day(estimates.results) if day is None else day
+    if chosen is None:
+        return 0
+    if chosen not in e.dates or (day is not None and not e.answered[e.dates.index(chosen)]):
+        raise ConfigError(f"no impulse response on {chosen}: choose a day with status ok in delays.csv")
+    return e.dates.index(chosen)
+
+
+def _sheet(
+    num: str, title: str, note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **look: Any
+) -> tuple[Figure, list[Axes]]:
+    margins = {"left": 0.72, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
+    return style.sheet(f"Fig. {num} · {title}", note, heights, [1.0] * columns, **margins)
+
+
+def _who(year: Year) -> str:
+    return f"{year.config.reach.name} · {count(len(year.dates), 'day')}"
+
+
+# Figs 2-6: the reach and its hydraulics
+
+
+def daily_range(days: Sequence[Floats]) -> float:
+    """Mean over the days of the peak-to-peak variation."""
+    return float(np.mean([np.ptp(day) for day in days]))
+
+
+def _by_day(
+    year: Year, num: str, title: str, facts: str, values: Floats, label: str, *, from_zero: bool = True
+) -> Drawn:
+    """One line over the days of the record, broken where days are missing."""
+    figure, (ax,) = _sheet(num, title, f"{_who(year)} · {facts}", [2.4], right=0.3, top=0.62)
+    style.date_axis(ax, year.dates[0], year.dates[-1])
+    alone = "o" if len(values) < 3 else ""
+    x, y = estimates.with_gaps(day_numbers(year.dates), values)
+    ax.plot(x, y, color=style.INK, lw=1.1, marker=alone, ms=3)
+    if from_zero:
+        ax.set_ylim(0, 1.08 * float(values.max()))
+    ax.set_ylabel(label)
+    ax.grid(True, axis="y")
+    return num, title, figure
+
+
+def discharge(year: Year, *_: Any) -> Drawn:
+    """Fig. 2: mean daily discharge."""
+    Q = year.discharge
+    facts = (
+        f"{Q.min():.0f} to {Q.max():.0f} m³/s, below {OFTEN:.0f} m³/s on "
+        f"{share(int((Q < OFTEN).sum()), len(Q))} of days; over a day it moves by "
+        f"{daily_range(year.outflow or year.inflow):.0f} m³/s"
+    )
+    return _by_day(year, "2", "Mean daily discharge", facts, Q, "discharge [m³/s]")
+
+
+def level(year: Year, *_: Any) -> Drawn:
+    """Fig. 3: mean daily level at the downstream dam."""
+    h = year.mean_level
+    facts = f"{h.min():.2f} to {h.max():.2f} m; over a day it moves by {daily_range(year.level):.2f} m"
+    label = "level [m above the datum]"
+    return _by_day(year, "3", "Mean daily level", facts, h, label, from_zero=False)
+
+
+def froude(year: Year, *_: Any) -> Drawn:
+    """Fig. 4: mean daily Froude number (6)."""
+    F = year.bounds.froude
+    facts = f"{F.min():.3f} to {F.max():.3f}; the bounds (5) hold below 2"
+    return _by_day(year, "4", "Mean daily Froude number", facts, F, "Froude number [-]")
+
+
+def bounds_by_flow(year: Year, *_: Any) -> Drawn:
+    """Fig. 5: bounds of the travel time (5) against the flow."""
+    reach, T = year.config.reach, year.sample_time
+    low, high = reach.discharge_range
+    Q = np.linspace(low, high, 200)
+    bounds = travel_bounds(Q, length=reach.length, width=reach.width, depth=reach.depth)
+    title = "Bounds of the travel time against the flow"
+    figure, (ax,) = _sheet(
+        "5", title,
+        f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(reach.depth)} m deep · "
+        f"gravity wave {bounds.gravity[-1] / T:.1f} to {bounds.gravity[0] / T:.1f} T_s, kinematic wave "
+        f"{bounds.kinematic[-1] / T:.0f} to {bounds.kinematic[0] / T:.0f} T_s (T_s = {T:g} s)",
+    )  # fmt: skip
+    travel_times(ax, Q, bounds.gravity, bounds.kinematic, T)
+    ax.set_xlim(low, high)
+    ax.set_xlabel("flow [m³/s]")
+    return "5", title, figure
+
+
+def bounds_by_day(year: Year, *_: Any) -> Drawn:
+    """Fig. 6: the same bounds for each day's mean discharge and Froude number."""
+    bounds, T = year.bounds, year.sample_time
+    title = "Bounds of the travel time of each day"
+    g, k = bounds.gravity / T, bounds.kinematic / T
+    figure, (ax,) = _sheet(
+        "6", title,
+        f"{_who(year)} · gravity wave {g.min():.1f} to {g.max():.1f} T_s, kinematic wave {k.min():.0f} to "
+        f"{k.max():.0f} T_s (T_s = {T:g} s)",
+    )  # fmt: skip
+    style.date_axis(ax, year.dates[0], year.dates[-1])
+    day = day_numbers(year.dates)
+    x, gravity = estimates.with_gaps(day, bounds.gravity)
+    travel_times(ax, x, gravity, estimates.with_gaps(day, bounds.kinematic)[1], T)
+    return "6", title, figure
+
+
+def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> Axes:
+    """Both bounds (5) of the travel time [s] over the discharge or the days, in samples and minutes."""
+    alone = "_" if len(x) < 3 else ""
+    for name, seconds, width, alpha in (
+        ("upper bound: kinematic wave", kinematic, 1.0, 0.6),
+        ("lower bound: gravity wave", gravity, 2.2, 1.0),
+    ):
+        look = {"color": style.WATER, "lw": width, "alpha": alpha, "marker": alone}
+        ax.plot(x, seconds / sample_time, label=name, **look)  # type: ignore[arg-type]
+    ax.set_ylim(0, 1.06 * float(np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))) / sample_time)
+    ax.grid(True, axis="y")
+    style.key(ax)
+    ax.set_ylabel("travel time [samples]")
+    style.second_axis(ax, sample_time, "[minutes]")
+    return ax
+
+
+# Figs 7, 10, the priors, and 12: one day
+
+
+def logs(year: Year, _: Estimates, i: int, *__: Any) -> Drawn:
+    """Fig. 7: the data set of one day."""
+    u, h, title = year.inflow[i], year.level[i], "A one-day data set"
+    figure, panels = _sheet(
+        "7", title,
+        f"{year.config.reach.name} · {year.dates[i]} · N = {len(u)} samples, T_s = {year.sample_time:g} s",
+        [1.75, 1.75], gap=(0.0, 0.22), right=0.3,
+    )  # fmt: skip
+    hours, (flows, below) = np.arange(len(u)) * year.sample_time / 3600.0, panels
+    flows.step(hours, u, where="post", color=style.INK, lw=1.2, label="inflow command u_Qi")
+    if year.outflow:
+        outflow = year.outflow[i]
+        flows.step(hours, outflow, where="post", color=style.WATER, lw=1.0, label="outflow command u_Qo")
+    flows.set_ylabel("flow [m³/s]")
+    below.plot(hours, h, color=style.INK, lw=1.0)
+    below.set_ylabel("level h_L [m]")
+    below.set_xlabel("local time [h]")
+    for ax in panels:
+        ax.set_xlim(0, hours[-1])
+        ax.xaxis.set_major_locator(MultipleLocator(max(3 * round(hours[-1] / 24), 1)))
+        style.few_ticks(ax)
+        ax.grid(True, axis="y")
+    flows.tick_params(labelbottom=False)
+    style.key(flows)
+    figure.align_ylabels(panels)
+    return "7", title, figure
+
+
+def theoretical(year: Year, *_: Any) -> Drawn:
+    """Fig. 10: the response (10) with the paper's numbers."""
+    h = 1e4 * theoretical_fir(SHOWN, DELAY, ALPHA_I, ALPHA_O, K_Q, K_H)
+    title = "A theoretical impulse response"
+    figure, (ax,) = _sheet(
+        "10", title,
+        "d = 7, K_i T_s / A = 1e-4 s/m², K_o T_s / A = 1.2e-4 s/m², K_Q = 1, K_h = −1000 m²/s",
+        [2.9], top=0.85,
+    )  # fmt: skip
+    ax.axhline(0, color=style.LIGHT, lw=0.7)
+    ax.plot(np.arange(SHOWN), h, color=style.INK, lw=1.2, marker="o", ms=3.5)
+    for at, up, words in ((0, -1, "the operators act at once"), (DELAY, 5, "the inflow arrives")):
+        ax.plot([at, at + 1], h[at : at + 2], color=style.ACCENT, lw=2.2, marker="o", ms=4.5)
+        ax.annotate(
+            words, (at + 1, h[at + 1]), xytext=(9, up), textcoords="offset points", color=style.ACCENT,
+            va="center",
+        )  # fmt: skip
+    ax.set_xlim(-0.8, SHOWN - 0.2)
+    ax.set_xlabel("lag k [samples]")
+    ax.set_ylabel("h[k] [10⁻⁴ m per m³/s]")
+    ax.grid(True, axis="y")
+    style.minutes_above(ax, year.sample_time)
+    return "10", title, figure
+
+
+def priors(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
+    """The Rayleigh prior on d (26) and the inverse-gamma prior on sigma_hD2 (32), as in use.
+
+    The second needs a day: its beta_h comes from that day's ML response.
+    """
+    s, results, title = estimated.settings, estimated.results, "The priors in use"
+    ml, jmap = estimated.of("ml"), estimated.of("jmap")
+    M, h = s.order, ml.fir[i]
+    nu = float(np.sum(np.convolve(h, (1.0, -2.0, 1.0))[:M] ** 2))  # ||D h_ML||^2
+    alpha_h, beta_h = M / 2, nu / 2
+    figure, (left, right) = _sheet(
+        "11", title,
+        f"{results.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
+        f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[i]}",
+        [2.7], 2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=0.9,
+    )  # fmt: skip
+    d = np.arange(s.d_min, s.d_max + 1.0)
+    left.plot(d, rayleigh(d, s.delay_scale), color=style.WATER, marker="o", ms=3.5, lw=1.2, label="prior")
+    uniform = np.full(len(d), 1 / len(d))
+    left.plot(d, uniform, color=style.GREY, lw=1.1, ls=estimates.DASHED, label="uniform prior")
+    left.set_ylabel("probability")
+    estimates.delay_ticks(left, s.d_min, s.d_max, results.sample_time)
+    style.name_panel(left, "a", "Rayleigh prior on the delay (26)")
+    ten = ""
+    if np.isfinite(nu) and nu > 0:
+        sd = np.linspace(0.01, 2.0, 400) * np.sqrt(beta_h / (alpha_h + 1))
+        factor, ten = style.power_of_ten(sd)
+        logs = -(alpha_h + 1) * np.log(sd**2) - beta_h / sd**2 + np.log(2 * sd)  # of sigma_hD, not its square
+        right.plot(factor * sd, np.exp(logs - logs.max()), color=style.WATER, lw=1.4)
+        at = factor * float(jmap.roughness_sd[i])
+        right.axvline(at, color=style.ACCENT, lw=1.6, label="estimated by Table VI")
+        right.set_xlim(0, factor * sd[-1])
+    style.no_ticks(right, "y")
+    right.xaxis.set_major_locator(MaxNLocator(nbins=6))
+    right.set_ylabel("density")
+    right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(results.output_unit)}]")
+    style.name_panel(right, "b", "inverse-gamma prior on sigma_hD² (32)")
+    for ax in (left, right):
+        ax.set_ylim(0, None)
+        ax.grid(True, axis="y")
+    style.figure_key([left, right], down=0.14)
+    return "11", title, figure
+
+
+def responses(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
+    """Fig. 12: the impulse responses of one day, and the JMAP's as a bar."""
+    jmap, results = estimated.of("jmap"), estimated.results
+    T, M, unit = results.sample_time, jmap.fir.shape[1], response_unit(results.output_unit)
+    d, deg = jmap.delay[i], estimated.of("jmap-degenerate").delay[i]
+    title = "Impulse responses and delay of one day"
+    facts = f"{results.reach} · {jmap.dates[i]} · condition number of U'U {jmap.condition[i]:.1e}"
+    facts += f" · JMAP d = {delays([float(d)], T)}" if np.isfinite(d) else ""
+    facts += f", JMAPdeg d = {deg:.0f}" if np.isfinite(deg) else ""
+    figure, (ax,) = _sheet("12", title, facts, [3.3], bottom=1.05, top=1.1)
+    ax.axhline(0, color=style.LIGHT, lw=0.7)
+    drawn = {name: estimated.of(name).fir[i] for name in CURVES}
+    # the last lags hold the rest of the truncated response and do not set the scale
+    inner = np.concatenate([h[: M - 3] for h in drawn.values()])
+    factor, ten = style.power_of_ten(inner)
+    for name, (label, look) in CURVES.items():
+        ax.plot(np.arange(M), factor * drawn[name], label=label, **look)
+    if np.isfinite(d):
+        step = slice(int(d), int(d) + 2)
+        look = {"color": style.ACCENT, "lw": 2.4, "marker": "o", "ms": 4, "zorder": 2.3}
+        ax.plot([d, d + 1], factor * jmap.fir[i, step], label="jump from d to d + 1", **look)
+    if np.isfinite(inner).any():
+        low, high = factor * float(np.nanmin(inner)), factor * float(np.nanmax(inner))
+        margin = 0.06 * (high - low) or 1.0
+        ax.set_ylim(low - margin, high + margin)
+    else:
+        style.message(ax, "This day has no impulse response.")
+    ax.set_xlim(-0.5, M - 0.5)
+    ax.set_ylabel(f"h[k] [{ten}{unit}]")
+    ax.grid(True, axis="y")
+    bar = estimates.grey_bar(ax, jmap.fir[i], below=0.4, height=0.26, bins=16)
+    bar.set_xlabel("lag k [samples]")
+    bar.annotate(
+        "JMAP", (0, 0.5), xycoords="axes fraction", xytext=(-6, 0), textcoords="offset points", ha="right",
+        va="center", fontsize=8,
+    )  # fmt: skip
+    style.minutes_above(ax, T)
+    style.figure_key([ax], down=0.58, left=0.72)
+    return "12", title, figure
+
+
+# Figs 9 and 13-18: the year
+
+
+def _panels(estimated: Estimates) -> list[tuple[str, str]]:
+    """Estimator and name of the panels of Figs 17 and 18."""
+    return [
+        ("jmap-uniform", f"uniform prior, alpha = {estimated.alpha:g}"),
+        ("jmap-uniform-estimated", "uniform prior, alpha estimated"),
+        ("jmap", f"Rayleigh prior, sigma_d = {number(estimated.settings.delay_scale)}"),
+    ]
+
+
+def searches(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+    """Fig. 9: delays by exhaustive search in the simple models."""
+    s, title = estimated.settings, "Delays by exhaustive search"
+    figure, panels = _sheet(
+        "9", title, f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
+        right=0.3, bottom=0.85,
+    )  # fmt: skip
+    shown = [("direct", "direct approach (8)")] if estimated.has("direct") else []
+    shown.append(("indirect", "indirect approach (10)"))
+    _histograms(panels, estimated, shown)
+    if len(shown) == 1:
+        style.message(panels[1], "No outflow is logged: no direct approach.")
+        panels[1].set_axis_off()
+    style.figure_key(panels)
+    return "9", title, figure
+
+
+def jmap_histograms(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+    """Fig. 18: delays of the JMAP with three priors."""
+    title = "How often each delay (JMAP)"
+    figure, panels = _sheet(
+        "18", title, f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
+        bottom=0.85, top=0.92,
+    )  # fmt: skip
+    _histograms(panels, estimated, _panels(estimated))
+    style.figure_key(panels)
+    return "18", title, figure
+
+
+def _histograms(panels: Sequence[Axes], estimated: Estimates, shown: Sequence[tuple[str, str]]) -> None:
+    """Histograms with one scale, so that they can be compared."""
+    for letter, ax, (name, words) in zip("abc", panels, shown, strict=False):
+        estimates.histogram(ax, estimated.results, estimated.of(name), counted=False)
+        style.name_panel(ax, letter, words)
+    top = max(ax.get_ylim()[1] for ax in panels[: len(shown)])
+    for ax in panels[: len(shown)]:
+        ax.set_ylim(0, top)
+
+
+def jmap_maps(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+    """Fig. 17: the delay of each day for three priors."""
+    title = "Delay of each day (JMAP)"
+    note = f"{_who(year)} · T_s = {year.sample_time:g} s"
+    figure, panels = _sheet("17", title, note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
+    for letter, ax, (name, words) in zip("abc", panels, _panels(estimated), strict=True):
+        style.date_axis(ax, year.dates[0], year.dates[-1], labels=letter == "c")
+        estimates.delay_map(ax, estimated.results, estimated.of(name), counted=False, bounds=False)
+        style.name_panel(ax, letter, words)
+    style.figure_key(panels)
+    return "17", title, figure
+
+
+def _tdr(num: str) -> Callable[..., Drawn]:
+    """Figs 13-16: the impulse responses of the year, the time-day representation."""
+
+    def representation(_: Year, estimated: Estimates, *__: Any) -> Drawn:
+        (name, title), results = TDR[num], estimated.results
+        e = estimated.of(name)
+        note = f"{results.reach} · {count(int(e.answered.sum()), 'day')}"
+        note += f" · alpha = {estimated.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
+        note += f" · sigma_d = {estimated.settings.delay_scale:g} T_s" if name == "jmap" else ""
+        figure, (ax,) = _sheet(num, title, note)
+        style.date_axis(ax, e.dates[0], e.dates[-1])
+        estimates.tdr(ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=results.sample_time)
+        if e.answered.any():
+            estimates.grey_scale(ax, e.fir, response_unit(results.output_unit))
+        style.key(ax)
+        return num, title, figure
+
+    return representation
+
+
+# Fig. 19: the cascade
+
+
+def cascade(_: Year, __: Estimates, ___: int, reaches: Sequence[CascadeReach]) -> Drawn:
+    """Fig. 19: how far the delay varies in each reach of a cascade, estimated and by experience."""
+    title = "Delays of the reaches of a cascade"
+
+    def width(interval: tuple[int, int]) -> int:
+        return interval[1] - interval[0]
+
+    halved = [r.name for r in reaches if width(r.estimated) <= width(r.empirical) / 2]
+    result = f"interval halved on {listed(halved)}" if halved else "no interval is halved"
+    figure, (ax,) = _sheet("19", title, f"JMAP with uniform prior · {result}")
+    span = max(r.length for r in reaches) / 1000
+    for r in reaches:
+        reach_delays(ax, r, shift=0.016 * span)
+    top = max(1.0, *(max(r.empirical[1], float(np.nanmax(r.delay, initial=1))) for r in reaches))
+    ax.set_xlim(0, span * 1.12)
+    style.lag_ticks(ax, -1.2, top + 1.0)
+    ax.set_xlabel("reach length [km]")
+    ax.set_ylabel("delay [samples]")
+    ax.grid(True, axis="y")
+    style.second_axis(ax, reaches[0].sample_time, "[minutes]")
+    style.key(ax)
+    return "19", title, figure
+
+
+def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
+    """Intervals of the delay of one reach at its length, `shift` apart on the x axis [km]."""
+    x, first = r.length / 1000, not ax.lines
+    ax.plot([x - 1.3 * shift] * 2, r.empirical, color=style.LIGHT, lw=9, solid_capstyle="butt", zorder=2)
+    ax.plot([x + shift] * 2, r.estimated, color=style.INK, lw=2.2, zorder=3)
+    for edge in r.estimated:
+        ax.plot([x + 0.6 * shift, x + 1.4 * shift], [edge] * 2, color=style.INK, lw=2.2, zorder=3)
+    at, days = np.unique(r.delay[np.isfinite(r.delay)], return_counts=True)
+    if len(days):
+        places = np.full(len(at), x + 2.2 * shift)
+        ax.scatter(places, at, s=90 * days / days.sum(), color=style.ACCENT, lw=0, zorder=3)
+    if first:
+        ax.fill_between([], [], color=style.LIGHT, label="operators' interval (nominal ± 3 T_s)")
+        held = {"marker": "|", "color": style.INK, "markersize": 9, "markeredgewidth": 2}
+        style.entry(ax, "estimated: nine days of ten", **held)
+        look = {"marker": "o", "color": style.ACCENT, "markersize": 6, "markeredgewidth": 0}
+        style.entry(ax, "share of days", **look)
+    if len(r.truth):
+        low, high = float(r.truth.min()) - 0.3, float(r.truth.max()) + 0.3
+        ax.fill_betweenx([low, high], x - 0.35 * shift, x + 0.35 * shift, color=style.WATER, label="true")
+    ax.annotate(
+        r.name, (x, 0), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
+        ha="center", fontsize=8, color=style.GREY,
+    )  # fmt: skip
+    return ax
+
+
+FIGURES: tuple[Callable[..., Drawn], ...] = (
+    discharge, level, froude, bounds_by_flow, bounds_by_day, logs, searches, theoretical, priors, responses,
+    *(_tdr(num) for num in TDR), jmap_maps, jmap_histograms, cascade,
+)  # fmt: skip
+"""All figures in the paper's order, as functions of year, estimates, day and cascade."""
