@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -23,25 +22,14 @@ Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 DAYS = 60
-LEFT, RIGHT, TOP, BOTTOM = 0.72, 0.2, 0.85, 0.62
 
 
 def panels(
     title: str, note: str, shares: list[float], height: float = 3.5, gap: float = 0.75
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of the house with panels side by side; `shares` of the width."""
-    figure = Figure(figsize=(style.WIDTH, height), dpi=style.DPI)
-    FigureCanvasAgg(figure)
-    figure.text(LEFT / style.WIDTH, 1 - 0.13 / height, title, va="top", fontsize=11, fontweight="bold")
-    figure.text(LEFT / style.WIDTH, 1 - 0.36 / height, note, va="top", fontsize=8.5, color=style.GREY)
-    room = style.WIDTH - LEFT - RIGHT - gap * (len(shares) - 1)
-    axes, x = [], LEFT
-    for share in shares:
-        wide = room * share / sum(shares)
-        at = (x / style.WIDTH, BOTTOM / height, wide / style.WIDTH, (height - TOP - BOTTOM) / height)
-        axes.append(figure.add_axes(at))
-        x += wide + gap
-    return figure, axes
+    """A figure of `height` inches with panels side by side; `shares` of the width."""
+    margins = {"left": 0.72, "right": 0.2, "top": 0.85, "bottom": 0.62}
+    return style.sheet(title, note, [height - 0.85 - 0.62], shares, gap=(gap, 0.0), **margins)
 
 
 def season(name: str, **changes: Any) -> rivid.SimulatedSeason:

@@ -5,6 +5,7 @@ Usage: python -m benchmarks.hydraulic [--seeds N]
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from benchmarks.accuracy import one_season, settings_of, spread
 from benchmarks.measure import table
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.jmap import jmap
-from rivid.plots.travel_time import TravelTimes, draw
+from rivid.plots import style
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
 from rivid.simulation import observables, simulate
@@ -26,6 +27,67 @@ ROOT = Path(__file__).parent.parent
 SCENARIOS = {"hydraulic_short": "4.5 km", "hydraulic": "8.2 km", "hydraulic_long": "12 km"}
 FINE = 240
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TravelTimes:
+    """Travel times over the discharge; arrays of shape (flows,).
+
+    Attributes
+    ----------
+    flow : ndarray
+        Discharge [m3/s].
+    froude : ndarray
+        F_o (4) [-].
+    gravity, kinematic : ndarray
+        Bounds (5) [s].
+    characteristic, simulated : ndarray
+        Arrival along the steady profile, and of a small step in the full equations [s].
+    sample_time : float
+        T_s [s].
+    """
+
+    flow: Floats
+    froude: Floats
+    gravity: Floats
+    kinematic: Floats
+    characteristic: Floats
+    simulated: Floats
+    sample_time: float
+
+
+def draw(times: TravelTimes, path: Path) -> None:
+    """Froude number and travel time over the discharge, as a PNG."""
+    with style.styled():
+        figure, (upper, lower) = style.sheet(
+            "Travel time of a wave down the reach",
+            "bounds (5), arrival along the steady profile and of a small step in the full equations",
+            (1.1, 2.9), gap=(0.0, 0.42), top=0.6,
+        )  # fmt: skip
+        T = times.sample_time
+        upper.plot(times.flow, times.froude, color=style.INK, lw=1.6)
+        upper.set_ylabel("Froude number")
+        upper.set_ylim(0, 1.15 * float(times.froude.max()))
+        upper.tick_params(labelbottom=False)
+        top = 1.6 * float(max(times.characteristic.max(), times.gravity.max())) / T
+        kinematic = times.kinematic / T
+        ends = f"{kinematic.max():.0f} samples at {times.flow[0]:.0f} m³/s"
+        ends += f", {kinematic[-1]:.0f} at {times.flow[-1]:.0f}" if (kinematic < top).any() else ""
+        blue = {"color": style.WATER, "lw": 1.4}
+        lower.plot(times.flow, times.gravity / T, label="gravity wave, lower bound (5)", **blue)
+        lower.plot(times.flow, times.characteristic / T, color=style.INK, lw=1.8, label="along the profile")
+        ring = {"color": style.ACCENT, "mfc": "none", "mew": 1.3}
+        style.marks(lower, times.flow, times.simulated / T, "full equations", 5, marker="o", **ring)
+        lower.plot(times.flow, kinematic, ls="--", label=f"kinematic wave: {ends}", **blue)
+        lower.set_ylim(0, top)
+        lower.set_xlabel("discharge [m³/s]")
+        lower.set_ylabel(f"travel time [samples of {T:g} s]")
+        for ax in (upper, lower):
+            ax.set_xlim(times.flow[0], times.flow[-1])
+            ax.grid(True, axis="y")
+        style.second_axis(lower, T)
+        style.key(lower)
+        style.save(figure, path)
 
 
 def travel_times() -> TravelTimes:

@@ -44,9 +44,16 @@ from rivid.config import Config, ReachConfig, load_config, parse
 from rivid.core.fir import ml
 from rivid.core.jmap import jmap
 from rivid.plots.paper import draw_paper
-from rivid.plots.paper.cascade import CascadeReach, of_year, own_bounds, shortest
-from rivid.plots.paper.estimates import estimate
-from rivid.plots.paper.year import Year, read_year, year_of
+from rivid.plots.paper_data import (
+    CascadeReach,
+    Year,
+    estimate,
+    of_year,
+    own_bounds,
+    read_year,
+    shortest,
+    year_of,
+)
 from rivid.simulation import simulate_cascade
 from rivid.simulation.scenario import Scenario, load_scenario
 

@@ -22,11 +22,8 @@ from benchmarks.paper_measures import (
 from rivid.core.cusum import cusum
 from rivid.core.fir import map_fir, ml
 from rivid.core.search import direct
-from rivid.plots.paper.cascade import shortest
-from rivid.plots.paper.estimates import estimate
-from rivid.plots.paper.hydraulics import daily_range
-from rivid.plots.paper.one_day import choose
-from rivid.plots.paper.year import Year
+from rivid.plots.paper import choose, daily_range
+from rivid.plots.paper_data import Year, estimate, shortest
 from rivid.reach.integrator import theoretical_fir
 
 Readings = dict[str, dict[str, Floats]]

@@ -117,9 +117,6 @@ def run(study: Study, seeds: range, base: list[World]) -> dict[str, Floats]:
 
 def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
     """A panel for each study."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     from rivid.plots import style
 
     looks = {
@@ -129,30 +126,16 @@ def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
         NOTHING: {"color": style.LIGHT, "lw": 1.5, "ls": (0, (4, 2))},
     }
     with style.styled():
-        rows, columns, each = 4, 2, 1.55
-        height = 0.95 + rows * (each + 0.62)
-        figure = Figure(figsize=(style.WIDTH, height), dpi=style.DPI)
-        FigureCanvasAgg(figure)
-        figure.text(
-            0.62 / style.WIDTH,
-            1 - 0.13 / height,
-            "What the estimate hangs on",
-            va="top",
-            fontsize=11,
-            fontweight="bold",
-        )
         note = "Days within one sample of the true delay [%]; bands: range over the years; upright lines: the defaults"
-        figure.text(0.62 / style.WIDTH, 1 - 0.36 / height, note, va="top", fontsize=8.5, color=style.GREY)
-        width = (style.WIDTH - 0.62 - 0.25 - 0.6) / columns
-        handles: dict[str, Any] = {}
-        for n, study in enumerate(STUDIES):
-            row, column = divmod(n, columns)
-            x, y = 0.62 + column * (width + 0.6), height - 0.95 - row * (each + 0.62) - each
-            axes = figure.add_axes((x / style.WIDTH, y / height, width / style.WIDTH, each / height))
+        figure, panels = style.sheet(
+            "Sensitivity of the estimate to its settings", note, [1.55] * 4, [1.0] * 2, gap=(0.6, 0.62), left=0.62,
+            right=0.25, top=0.95, bottom=0.62,
+        )  # fmt: skip
+        for axes, study in zip(panels, STUDIES, strict=False):
             at = np.arange(len(study.values))
             for line, shares in answers[study.name].items():
                 mean = 100 * shares.mean(axis=1)
-                handles[line] = axes.plot(at, mean, label=line, zorder=3, **looks[line])[0]
+                axes.plot(at, mean, label=line, zorder=3, **looks[line])
                 axes.fill_between(
                     at,
                     100 * shares.min(axis=1),
@@ -172,14 +155,11 @@ def draw(answers: dict[str, dict[str, Floats]], path: Path) -> None:
             axes.set_ylim(0, 104)
             axes.set_yticks([0, 25, 50, 75, 100])
             axes.grid(True, axis="y")
-            axes.spines["right"].set_visible(False)
             axes.set_xlabel(f"{study.name} [{study.unit}]")
-        figure.legend(
-            handles=[handles[line] for line in looks], loc="upper left",
-            bbox_to_anchor=(0.62 / style.WIDTH, 1 - 0.6 / height), ncols=len(looks),
-        )  # fmt: skip
-        page = style.Sheet(figure, figure.axes[0], width, each)
-        style.save(page.figure, path)
+        for axes in panels[len(STUDIES) :]:
+            axes.remove()
+        style.figure_key(panels[:1], down=0.6, left=0.62)
+        style.save(figure, path)
 
 
 def spread(shares: Floats) -> str:

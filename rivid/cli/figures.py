@@ -12,7 +12,7 @@ from rivid.cli import options as shared
 from rivid.cli.console import Console
 
 if TYPE_CHECKING:
-    from rivid.plots.paper.cascade import CascadeReach
+    from rivid.plots.paper_data import CascadeReach
 
 CASCADE = Path("configs", "scenarios", "cascade.toml")
 """Default cascade of Fig. 19, in this directory or next to the package."""
@@ -92,15 +92,14 @@ def command(
 def _paper(
     out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], console: Console
 ) -> int:
-    from rivid.plots.paper import STEPS, draw_paper
-    from rivid.plots.paper.cascade import of_year
-    from rivid.plots.paper.estimates import estimate
-    from rivid.plots.paper.year import read_run
+    from rivid.plots.paper import FIGURES, draw_paper
+    from rivid.plots.paper_data import estimate, of_year, read_run
+    from rivid.report.build import write_gallery
     from rivid.results.store import Store
 
     given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
     console.phase("starting")
-    with _progress(STEPS + 2 + max(len(given), 1), console.quiet) as step:
+    with _progress(len(FIGURES) + 2 + max(len(given), 1), console.quiet) as step:
         year = read_run(out, logs)
         step("reading the logs")
         console.phase("reading the logs")
@@ -120,9 +119,9 @@ def _paper(
             figures = draw_paper(
                 year, estimates, reaches, out / "paper", day=day, progress=lambda: step("drawing")
             )
+            page = write_gallery(year, figures, out / "paper")
     console.phase("drawing")
     if not console.quiet:
-        page = out / "paper" / "index.html"
         click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0
 
@@ -136,8 +135,7 @@ def _default_cascade() -> list[Path]:
 def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
     """Simulate the reaches of a scenario; the settings of their estimates come from their hydraulics."""
     from rivid.config import Config, ReachConfig
-    from rivid.plots.paper.cascade import of_year, own_bounds
-    from rivid.plots.paper.year import year_of
+    from rivid.plots.paper_data import of_year, own_bounds, year_of
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
 

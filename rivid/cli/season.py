@@ -65,13 +65,9 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
         joined, law = join(days, both_ways), law_of(days)
         console.phase("joining them, and the law")
         write_season(days, joined, law, out)
-        from rivid.plots import law as law_figure
-        from rivid.plots import season as season_figure
-        from rivid.plots import style
+        from rivid.plots.season import draw
 
-        with style.styled():
-            season_figure.draw(days, joined, out / "figures")
-            law_figure.draw(days, law, out / "figures")
+        draw(days, joined, law, out / "figures")
     console.phase("tables and figures")
     if not quiet:
         _print(days, joined, law)

@@ -33,7 +33,7 @@ DASHES = (0, (5, 2))
 NAME_LENGTH = 36
 """Characters of the name of a simulation beside its bar; the table of the page has the whole name."""
 SHARE = 0.99
-"""Share of the cells of the map inside the colour scale: single extreme hours must not make the others pale."""
+"""Share of the cells of the map inside the colour scale: single extreme hours must not dominate it."""
 RANK = 0.8
 """Rank of the plotted day among the days kept apart by the error of the simulation without effects.
 
@@ -270,8 +270,8 @@ def draw_inflow(
     small, below = 1.5, 0.55  # height of the panels at the bottom, and the margin under them [inch]
     figure, panels = style.sheet(
         "The unexplained inflow",
-        f"{count(len(dates), 'day')}, {day_range(dates[0], dates[-1])} · the inflow that the simulation lacks "
-        "to follow the gauge",
+        f"{count(len(dates), 'day')}, {day_range(dates[0], dates[-1])} · the inflow that the simulation "
+        "lacks to follow the gauge",
         [1.35] * len(shown), gap=(0.0, 0.3), left=0.72, right=0.3, top=0.92, bottom=below + small + 0.98,
     )  # fmt: skip
     curves = [course(*series, dates, hour, used) for _, _, series in shown]

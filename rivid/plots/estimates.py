@@ -35,7 +35,7 @@ FAR = 6.0
 """Days so many interquartile ranges beyond the quartiles are marked at the edge of a panel of t50, so that
 single days do not compress the others."""
 WIDER = 2.5
-"""A bound widens a panel of t50 up to so many times what the days need; beyond, it is cut or named in text."""
+"""A bound widens a panel of t50 up to so many times what the days need; beyond, text names it."""
 GROUPS = 60
 """A bound over the discharge is the line through the medians of so many groups of days."""
 DASHED = (0, (4, 2))
@@ -253,15 +253,20 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
 
 
 def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
-    """Delays in samples on the x axis, minutes or hours under them."""
+    """Delays in samples on the x axis, minutes or hours under them, in whole ones on narrow panels."""
     margin = max(0.7, 0.02 * (high - low))
     ax.set_xlim(low - margin, high + margin)
-    bins = min(round(2.5 * style.inches(ax)[0]), 20)  # so that "33.2" fits between its neighbours
+    width = style.inches(ax)[0]
+    bins, digits = min(round(3.6 * width), 20), int(width > 5)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=bins, integer=True, steps=[1, 2, 5, 10]))
     unit, seconds = time_unit(high * sample_time)
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda d, _: f"{d:.0f}\n{d * sample_time / seconds:.1f}"))
+
+    def label(d: float, _: int | None) -> str:
+        return f"{d:.0f}\n{d * sample_time / seconds:.{digits}f}"
+
+    ax.xaxis.set_major_formatter(FuncFormatter(label))
     ax.tick_params(axis="x", length=3)
-    ax.set_xlabel(f"delay d: above in samples, below in {unit}", labelpad=4)
+    ax.set_xlabel(f"delay d [samples; below: {unit}]", labelpad=4)
 
 
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
@@ -584,7 +589,7 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
 
 
 def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """t50 against the mean inflow, with the median of each third of the days; parameters as of :func:`t50`."""
+    """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
     label = "mean inflow of the data set [m³/s]"
     shown = has_t50(e) & np.isfinite(e.mean_inflow)
     _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)

@@ -19,9 +19,9 @@ from rivid.plots import captions, estimates, style
 from rivid.plots.draw import typical_day
 from rivid.plots.paper_data import CascadeReach, Estimates, Year
 from rivid.plots.style import FigureFile
-from rivid.reach.response import theoretical_fir
+from rivid.reach.integrator import theoretical_fir
 from rivid.results.selection import day_numbers, rayleigh
-from rivid.text import count, delays, listed, number, response_unit, share, time_unit
+from rivid.text import count, delays, listed, number, response_unit, share
 from rivid.types import Floats
 
 OFTEN = 500.0
@@ -228,7 +228,9 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
     ):
         look = {"color": style.WATER, "lw": width, "alpha": alpha, "marker": alone}
         ax.plot(x, seconds / sample_time, label=name, **look)  # type: ignore[arg-type]
-    ax.set_ylim(0, 1.06 * float(np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))) / sample_time)
+    ax.set_ylim(
+        0, 1.06 * float(np.nanmax(np.where(np.isfinite(kinematic), kinematic, gravity))) / sample_time
+    )
     ax.grid(True, axis="y")
     style.key(ax)
     ax.set_ylabel("travel time [samples]")

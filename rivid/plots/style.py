@@ -231,13 +231,15 @@ def message(ax: Axes, text: str) -> None:
 
 def marks(ax: Axes, x: Floats, y: Floats, label: str, size: float, **look: Any) -> None:
     """Plot marks of `size` points; in the legend they have the legend's own size."""
-    ax.plot(x, y, **({"ls": "none", "markersize": size} | look))
+    given: dict[str, Any] = {"ls": "none", "markersize": size} | look
+    ax.plot(x, y, **given)
     entry(ax, label, **{k: v for k, v in look.items() if k not in ("alpha", "zorder")})
 
 
 def entry(ax: Axes, label: str, **look: Any) -> None:
     """Add an entry to the legend and nothing to the panel."""
-    ax.plot([], [], label=label, **({"ls": "none", "markersize": 4.5} | look))
+    given: dict[str, Any] = {"ls": "none", "markersize": 4.5} | look
+    ax.plot([], [], label=label, **given)
 
 
 def entries(*panels: Axes) -> dict[str, Any]:
@@ -320,12 +322,17 @@ def minutes_above(ax: Axes, sample_time: float) -> None:
     """Minutes along the top of a panel with samples on its x axis."""
     unit, seconds = time_unit(ax.get_xlim()[1] * sample_time)
     scale = sample_time / seconds
-    other = ax.secondary_xaxis("top", functions=(lambda x: x * scale, lambda x: x / scale))
+
+    def minutes(samples: Any) -> Any:
+        return samples * scale
+
+    def samples(minutes: Any) -> Any:
+        return minutes / scale
+
+    other = ax.secondary_xaxis("top", functions=(minutes, samples))
     other.tick_params(labelcolor=GREY, color=GREY, length=3, pad=1)
     other.spines["top"].set_visible(False)
-    ax.annotate(
-        unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY
-    )
+    ax.annotate(unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY)
 
 
 def hour_axis(ax: Axes, every: int = 6) -> None:
@@ -541,7 +548,7 @@ def save_vector(figure: Figure, path: Path) -> None:
         Where the file cannot be written.
     """
     # the ids inside an SVG are hashes with a salt, which is random by default
-    salt = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
+    salt: dict[Any, Any] = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
     with matplotlib.rc_context(salt), replacing(path) as scratch:
         figure.savefig(scratch, format="svg", dpi=VECTOR_DPI, metadata={"Date": None, "Creator": None})
 

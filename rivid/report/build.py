@@ -15,8 +15,7 @@ from rivid.results.read import Results
 from rivid.results.selection import estimates_delay
 
 if TYPE_CHECKING:
-    from rivid.plots.paper.sheets import PaperFigure
-    from rivid.plots.paper.year import Year
+    from rivid.plots.paper_data import Year
 
 MOST = 400
 """Most rows of days to look at on the page, which a browser lays out at once; delays.csv has all days."""
@@ -112,7 +111,7 @@ def write_report(
     return write_page(out / "report.html", "report", context)
 
 
-def write_gallery(year: "Year", figures: Sequence["PaperFigure"], folder: Path) -> Path:
+def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> Path:
     """Write index.html, the page of the paper's figures, into the folder of the figures; return its path."""
     context = {
         "reach": year.config.reach.name,
@@ -122,7 +121,7 @@ def write_gallery(year: "Year", figures: Sequence["PaperFigure"], folder: Path) 
         "left_out": year.left_out,
         "sample_time": year.sample_time,
         "parts": [
-            (heading, f"part{i}", [f for f in figures if f.number in numbers])
+            (heading, f"part{i}", [f for f in figures if f.kind in numbers])
             for i, (heading, numbers) in enumerate(PARTS, 1)
         ],
     }

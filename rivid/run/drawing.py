@@ -36,15 +36,12 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
         If a file cannot be written.
     """
     global _read
-    from rivid.plots.draw import drop_old
-
     try:
         wanted = engine.submit(_wanted, out).result()
         # the responses of one day take longest: first, so that they end with the others
         under_way = {job: engine.submit(_paint, out, job) for job in sorted(wanted, key=_is_quick)}
         drawn = [under_way[job].result() for job in wanted]
         files = [file for file in drawn if file is not None]
-        drop_old(out / "figures", files)
         page: Path = engine.submit(_report, out, files, dict(summary)).result()
     except engine.died:  # out of memory, perhaps: one figure at a time needs less
         engine.renew()
@@ -80,6 +77,8 @@ def _paint(out: Path, job: "Job") -> "FigureFile | None":
 
 
 def _report(out: Path, figures: "list[FigureFile]", summary: dict[str, Any]) -> Path:
+    from rivid.plots.draw import drop_old
     from rivid.report.build import write_report
 
+    drop_old(out / "figures", figures)
     return write_report(_results(out), figures, out, summary=summary)

@@ -33,7 +33,7 @@ DRAWING = (
     "rivid.results.read",
     "rivid.report.build",
     "jinja2",
-    *(f"rivid.plots.{name}" for name in ("tdr", "histogram", "delay_map", "discharge", "fir_day", "t50")),
+    "rivid.plots.draw",
     "pyarrow.parquet",
 )
 """Modules of a worker that draws figures."""
