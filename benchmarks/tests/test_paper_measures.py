@@ -16,7 +16,7 @@ from benchmarks.paper_measures import (
 from rivid.core.fir import second_difference
 from rivid.core.jmap import jmap
 from rivid.core.search import direct
-from tests.plots.paper.years import season
+from tests.plots.years import season
 
 
 def world():

@@ -10,7 +10,8 @@ from rivid.errors import ConfigError
 from rivid.simulation.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
-    from rivid.plots.library import Panel, Picture
+    from rivid.plots.library import Panel
+    from rivid.plots.style import Picture
 
 GivenConfig = Config | Path | str | Mapping[str, Any] | None
 GivenScenario = Scenario | Path | str | Mapping[str, Any] | None

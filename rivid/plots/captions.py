@@ -15,8 +15,8 @@ def joined(*parts: tuple[bool, str]) -> str:
 def _no_jump(estimator: str, unit: str) -> tuple[bool, str]:
     """The sentence under every figure of a river's jump delay."""
     return unit != "m", (
-        f"The {ESTIMATORS[estimator].method} looks for a jump; a dispersive river has none, so t50 describes it better "
-        "than d."
+        f"The {ESTIMATORS[estimator].method} looks for a jump; a dispersive river has none, so t50 describes "
+        "it better than d."
     )
 
 
@@ -62,8 +62,8 @@ def delay_map(estimator: str, unit: str, *, bounds: bool) -> str:
         (True, "One mark per day."),
         (bounds, "The blue line is the travel time of the wave at the day's discharge, as a delay: "
                  f"travel time / T_s - 1, because the {output_words(unit)} first moves at lag d + 1."),
-        (e.has_probability, "Grey cells are the probability of each delay, the darker the more probable; a day of "
-                   "grey cells without a mark has no delay that is probable enough."),
+        (e.has_probability, "Grey cells are the probability of each delay, the darker the more probable; a "
+                            "day of grey cells without a mark has no delay that is probable enough."),
         (not e.unchecked, "Hollow marks are days on which the data alone favour another delay, or "
                                      "none."),
         (True, "Triangles are at d_min or d_max."),
@@ -194,15 +194,16 @@ PAPER = {
     "10": "Two jumps: the operators react at lag 1, the inflow itself arrives at lag d + 1; between them the "
           "response is slow.",
     "11": "Before any data: a delay near sigma_d, and a response about as rough as the ML's.",
-    "12": "ML is rough, MAP blurs the jump, JMAP is smooth and keeps it, JMAPdeg (no inverse-gamma prior) is "
-          "too smooth. The last lags collect what M lags cannot hold. Below: the JMAP as a bar.",
-    "13": "Rough, but two jumps in grey can be seen: the operators act at lag 1, the inflow arrives at d + 1.",
+    "12": "ML is rough, MAP blurs the jump, JMAP is smooth and keeps it, JMAPdeg (no inverse-gamma prior) "
+          "is too smooth. The last lags collect what M lags cannot hold. Below: the JMAP as a bar.",
+    "13": "Rough, but two jumps in grey are visible: the operators act at lag 1, the inflow arrives at "
+          "d + 1.",
     "14": "Smoother along the lags, and the jumps are blurred.",
     "15": "Smooth, with a sharp jump just above the estimated delay (coloured), from each day's data alone.",
     "16": "The same with the Rayleigh prior on the delay (Table VI).",
     "17": "One mark a day; hollow where the data without the prior's terms do not give the same delay.",
-    "18": "Dark: without the prior's terms the data give the same delay to within a sample. Light: they do "
-          "not, the prior or chance decides.",
-    "19": "Grey: the operators' interval, three sampling periods to either side. Dark: nine of ten estimates; "
-          "the dots are the share of each delay.",
+    "18": "Dark: without the prior's terms the data give the same delay to within a sample. Light: they "
+          "do not, the prior or chance decides.",
+    "19": "Grey: the operators' interval, three sampling periods to either side. Dark: nine of ten "
+          "estimates; the dots are the share of each delay.",
 }  # fmt: skip

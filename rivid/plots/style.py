@@ -523,7 +523,7 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
     The palette halves the size of the file. The method of maximum coverage changes no colour of these
-    figures by more than 6 of 255; a median cut changes rare ones by up to 60.
+    figures by more than 8 of 255; a median cut changes rare ones by up to 60.
 
     Raises
     ------

@@ -87,6 +87,58 @@ def results(names=("ml", "jmap"), dates=None, **kwargs):
     return Results("basse_isere", T_S, "m", 6.5, made)
 
 
+REASON = "no delay is right with a probability of 0.7"
+
+
+def probable(n=30, unsure=(3, 4, 20), unseen=(9,)):
+    """Days of delays 6 and 7 with p(d | y) on three candidates; some unsure, some without a front."""
+    rng = np.random.default_rng(8)
+    e = estimator("posterior", dates_of(n), unanswered=0)
+    delay = rng.integers(6, 8, n).astype(float)
+    p = np.zeros((n, len(CANDIDATES)))
+    for i, d in enumerate(delay.astype(int)):
+        share = 0.55 if i in unsure else rng.uniform(0.75, 0.999)
+        p[i, [d - 1, d, d - 2]] = share, 0.8 * (1 - share), 0.2 * (1 - share)
+    right = p.max(axis=1)
+    low, high = delay - (right < 0.8), delay + (right < 0.9)
+    status, messages = ["ok"] * n, [""] * n
+    for days, reason in ((unsure, REASON), (unseen, "no front is seen")):
+        for i in days:
+            status[i], messages[i] = "unidentifiable", reason
+    p[list(unseen)] = right[list(unseen)] = np.nan
+    gone = np.array([s != "ok" for s in status])
+    fir, delay = e.fir.copy(), np.where(gone, np.nan, delay)
+    fir[gone] = np.nan
+    nothing = np.full(n, np.nan)
+    e = dataclasses.replace(
+        e, status=status, messages=messages, delay=delay, fir=fir, probability=right, delay_low=low,
+        fir_sd=np.where(gone[:, None], np.nan, 1e-5) * np.ones_like(fir), delay_high=high, criterion=p,
+        at_bound=np.zeros(n, bool), prior_only=np.zeros(n, bool), alpha=nothing, noise_sd=nothing,
+        roughness_sd=nothing, condition=nothing, bound_gravity_s=np.full(n, 1000.0),
+    )  # fmt: skip
+    return dataclasses.replace(results(("jmap",), dates_of(1)), estimators=[e])
+
+
+def searched(n=120, at_edges=0.6, name="direct"):
+    """A year of a search: no impulse response, most days at its edges."""
+    e = estimator(name, dates_of(n), unanswered=0)
+    rng = np.random.default_rng(3)
+    delay = np.where(rng.random(n) < at_edges, rng.choice([1.0, 15.0], n), rng.integers(2, 15, n))
+    e = dataclasses.replace(
+        e,
+        status=["ok"] * n,
+        messages=[""] * n,
+        delay=delay,
+        at_bound=(delay == 1) | (delay == 15),
+        prior_only=np.zeros(n, bool),
+        fir=np.empty((n, 0)),
+        alpha=np.full(n, np.nan),
+        roughness_sd=np.full(n, np.nan),
+        condition=np.full(n, np.nan),
+    )
+    return dataclasses.replace(results(("jmap",), dates_of(1)), estimators=[e])
+
+
 def without_answers(run):
     """The same days, all failed, as a run's tables hold them: no response and no candidate at all."""
     made = []
@@ -165,6 +217,7 @@ def cases():
         "a river, one day": river(1),
         "a river, a year": river(332, ("jmap", "ml")),
         "a river, all days failed": without_answers(river(7)),
+        "probabilities": probable(400, unsure=(0, 399), unseen=()),
         "long names": dataclasses.replace(
             results(("jmap-uniform-estimated",), dates_of(60)), reach="a_reach_with_$a_long$_name_" * 3
         ),

@@ -8,7 +8,7 @@ from rivid.cli import figures as cli
 from rivid.cli.run import command as run
 from rivid.errors import NoDataError
 from rivid.logs.write import write_days
-from tests.plots.paper.years import season
+from tests.plots.years import season
 
 
 def invoke(command, *args):

@@ -1,19 +1,14 @@
-"""Figures of the season and of the law: every case draws, to the same bytes; what they show is there."""
+"""Figures of the season and of the law: curves, marks and intervals."""
 
 import dataclasses
 import datetime as dt
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from rivid.plots import law as law_figure
-from rivid.plots import season as season_figure
-from rivid.plots import style
+from rivid.plots import season, style
 from rivid.results.season import SeasonDays, join, law_of
-
-ACCENT = (0xD5, 0x5E, 0x00)
-WATER = (0x00, 0x72, 0xB2)
+from tests.plots.layout import check, saved
 
 
 def days_of(n=120, *, river=False, seed=3):
@@ -33,61 +28,67 @@ def days_of(n=120, *, river=False, seed=3):
     )  # fmt: skip
 
 
-def pixels(path, colour):
-    with Image.open(path) as image:
-        return int((np.abs(np.asarray(image.convert("RGB"), int) - colour).max(axis=2) < 12).sum())
-
-
-def drawn(days, folder):
+@pytest.fixture
+def ax():
     with style.styled():
-        return season_figure.draw(days, join(days), folder), law_figure.draw(days, law_of(days), folder)
+        yield style.sheet("title", "note")[1][0]
+
+
+def test_the_line_is_the_joined_median_and_the_band_holds_ninety_per_cent(ax):
+    days = days_of()
+    joined = join(days)
+    season.season(ax, days, joined)
+    line = next(line for line in ax.lines if line.get_label() == "joined, median")
+    expected = [days.place(joined.probability, share) - 0.5 for share in (0.05, 0.5, 0.95)]
+    assert line.get_ydata()[1:-1] == pytest.approx(expected[1])
+    band = next(c for c in ax.collections if c.get_label() == "90 %").get_paths()[0].vertices[:, 1]
+    assert (band.min(), band.max()) == pytest.approx((expected[0].min(), expected[2].max()))
+    alpha = np.asarray(ax.get_images()[0].get_array())[..., 3]
+    np.testing.assert_allclose(alpha, season.DARKEST * np.nan_to_num(days.probability).T)
+    unseen = int((~joined.observed).sum())
+    assert unseen and f"no information of its own ({unseen})" in style.entries(ax)
+
+
+def test_a_day_whose_answer_changed_is_marked(ax):
+    days = days_of(40)
+    steady = join(days).delay.copy()
+    steady[20] += 1
+    season.season(ax, dataclasses.replace(days, delay=steady), join(days))
+    assert "another delay than alone (1)" in style.entries(ax)
+    assert any(list(line.get_xdata()) == [days.dates[20].toordinal()] for line in ax.lines)
 
 
 @pytest.mark.parametrize("river", [False, True])
-def test_both_figures_show_the_line_and_the_law(river, tmp_path):
-    season, law = drawn(days_of(river=river), tmp_path)
-    assert (season.path.name, law.path.name) == ("season.png", "delay_law.png")
-    for file, colour in ((season, WATER), (law, ACCENT)):
-        with Image.open(file.path) as image:
-            assert image.size == (file.width, file.height)
-        assert pixels(file.path, colour) > 1000
-    assert season.caption and law.caption
+def test_the_law_is_drawn_over_the_days_in_samples(river, ax):
+    days = days_of(river=river)
+    law = law_of(days)
+    season.delay_law(ax, days, law)
+    line = next(line for line in ax.lines if line.get_label() == "law")
+    q = line.get_xdata()
+    assert line.get_ydata() == pytest.approx(law.delay(q)[0] / 133.0)
+    shown = np.isfinite(days.travel)
+    assert (q[0], q[-1]) == pytest.approx((days.discharge[shown].min(), days.discharge[shown].max()))
+    assert any(np.array_equal(one.get_ydata(), days.travel[shown] / 133.0) for one in ax.lines)
 
 
-def test_a_day_whose_answer_changed_is_marked(tmp_path):
-    days = days_of(40)
-    steady = dataclasses.replace(days, delay=join(days).delay)
-    drawn(steady, tmp_path / "same")
-    other = steady.delay.copy()
-    other[20] += 1
-    drawn(dataclasses.replace(steady, delay=other), tmp_path / "other")
-    assert pixels(tmp_path / "same/season.png", ACCENT) == 0
-    assert pixels(tmp_path / "other/season.png", ACCENT) > 20
-
-
-def test_the_same_days_give_the_same_bytes(tmp_path):
-    for name in ("one", "two"):
-        drawn(days_of(60), tmp_path / name)
-    for name in ("season.png", "delay_law.png"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
-@pytest.mark.parametrize("n", [1, 2, 9])
-def test_few_days_are_drawn_without_a_law(n, tmp_path):
+@pytest.mark.parametrize("n", [1, 9, 60])
+def test_both_files_are_readable_and_the_same_twice(n, tmp_path):
     days = days_of(n)
-    assert law_of(days).status == "too_few_days"
-    season, law = drawn(days, tmp_path)
-    assert season.path.exists() and pixels(law.path, ACCENT) == 0
+    law = law_of(days)
+    assert (law.status == "ok") == (n == 60)
+    with saved() as figures:
+        made = [season.draw(days, join(days), law, tmp_path / name) for name in "ab"]
+    assert [(f.kind, f.estimator) for f in made[0]] == [
+        ("season", "posterior-season"), ("delay_law", "posterior"),
+    ]  # fmt: skip
+    for one, two in zip(*made, strict=True):
+        assert one.path.read_bytes() == two.path.read_bytes() and one.caption
+    for name, figure in figures.items():
+        check(figure, name)
 
 
-def test_days_without_discharge_or_answer_leave_an_empty_panel_with_words(tmp_path):
-    days = days_of(30)
-    nothing = np.full(30, np.nan)
-    for k, bare in enumerate(
-        (
-            dataclasses.replace(days, discharge=nothing),
-            dataclasses.replace(days, delay=nothing, travel=nothing),
-        )
-    ):
-        season, law = drawn(bare, tmp_path / str(k))
-        assert season.path.exists() and pixels(law.path, ACCENT) == 0
+@pytest.mark.parametrize("missing", ["discharge", "travel"])
+def test_days_without_discharge_or_travel_time_leave_an_empty_panel(missing, ax):
+    days = dataclasses.replace(days_of(30), **{missing: np.full(30, np.nan)})
+    season.delay_law(ax, days, law_of(days))
+    assert "None of the 30 days" in ax.texts[0].get_text() and not ax.lines

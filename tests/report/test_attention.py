@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.report.attention import attention, band, dates_of, outside
-from tests.plots.test_other_estimators import searched
+from tests.plots.synthetic import searched
 from tests.report.runs import STEADY, beside, simple, summary_of
 
 NAN = np.nan

@@ -5,11 +5,11 @@ from functools import cache
 from pathlib import Path
 
 from rivid.config import Config, ReachConfig, parse
-from rivid.plots.paper.year import Year, year_of
+from rivid.plots.paper_data import Year, year_of
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 
-SCENARIO = Path(__file__).parents[3] / "configs" / "scenarios" / "basse_isere.toml"
+SCENARIO = Path(__file__).parents[2] / "configs" / "scenarios" / "basse_isere.toml"
 
 
 @cache

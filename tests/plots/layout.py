@@ -1,0 +1,48 @@
+"""Figures as tests look at them: those that are saved, and whether their texts can be read."""
+
+from contextlib import contextmanager
+from unittest.mock import patch
+
+from matplotlib.legend import Legend
+from matplotlib.text import Text
+
+from rivid.plots import style
+
+
+@contextmanager
+def saved():
+    """The figures that are saved inside, by the stem of the file."""
+    figures, save = {}, style.save
+
+    def keep(figure, path):
+        save(figure, path)
+        figures[path.stem] = figure
+
+    with patch.object(style, "save", keep):
+        yield figures
+
+
+def labels(figure):
+    """Labels of all legends of a figure, in order."""
+    return [text.get_text() for one in figure.findobj(Legend) for text in one.get_texts()]
+
+
+def check(figure, name):
+    """No text or legend is cut off, and no tick labels of an axis overlap."""
+    renderer, edge = figure.canvas.get_renderer(), figure.bbox
+    texts = [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
+    for ax in figure.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            drawn = [label for label in axis.get_ticklabels(which="both") if label.get_text().strip()]
+            ticks = [w for tick in axis._update_ticks() for w in (tick.label1, tick.label2)]
+            shown = [w for w in ticks if w.get_visible() and w.get_text()]
+            texts = [t for t in texts if t not in drawn or t in shown]
+            boxes = [w.get_window_extent(renderer) for w in shown]
+            for i, box in enumerate(boxes):
+                assert not any(box.overlaps(other) for other in boxes[:i]), f"{name}: {shown[i]}"
+    assert texts, name
+    for one in [*texts, *figure.findobj(Legend)]:
+        box = one.get_window_extent(renderer)
+        where = f"{name}: {one} at {box.extents} in {edge.extents}"
+        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= edge.x1 and box.y1 <= edge.y1, where
+    return [(t.get_window_extent(renderer), t.get_text()) for t in texts]

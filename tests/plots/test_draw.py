@@ -1,0 +1,172 @@
+"""All figures of a run: which files, the same bytes, readable texts, and captions of what is shown."""
+
+import dataclasses
+import datetime as dt
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+from PIL import Image
+
+from rivid.errors import ConfigError, RividError
+from rivid.plots.draw import draw, draw_all, typical_day
+from tests.plots.layout import check, labels, saved
+from tests.plots.synthetic import cases, dates_of, probable, results, river, without_answers
+
+CASES = cases()
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """Files and figures of a case, drawn once."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            out = tmp_path_factory.mktemp("run")
+            with saved() as figures:
+                made[name] = draw_all(CASES[name], out), figures
+        return made[name]
+
+    return of
+
+
+def test_an_estimator_with_delays_has_four_figures_and_one_without_has_its_image(drawn):
+    files, _ = drawn("a year")
+    four = ("tdr", "histogram", "delay_map", "delay_discharge")
+    expected = [
+        "tdr_ml",
+        "tdr_map",
+        *(f"{k}_{e}" for e in ("jmap", "jmap-degenerate") for k in four),
+        "fir_day",
+    ]
+    folder = files[0].path.parent
+    assert folder.name == "figures" and [f.path for f in files] == [folder / f"{n}.png" for n in expected]
+    assert [(f"{f.kind}_{f.estimator}" if f.estimator else f.kind) for f in files] == expected
+    assert sorted(p.stem for p in folder.iterdir()) == sorted(expected)
+    assert [f.kind for f in drawn("all days failed")[0]] == list(four)
+    river_files = drawn("a river, a year")[0]
+    assert [f.path.stem for f in river_files if "t50" in f.kind] == ["t50_jmap", "t50_discharge_jmap"]
+
+
+def test_each_file_is_a_small_image_of_the_stated_size(drawn):
+    for file in drawn("a year")[0]:
+        with Image.open(file.path) as image:
+            assert image.size == (file.width, file.height)
+            assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+        assert file.path.stat().st_size < 100_000, file.path.name
+
+
+def test_the_same_results_give_the_same_bytes_whatever_the_users_matplotlibrc(drawn, tmp_path):
+    with matplotlib.rc_context({"font.size": 20, "axes.facecolor": "red", "savefig.dpi": 300}):
+        again = draw_all(CASES["a week"], tmp_path)
+        assert matplotlib.rcParams["font.size"] == 20, "the caller's settings return"
+    for first, second in zip(drawn("a week")[0], again, strict=True):
+        assert first.path.read_bytes() == second.path.read_bytes(), first.path.name
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_text_is_cut_off_and_no_tick_labels_overlap(name, drawn):
+    files, figures = drawn(name)
+    assert sorted(figures) == sorted(f.path.stem for f in files)
+    for stem, figure in figures.items():
+        check(figure, f"{name}: {stem}")
+
+
+def test_figures_of_an_estimator_that_left_the_run_go_and_other_files_stay(tmp_path):
+    draw_all(results(("jmap", "jmap-uniform"), dates_of(2)), tmp_path)
+    other = tmp_path / "figures" / "diagnosis_fit.png"
+    other.write_bytes(b"x")
+    draw_all(results(("jmap",), dates_of(2)), tmp_path)
+    names = {p.name for p in (tmp_path / "figures").iterdir()}
+    assert {"tdr_jmap.png", "diagnosis_fit.png"} <= names and not any("jmap-uniform" in n for n in names)
+
+
+def test_an_estimator_without_responses_or_checks_claims_neither(tmp_path):
+    e = dataclasses.replace(results(("direct",), dates_of(60)).estimators[0], fir=np.empty((60, 0)))
+    run = dataclasses.replace(results(("jmap",), dates_of(1)), estimators=[e])
+    with saved() as figures:
+        files = draw_all(run, tmp_path)
+    assert [f.kind for f in files] == ["histogram", "delay_map", "delay_discharge"]
+    n, edge = int(np.isfinite(e.delay).sum()), int(e.at_bound.sum())
+    assert labels(figures["histogram_direct"])[0] == f"delay ({n})"
+    for kind in ("delay_map", "delay_discharge"):
+        shown = labels(figures[f"{kind}_direct"])
+        assert shown[0].startswith("delay (") and f"at a bound ({edge})" in shown
+    assert not any("the data alone" in f.caption for f in files)
+
+
+def test_captions_name_what_is_shown(drawn, tmp_path):
+    pool, water = (
+        {(f.kind, f.estimator): f.caption for f in drawn(name)[0]} for name in ("a year", "a river")
+    )
+    assert (
+        not any("river" in text for text in pool.values()) and "the data alone" in pool["histogram", "jmap"]
+    )
+    for kind in ("histogram", "delay_map", "delay_discharge"):
+        assert "The JMAP looks for a jump; a dispersive river has none" in water[kind, "jmap"]
+    assert "half of a step" in water["tdr", "map"] and "a faster wave" in water["t50_discharge", "map"]
+    cusum = dataclasses.replace(river(3, ("jmap",)).estimators[0], estimator="cusum-ml")
+    run = dataclasses.replace(river(3, ("jmap",)), estimators=[cusum])
+    texts = [draw(run, job, tmp_path).caption for job in (("histogram", "cusum-ml"), ("fir_day", ""))]
+    assert "The CUSUM looks for a jump" in texts[0] and "its mean is found to change" in texts[1]
+    sure = {f.kind: f.caption for f in drawn("probabilities")[0]}
+    assert "90 % of the probability" in sure["tdr"] and "two standard deviations" in sure["fir_day"]
+    assert "Grey cells" in sure["delay_map"] and not any("the data alone" in text for text in sure.values())
+
+
+def test_the_note_of_a_day_names_delay_and_probability(tmp_path):
+    run = probable()
+    e = run.estimators[0]
+    with saved() as figures:
+        draw(run, ("fir_day", ""), tmp_path, day=e.dates[0])
+    note = " ".join(text.get_text() for text in figures["fir_day"].axes[0].texts)
+    assert f"d = {e.delay[0]:.0f} samples" in note and f"probability {e.probability[0]:.2f}" in note
+
+
+# The day that is shown
+
+
+def test_the_typical_day_is_answered_by_most_and_of_median_condition():
+    run = results(("ml", "jmap"), dates_of(5), unanswered=0)
+    made = []
+    for e in run.estimators:
+        status = ["unidentifiable" if e.estimator == "jmap" else "ok", *["ok"] * 4]
+        made.append(dataclasses.replace(e, status=status, condition=np.array([5e4, 9e4, 1e4, 5e4, 6e4])))
+        made[-1].fir[:] = 1.0
+    run = dataclasses.replace(run, estimators=made)
+    assert typical_day(run) == dt.date(2008, 1, 4)  # of 9e4, 1e4, 5e4, 6e4 the nearest to their median
+    assert typical_day(without_answers(results(("jmap",), dates_of(3)))) is None
+
+
+def test_the_typical_day_does_not_depend_on_an_estimator_without_condition_number():
+    jmap = results(("jmap",), dates_of(30), unanswered=0)
+    e = probable(unsure=(), unseen=()).estimators[0]
+    both = dataclasses.replace(jmap, estimators=[e, *jmap.estimators])
+    assert typical_day(both) == typical_day(jmap)
+
+
+def test_a_chosen_day_is_drawn_and_one_without_a_response_is_an_error(tmp_path):
+    run = results(("ml", "map", "jmap"), dates_of(9), unanswered=0)
+    file = draw(run, ("fir_day", ""), tmp_path, day=dt.date(2008, 1, 5))
+    assert file.kind == "fir_day" and "2008-01-05" in file.title
+    with pytest.raises(ConfigError, match=r"1999-01-01.*choose a day"):
+        draw(run, ("fir_day", ""), tmp_path, day=dt.date(1999, 1, 1))
+
+
+def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
+    (tmp_path / "figures").write_text("in the way")
+    with pytest.raises(RividError, match="cannot write") as error:
+        draw_all(results(("jmap",), dates_of(2)), tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_the_modules_of_the_parent_of_the_drawing_workers_load_no_matplotlib():
+    code = (
+        "import sys, rivid.run.drawing, rivid.report.build\n"
+        "print(sorted({'matplotlib', 'jinja2'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
