@@ -141,7 +141,7 @@ class DiagnosisResult(Result):
 
         label = "unexplained [m³/s]"
         if self.evidence is None:
-            style.say(axes, self.reason)
+            style.message(axes, self.reason)
             axes.set_ylabel(label)
             return
         evidence = self.evidence

@@ -145,7 +145,7 @@ def _by_day(
     year: Year, num: str, title: str, facts: str, values: Floats, label: str, *, from_zero: bool = True
 ) -> Drawn:
     """One line over the days of the record, broken where days are missing."""
-    figure, (ax,) = _sheet(num, title, f"{_who(year)} · {facts}", [2.4], right=0.3, top=0.62)
+    figure, (ax,) = _sheet(num, title, f"{_who(year)} · {facts}", [2.4], left=0.85, right=0.3, top=0.62)
     style.date_axis(ax, year.dates[0], year.dates[-1])
     alone = "o" if len(values) < 3 else ""
     x, y = estimates.with_gaps(day_numbers(year.dates), values)

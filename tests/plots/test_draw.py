@@ -85,7 +85,9 @@ def test_figures_of_an_estimator_that_left_the_run_go_and_other_files_stay(tmp_p
 
 
 def test_an_estimator_without_responses_or_checks_claims_neither(tmp_path):
-    e = dataclasses.replace(results(("direct",), dates_of(60)).estimators[0], fir=np.empty((60, 0)))
+    e = dataclasses.replace(
+        results(("direct",), dates_of(60)).estimators[0], fir=np.empty((60, 0)), prior_only=np.zeros(60, bool)
+    )
     run = dataclasses.replace(results(("jmap",), dates_of(1)), estimators=[e])
     with saved() as figures:
         files = draw_all(run, tmp_path)
