@@ -12,7 +12,7 @@ from rivid.errors import ConfigError
 from rivid.plots.paper import FIGURES, cascade, choose, draw_paper
 from rivid.plots.paper_data import estimate, of_year
 from rivid.plots.style import styled
-from rivid.report import gallery
+from rivid.report.build import write_gallery
 from tests.plots.layout import check, labels, saved
 from tests.plots.years import still, without_outflow, year
 
@@ -31,7 +31,7 @@ def drawn(tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper")
     y = year()
     files, figures = paper(y, folder)
-    gallery.write(y, files, folder)
+    write_gallery(y, files, folder)
     return folder, files, figures
 
 

@@ -78,7 +78,7 @@ def test_logs_that_have_moved_may_be_pointed_to(out, tmp_path, monkeypatch):
     (tmp_path / "out" / "run.json").write_text(json.dumps(record))
     assert isinstance(invoke(cli.command, tmp_path / "out", "--paper").exception, NoDataError)
     monkeypatch.setattr("rivid.plots.paper.draw_paper", lambda y, *a, **k: list(y.dates))
-    monkeypatch.setattr("rivid.report.gallery.write", lambda *_: None)
+    monkeypatch.setattr("rivid.report.build.write_gallery", lambda *_: None)
     done = invoke(cli.command, tmp_path / "out", "--paper", "--logs", out.parent / "logs", "--cascade", out)
     assert done.exception is None and "12 figures" in done.output
 

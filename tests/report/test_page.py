@@ -17,9 +17,7 @@ from rivid.errors import RividError
 from rivid.plots.draw import draw, draw_all
 from rivid.report.build import write_report
 from rivid.results.read import _results
-from tests.plots.synthetic import cases, dates_of, results, river, without_answers
-from tests.plots.synthetic import searched
-from tests.plots.synthetic import probable
+from tests.plots.synthetic import cases, dates_of, probable, results, river, searched, without_answers
 from tests.report.runs import STEADY, SUMMARY, among, beside, passing, simple, with_travel, write
 
 NAN = np.nan

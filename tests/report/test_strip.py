@@ -5,8 +5,7 @@ import pytest
 
 from rivid.report.strip import HEIGHT, WIDTH, strip, ticks
 from rivid.report.summary import WEEKS, last_week, weeks_ago
-from tests.plots.synthetic import cases, dates_of, results, without_answers
-from tests.plots.synthetic import probable
+from tests.plots.synthetic import cases, dates_of, probable, results, without_answers
 from tests.report.runs import simple, with_travel
 
 
