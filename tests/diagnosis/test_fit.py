@@ -207,9 +207,8 @@ def test_trimming_frees_the_fit_from_days_that_hold_something_else(seed):
     assert trimmed == pytest.approx(2.0, abs=5.0 * error)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_wild_day_hardly_counts(seed):
-    rng = np.random.default_rng(seed)
+def test_a_very_noisy_day_hardly_counts():
+    rng = np.random.default_rng(1)
     record = columns(rng, 20)
     output = record.output.copy()
     output[7] += 30.0 * rng.standard_normal(output.shape[1])
@@ -250,9 +249,9 @@ def test_a_start_a_fifth_off_finds_the_truth(record, off):
         assert p.natural == pytest.approx(true, abs=(4.0 * error + 0.002) * scale), p.name
 
 
-@pytest.mark.parametrize("seed", [7, 8])
-def test_without_gauge_noise_the_channel_is_found_to_a_thousandth(seed):
-    quiet = season(seed, days=20, gauge=0.0)
+@pytest.mark.long
+def test_without_gauge_noise_the_channel_is_found_to_a_thousandth():
+    quiet = season(7, days=20, gauge=0.0)
     found = fitted(off_by_a_fifth(quiet), quiet)
     for name in ("length", "width", "depth", "manning"):
         assert natural(found, name) == pytest.approx(TRUTH[name], rel=2e-3), name
@@ -309,10 +308,11 @@ def test_richer_responses_leave_less_after_an_hour(record, off):
 def glen_canyon(column):
     """Glen Canyon Dam to Lees Ferry, 426 days; the bypass of 133 days is in the total release alone."""
     config = load_toml(ROOT / "configs" / "glen_canyon.toml", Config)
-    told = config.input.model_copy(update={"u_Qi": column})
-    return read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": told}))[0]
+    columns = config.input.model_copy(update={"u_Qi": column})
+    return read_record(ROOT / "sample_data" / "glen_canyon", config.model_copy(update={"input": columns}))[0]
 
 
+@pytest.mark.long
 def test_trimmed_days_keep_a_bypass_out_of_a_rivers_response():
     turbines, everything = glen_canyon("power_release_cfs"), glen_canyon("total_release_cfs")
     fit = np.flatnonzero(split(turbines.dates).fit & (turbines.day_number % 2 == 0))

@@ -50,14 +50,14 @@ def test_the_driven_level_is_the_least_squares_of_slow_leaky_means():
     np.testing.assert_allclose(driven_level(record), expected, atol=1e-7)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_true_leak_shows_through_the_guard(seed):
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_true_leak_passes_the_guard(seed):
     found, model, linear, evaluation = proposal(season(seed, effects=(LEAK,)))
     assert found.evaluation.coefficients[0] == pytest.approx(150.0, abs=25.0)
     assert guarded(found, linear, evaluation, simulated(model))
 
 
-def test_people_alone_hardly_ever_pass_the_guard(monkeypatch):
+def test_operators_alone_hardly_ever_pass_the_guard(monkeypatch):
     """Eight empty seasons, where a normal number would exceed the limit in one of fifty."""
     monkeypatch.setattr("rivid.diagnosis.candidates.LOOK", 1.1)  # even what is likely chance
     seen = []
@@ -68,7 +68,7 @@ def test_people_alone_hardly_ever_pass_the_guard(monkeypatch):
     assert all(np.isfinite(seen))
 
 
-def test_effects_that_do_not_depend_on_the_level_pass_unasked():
+def test_effects_that_do_not_depend_on_the_level_always_pass():
     found, _, linear, evaluation = proposal(season(1, effects=(LEAK,)))
     lag = replace(found, name="outflow_lag", effect=CATALOGUE["outflow_lag"](lag=300.0))
     assert guarded(lag, linear, evaluation, pytest.fail)

@@ -57,7 +57,7 @@ def test_the_power_of_a_seiche_is_the_transform_of_its_covariance():
 
 def test_the_filter_passes_a_swing_by_its_gain():
     gain = through_filter(NOISE, N)
-    for k in (20, 60, 200):
+    for k in (20, 200):
         t = np.arange(6 * N)
         waves = np.stack([np.cos(2 * np.pi * k * t / N), np.sin(2 * np.pi * k * t / N)])
         out = NOISE.whiten(waves)[:, 3 * N :]
@@ -84,7 +84,7 @@ def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing():
     assert max(gains) < 0.5
 
 
-def test_the_steady_swing_of_a_machine_has_no_width():
+def test_a_steady_oscillation_has_no_damping():
     rng = np.random.default_rng(7)
     t = np.arange(30)[:, None] * 86_400.0 + T * np.arange(N)
     swing, *_ = found(residual(rng, 30, 0.01 * np.sin(2 * np.pi * t / 2400.0)))

@@ -122,7 +122,7 @@ def test_twenty_days_are_enough_for_an_answer():
     assert told.verdict == "no_gap" and evidence is not None, told.reason
 
 
-def test_an_empty_directory_is_said(tmp_path):
+def test_an_empty_directory_is_refused(tmp_path):
     (tmp_path / "logs").mkdir()
     with pytest.raises(NoDataError):
         CliRunner().invoke(command, [str(tmp_path / "logs")], standalone_mode=False, catch_exceptions=False)
@@ -153,7 +153,7 @@ def test_every_trial_makes_an_effect_of_its_name_again():
         assert all(hasattr(made, name) for name in trial.free), trial
 
 
-def test_what_is_tied_gets_a_way_to_tell():
+def test_tied_effects_have_a_measurement_that_separates_them():
     leak, head, wave = (CATALOGUE[name] for name in ("leakage", "gate_head_effect", "diurnal_inflow"))
     assert breaker(leak, ()) is None
     assert "Hold the level" in breaker(leak, (head,)) and breaker(head, (wave, leak)) == breaker(
