@@ -440,7 +440,7 @@ def _projected(r: Floats, X: Floats, days: np.ndarray) -> Floats:
 def _sums(w: Floats, r: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
     """Score (hours, days) and information (hours, hours, days) of the open days.
 
-    Without weights: days that an effect makes noisy are those on which to look for it.
+    Without weights: an effect makes the days noisy on which it acts.
     """
     score = np.einsum("hdn,dn->hd", w[:, rows], r[rows])
     return score, np.einsum("hdn,gdn->hgd", w[:, rows], w[:, rows])

@@ -229,7 +229,7 @@ def read_record(
     if not whole:
         raise NoDataError(
             f"{root}: no day has its {len(seconds)} samples of {reach.sample_time:g} s; the first reason: "
-            f"{failed[0][1]}: look at `rivid check`"
+            f"{failed[0][1]}: see `rivid check`"
         )
     outflow = None
     if reach.kind == "pool":
@@ -254,7 +254,7 @@ def _no_day(
     first: dt.date | None,
     last: dt.date | None,
 ) -> str:
-    """Why no day can be used: none is asked for, or each failed."""
+    """Why no day can be used: none in the given dates, or each failed."""
     if not any(date for date, _ in failed) and dates:
         return (
             f"no day from {first or 'the first'} to {last or 'the last'}: "
@@ -262,5 +262,5 @@ def _no_day(
         )
     return (
         f"{root}: none of {len(failed)} days or files can be used; the first, {failed[0][0] or 'a file'}: "
-        f"{failed[0][1]}: `rivid check` says more"
+        f"{failed[0][1]}: see `rivid check`"
     )

@@ -272,7 +272,7 @@ RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of event to look for."""
+    """A kind of event."""
 
     name: str
     shape: Shape  # a constant flow for some time, or a steep rise that recedes exponentially

@@ -21,26 +21,26 @@ from rivid.errors import ConfigError
 
 @dataclass(frozen=True)
 class Operators:
-    """The answer of the outflow command, from the logs; see :mod:`rivid.diagnosis.operators`.
+    """Identified law of the outflow command; see :mod:`rivid.diagnosis.operators`.
 
     Attributes
     ----------
     feedforward : float
         Outflow for inflow [-].
     lag_s : float
-        How long after the inflow command [s].
+        Delay after the inflow command [s].
     level_gain : float
         Outflow for each metre of level above the band about the set point [m2/s].
     trim_time_s : float or None
-        Time in which a lasting deviation adds as much again [s]; None where it never does.
+        Integral time of a lasting deviation [s]; None without integral action.
     dead_band : float
-        Deviation of the level that nobody acts on [m].
+        Deviation of the level without a response [m].
     set_point : float
         Level aimed at, on a usual day [m].
     look_s : float
         Longest time between two looks [s].
     notice : float or None
-        Move of the inflow that makes them look at once [m3/s]; None where none does.
+        Change of the inflow that causes a look at once [m3/s]; None where none does.
     quantum : float
         Step of the command [m3/s]; 0 where none is seen.
     r2 : float
@@ -68,7 +68,7 @@ class Operators:
 
 @dataclass(frozen=True)
 class LoopErrors:
-    """A simulation beside the measurement, over the days kept apart.
+    """Errors of a simulation with and without the operators, over the sealed days.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class ClosedLoop:
     Attributes
     ----------
     operators : Operators or None
-        None where the logs do not move enough to see any.
+        None where the outflow hardly moves.
     reason : str
         Why there is no loop; empty where there is one.
     days : int
@@ -165,7 +165,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Where:
-    """When something acts; None is always.
+    """When an effect acts; None is always.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ class NamedEffect:
     p_value : float
         Family-wise, of the whole library.
     tied_with : tuple of str
-        Names that these data cannot tell from it.
+        Names that the data cannot separate from it.
     runner_up : str or None
         The next best name.
     margin : float or None
@@ -200,7 +200,7 @@ class NamedEffect:
     parameters : tuple of Estimate
     where : Where
     breaker : str or None
-        The measurement, or the move of the operators, that would tell it from what it is tied with.
+        The measurement or gate operation that would separate it from the tied names.
     table : dict
         The effect as a table of a scenario.
     events : int
@@ -222,7 +222,7 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class Unknown:
-    """Something that is missing and has no name here.
+    """A remainder that no effect of the catalogue explains.
 
     Attributes
     ----------
@@ -230,7 +230,7 @@ class Unknown:
     size_m3s : float
         Root mean square of the unexplained inflow, above what weather and gauge make [m3/s].
     drivers : tuple of str
-        What it goes with, in words, the strongest first.
+        Its period and the conditions it goes with, in words.
     period_s : float or None
         Its period [s] where it has one.
     """
@@ -257,7 +257,7 @@ class Regime:
     Attributes
     ----------
     name : str
-        Canonical, say ``inflow_low``.
+        Canonical, such as ``inflow_low``.
     words : str
         The state in words, with its numbers.
     rmse_baseline, rmse_augmented : tuple of float
@@ -275,7 +275,7 @@ class Regime:
 
 @dataclass(frozen=True)
 class Gap:
-    """Error of the simulation on days that nothing was fitted to or chosen by.
+    """Error of the simulation on the sealed days, which neither fit nor selection used.
 
     Attributes
     ----------
@@ -284,14 +284,14 @@ class Gap:
         [h].
     unit : {"m", "m3/s"}
     rmse_baseline, rmse_augmented : tuple of float
-        Before, and with all effects; events as known beforehand.
+        Without and with all effects; events of the day itself unknown.
     rmse_floor : tuple of float or None
-        What remains if everything is known but weather and gauge noise, where a truth says so.
+        Error of the true model, where the truth is known.
     closed, closed_forecast : float or None
         Share of the gap that is closed: with events timed on the day itself, and without.
     steps : tuple of Step
     by_regime : tuple of Regime
-        The gap by the state of the reach, events as known beforehand.
+        The gap by the state of the reach, events of the day itself unknown.
     rmse_described : tuple of float or None
         With all effects, events timed on the day itself; None where there are no events.
     """
@@ -327,7 +327,7 @@ class Diagnosis:
     noise : dict
         The noise model, SI units.
     notes : tuple of str
-        What the reader must know: parameters at limits, days left out, what was held fixed.
+        Parameters at limits, days left out, what was held fixed.
     closed_loop : ClosedLoop or None
         None for a river reach, which has no operators below.
     """
@@ -345,10 +345,10 @@ class Diagnosis:
 
     def to_json(self) -> str:
         """The text of diagnosis.json; numbers that are not finite become null."""
-        told = asdict(self)
-        if told["closed_loop"] is not None:
-            del told["closed_loop"]["shown"]
-        return json.dumps(_plain(told), indent=1, allow_nan=False) + "\n"
+        document = asdict(self)
+        if document["closed_loop"] is not None:
+            del document["closed_loop"]["shown"]
+        return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:

@@ -36,24 +36,24 @@ WEAK = 0.002, 10.0, 3.0, 1.5, 0.03
 """p, gains on the fitting and the selecting days [nats], t and mean share of the error of a flow that is weak
 but clear: the error falls at every horizon."""
 FEW_BLOCKS = 3
-"""With fewer blocks of selecting days on which it acts, t says little, and the gain alone decides."""
+"""With fewer blocks of selecting days on which it acts, the gain alone decides, not t."""
 MATERIAL = (0.06, 0.08, 0.20)
-"""Share of the error on the selecting days that a name takes away at 1, 4 or 24 h, one of them."""
+"""Least reduction of the error on the selecting days at 1, 4 or 24 h, at one of them."""
 A_DAY = 2.5
 """Least gain a day [nats] of an effect that the response can absorb: what a plain response leaves of an
 uneven reach gains up to 1.3."""
 LEAST_EVENTS = 20.0
-"""What events must gain beyond their price, on the fitting and on the selecting days [nats]."""
+"""Least gain of events beyond their price, on the fitting and on the selecting days [nats]."""
 LEAST_OFFSET = 2.0
-"""Samples that a clock must be off where it always was."""
+"""Least offset of a clock that was always off [samples]."""
 LEAST_STEP = 50.0
-"""What a jump of the gauge must gain, once [nats]."""
+"""Least gain of a jump of the gauge [nats]."""
 SAME = 0.95
-"""Cosine of two whitened columns from which they are one to the data."""
+"""Cosine of two whitened columns from which they cannot be separated."""
 APART = 6.0
-"""What a name must gain beyond another one, on all open days, not to be tied with it [nats]."""
-SPEAKS = 0.15
-"""Share of the error, over all horizons, from which what a flow takes away is no chance of a few blocks."""
+"""Least gain of a name over another one, on all open days, not to be tied with it [nats]."""
+SIGNIFICANT_SHARE = 0.15
+"""Share of the error, over all horizons, from which a flow's reduction of it is not by chance."""
 CLOSE = 0.15
 """Gains this near to the best one's are weighed by likelihood on the fitting days."""
 
@@ -98,7 +98,7 @@ def _shift(proposal: Proposal) -> float:
 def _is_weak_but_clear(proposal: Proposal, round_number: int) -> bool:
     """Whether a flow of small likelihood is unlikely by chance, and seen in every part of the season.
 
-    What such a name may be mistaken for is told by its ties.
+    Names it may be mistaken for are its ties.
     """
     if proposal.effect.absorbed_by_response or proposal.effect.family == "level":
         return False
@@ -187,7 +187,7 @@ def _by_error(able: dict[str, Proposal]) -> dict[str, Proposal]:
         if p.events is None and not p.level_noise and not p.effect.absorbed_by_response
     }
     best = max(flows.values(), default=0.0)
-    if best < SPEAKS:
+    if best < SIGNIFICANT_SHARE:
         return able
     return {name: p for name, p in able.items() if flows.get(name, best) >= (1.0 - CLOSE) * best}
 
@@ -201,7 +201,7 @@ def _ahead(one: Proposal, other: Proposal) -> bool:
 
 
 def tied_with(named: Proposal, others: list[Proposal], model: Linear, before: Evaluation) -> tuple[str, ...]:
-    """Names that the data cannot tell from it: the same column, as good where selected, or as likely."""
+    """Names that the data cannot separate: the same column, as good on selecting days, or as likely."""
     found = []
     mine = _column(named, model, before)
     select = model.split.select

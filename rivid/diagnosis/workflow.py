@@ -72,7 +72,7 @@ def diagnose(
     start : sequence of Effect
         Effects that are in the model from the start.
     floor : sequence of float, optional
-        RMSE at 1, 4 and 24 h of the model that knows the truth, where one is known.
+        RMSE at 1, 4 and 24 h of the true model, where it is known.
     most : int
         Most effects.
     report : callable

@@ -244,7 +244,7 @@ class HydraulicResponse:
         columns[:shape] = slopes_by_differences(self, record, base, changes, range(shape))
         if len(self.parameters) > shape:
             gauge = gauge_of(record, changes)
-            # Only the gate's real flow is asked of this run; it is the command where the gate is plain.
+            # Only the gate's real flow is needed of this run; it is the command where the gate is plain.
             out = (
                 record.outflow
                 if changes.gate_is_plain
