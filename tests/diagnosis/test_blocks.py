@@ -1,7 +1,5 @@
 """Days dealt into roles, and blocks for sign flips longer than the residual's memory."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -64,11 +62,6 @@ def test_a_block_does_not_reach_across_a_long_gap_and_numbers_have_no_holes():
 def test_days_that_cannot_be_split_are_refused(days, word):
     with pytest.raises(RividError, match=word):
         split(days)
-
-
-def test_a_split_is_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        split(10).role = None
 
 
 @pytest.mark.parametrize("rho", [0.4, 0.8])

@@ -13,7 +13,6 @@ from rivid.diagnosis.data import as_record, read_record
 from rivid.diagnosis.fit import Model, calibrate, day_errors, evaluate, residual_of
 from rivid.diagnosis.noise.model import day_weights
 from rivid.diagnosis.response.base import FreeParameter, placed
-from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
@@ -123,13 +122,6 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_middle_the_truth(c
     assert (off**2).mean() == pytest.approx(fit, rel=4.0 * np.sqrt(2.0 / off.size))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_with_hardly_any_noise_the_truth_is_found_to_many_digits(seed):
-    record = columns(np.random.default_rng(seed), 5, noise=1e-6, curvature=0.2)
-    found = fitted(Curve(two(), curvature=0.2), record)
-    np.testing.assert_allclose(values(found), [2.0, -1.0], atol=1e-6)
-
-
 # Steps
 
 
@@ -154,22 +146,6 @@ def test_each_step_makes_the_data_likelier_even_where_the_whole_one_would_not(se
     assert all(float(line.split("less")[1]) >= 0.0 for line in told)
     assert likelihood(found, record) > worth[0]
     np.testing.assert_allclose(values(found), [2.0, -1.0], atol=0.1)
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_the_end_is_a_minimum_of_the_cost(seed):
-    record = columns(np.random.default_rng(seed), 5, curvature=0.3)
-    found = fitted(Curve(two(a=3.0), curvature=0.3), record)
-    root = np.sqrt(day_weights(found.noise.whiten(left_of(found, record))))[:, None]
-
-    def cost(a, b):
-        at = replace(found, reach=found.reach.with_parameters([a, b]))
-        r = found.noise.whiten(left_of(at, record)) * root
-        return 0.5 * (r**2).sum() + 0.5 * (((a - 3.0) / 10.0) ** 2 + ((b - 1.0) / 10.0) ** 2)
-
-    a, b = values(found)
-    for da, db in ((0.01, 0.0), (-0.01, 0.0), (0.0, 0.03), (0.0, -0.03)):
-        assert cost(a + da, b + db) > cost(a, b)
 
 
 def test_what_cannot_be_simulated_is_a_step_refused():
@@ -289,17 +265,6 @@ def test_effects_that_are_given_are_not_fitted_again_and_free_ones_are_found():
     assert known.noise.inflow_sd < 0.1 * blind.noise.inflow_sd
     assert free.effects[0].error == pytest.approx(0.08, abs=0.004)
     assert natural(free, "depth") == pytest.approx(DEPTH, rel=0.03)
-
-
-def test_richer_responses_leave_less_after_an_hour(record, off):
-    dealt = split(record.days)
-    pools = [LinearPool.nominal(record, f, surface_area=6.7e5, delay=1000.0) for f in ("none", "zero", "fir")]
-    models = [fitted(pool, record.take(dealt.fit), steps=4) for pool in pools] + [off]
-    errors = [
-        day_errors(record, residual_of(record, m.baseline(record)), m.noise, (1.0,)).rmse(dealt.select)[0]
-        for m in models
-    ]
-    assert errors == sorted(errors, reverse=True), errors
 
 
 # A measured river

@@ -72,14 +72,13 @@ def test_the_gap_is_the_error_of_a_forecast_by_hand():
     residual = residual_of(r, r.output - z)
     np.testing.assert_allclose(residual[np.isfinite(r.output)], z[np.isfinite(r.output)], atol=1e-12)
     errors = day_errors(r, residual, noise, (1.0, 4.0))
-    told = noise.forecast_errors(residual, 4, every=27, first=12)
+    ahead = noise.forecast_errors(residual, 4, every=27, first=12)
     targets = np.arange(12, residual.shape[1] - 4, 27) + 4
-    seen = np.isfinite(told) & r.used[:, targets]
-    by_hand = np.sqrt((np.where(seen, told, 0.0) ** 2).sum() / seen.sum())
+    seen = np.isfinite(ahead) & r.used[:, targets]
+    by_hand = np.sqrt((np.where(seen, ahead, 0.0) ** 2).sum() / seen.sum())
     assert errors.rmse()[0] == pytest.approx(by_hand)
 
 
 def test_days_without_targets_have_no_error():
     errors = DayErrors(np.array([[4.0, 0.0]]), np.array([[1.0, 0.0]]))
     assert errors.rmse([0])[0] == 2.0 and np.isnan(errors.rmse([1])[0])
-    assert np.isnan(errors.mean_squares()[0, 1])

@@ -33,13 +33,6 @@ def column(response, record, name, **values):
 # The hydraulic pool
 
 
-def test_the_truth_leaves_the_gauge_noise():
-    record = season(4)
-    residual = np.where(record.used, record.output - few(record).baseline(record), np.nan)
-    within = residual - np.nanmean(residual, axis=1, keepdims=True)
-    assert np.nanstd(within) == pytest.approx(GAUGE, rel=0.15)
-
-
 @pytest.mark.parametrize("name", ["inflow_gain_error", "outflow_gain_error"])
 def test_a_gain_error_is_found_at_its_size(name):
     record = season(4, effects=((name, "error", 0.1),))

@@ -117,12 +117,6 @@ def test_weekends_are_told_as_weekdays():
     assert place is not None and place.text.startswith("weekday Sa to Su, ")
 
 
-def test_noise_has_no_place():
-    silent = [strongest(as_scores(scores(seed), USED, BLOCKS), [HOUR, WEEKDAY, DATE], DATES, level=0.01)
-              for seed in range(60)]  # fmt: skip
-    assert sum(place is not None for place in silent) <= 2
-
-
 def record(kind="pool"):
     rng = np.random.default_rng(7)
     seconds = np.arange(N) * 600.0
