@@ -10,16 +10,16 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 LAYERS = (
     ("types", "errors"),
-    ("core", "atomic", "input_config", "toml"),
-    ("estimators",),
-    ("text", "reach"),
-    ("config", "effects", "logs"),
-    ("simulation", "results"),
+    ("core", "atomic", "text", "toml"),
+    ("input_config",),
+    ("config", "reach"),
+    ("effects", "logs"),
+    ("estimators", "simulation", "results"),
     ("check", "diagnosis"),
     ("plots",),
     ("report",),
-    ("run", "api"),
-    ("fleet",),
+    ("run",),
+    ("api", "fleet"),
     ("cli",),
     ("__main__",),
 )
