@@ -125,7 +125,7 @@ def choose(estimates: Estimates, day: dt.date | None = None) -> int:
 def _sheet(
     num: str, title: str, note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **look: Any
 ) -> tuple[Figure, list[Axes]]:
-    margins = {"left": 0.72, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
+    margins = {"left": 0.8, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
     return style.sheet(f"Fig. {num} · {title}", note, heights, [1.0] * columns, **margins)
 
 
@@ -247,7 +247,7 @@ def logs(year: Year, _: Estimates, i: int, *__: Any) -> Drawn:
     figure, panels = _sheet(
         "7", title,
         f"{year.config.reach.name} · {year.dates[i]} · N = {len(u)} samples, T_s = {year.sample_time:g} s",
-        [1.75, 1.75], gap=(0.0, 0.22), right=0.3,
+        [1.75, 1.75], gap=(0.0, 0.22), left=0.85, right=0.3,
     )  # fmt: skip
     hours, (flows, below) = np.arange(len(u)) * year.sample_time / 3600.0, panels
     flows.step(hours, u, where="post", color=style.INK, lw=1.2, label="inflow command u_Qi")
@@ -375,7 +375,7 @@ def responses(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
         va="center", fontsize=8,
     )  # fmt: skip
     style.minutes_above(ax, T)
-    style.figure_key([ax], down=0.58, left=0.72)
+    style.figure_key([ax], down=0.58, left=0.8)
     return "12", title, figure
 
 

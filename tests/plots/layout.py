@@ -31,7 +31,7 @@ def check(figure, name):
     """No text or legend is cut off, and no tick labels of an axis overlap."""
     renderer, edge = figure.canvas.get_renderer(), figure.bbox
     texts = [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
-    for ax in figure.axes:
+    for ax in [*figure.axes, *(child for one in figure.axes for child in one.child_axes)]:
         for axis in (ax.xaxis, ax.yaxis):
             drawn = [label for label in axis.get_ticklabels(which="both") if label.get_text().strip()]
             ticks = [w for tick in axis._update_ticks() for w in (tick.label1, tick.label2)]
