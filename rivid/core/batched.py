@@ -72,17 +72,8 @@ def as_days(
 def blocks(n_days: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
     """Cut days into blocks of lanes.
 
-    Parameters
-    ----------
-    n_days : int
-        How many days there are.
-
-    Yields
-    ------
-    days : slice
-        The days of this block.
-    take : ndarray of int, shape (lanes,)
-        Which day each lane holds; padding lanes repeat the block's last day.
+    Yields the days of each block, and which day each of its lanes holds, shape (lanes,); padding lanes repeat
+    the block's last day.
     """
     for first in range(0, n_days, BLOCK):
         last = min(first + BLOCK, n_days)
@@ -96,28 +87,14 @@ def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Floats, Floats, Floats, int]:
-    """U'U, U'y and y'y of the Toeplitz matrix U of (16).
+    """U'U (M, M, lanes), U'y (M, lanes) and y'y (lanes,) of the Toeplitz matrix U of (16), and its rows.
 
-    U'U is Toeplitz up to a low-rank correction: ``G[i+1, j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only
-    its first row is a sum over the samples.
+    u and y have shape (N, lanes), M = `order` <= N. U'U is Toeplitz up to a low-rank correction: ``G[i+1,
+    j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only its first row is a sum over the samples.
 
-    Parameters
-    ----------
-    u, y : ndarray, shape (N, lanes)
-        Input and output deviations.
-    order : int
-        Length M of the FIR, M <= N.
-    free_start : bool
-        False: u is zero before the first sample, as in (16). True: it is unknown. Then only rows
-        with all M samples of u count, and a constant is fitted as well (rows and output less their means).
-
-    Returns
-    -------
-    G : ndarray, shape (M, M, lanes)
-    b : ndarray, shape (M, lanes)
-    yy : ndarray, shape (lanes,)
-    n_rows : int
-        Rows that count: N, or N - M + 1.
+    With `free_start` False, u is zero before the first sample, as in (16), and N rows count. True: it is
+    unknown. Then only the N - M + 1 rows with all M samples of u count, and a constant is fitted as well
+    (rows and output less their means).
     """
     N, lanes = u.shape
     M = order
@@ -152,25 +129,12 @@ def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Fl
 def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats, Floats, Floats]:
     """Cholesky factor of A and the forward-substituted right-hand sides, in one sweep.
 
-    Parameters
-    ----------
-    A : ndarray, shape (M, M, lanes)
-        Symmetric matrices; the upper triangle is read.
-    rhs : ndarray, shape (M, lanes)
-        A right-hand side of each lane.
-    unit : ndarray, shape (R, M), optional
-        Right-hand sides that all lanes share, as rows, with no fewer leading zeros from row to row. What
-        stays zero is not worked on.
+    Of A (M, M, lanes) the upper triangle is read; `rhs` has shape (M, lanes). `unit` (R, M) holds right-hand
+    sides that all lanes share, as rows, with no fewer leading zeros from row to row: what stays zero is not
+    worked on.
 
-    Returns
-    -------
-    R : ndarray, shape (M, M, lanes)
-        Upper factor, ``A = R'R``; below the diagonal it holds no meaning. A lane that is not positive
-        definite comes out NaN.
-    z : ndarray, shape (M, lanes)
-        ``R'^-1 rhs``.
-    V : ndarray, shape (M, rows of `unit`, lanes)
-        ``R'^-1`` times each row of `unit`, as columns.
+    Returns R (M, M, lanes) with ``A = R'R``, meaningless below the diagonal; ``R'^-1 rhs`` (M, lanes); and
+    ``R'^-1 unit'`` (M, R, lanes). A lane that is not positive definite becomes NaN.
     """
     M, _, lanes = A.shape
     shared = np.empty((0, M)) if unit is None else unit
@@ -196,18 +160,7 @@ def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats
 
 
 def back_substitute(R: Floats, v: Floats) -> Floats:
-    """Solve ``R h = v``.
-
-    Parameters
-    ----------
-    R : ndarray, shape (M, M, lanes)
-        Upper factor of :func:`cholesky`.
-    v : ndarray, shape (M, lanes)
-
-    Returns
-    -------
-    h : ndarray, shape (M, lanes)
-    """
+    """Solve ``R h = v`` with R (M, M, lanes) of :func:`cholesky` and v (M, lanes)."""
     M = len(v)
     h = np.empty(v.shape)  # C order whatever v's: einsum's order of summation follows the layout
     for j in range(M - 1, -1, -1):
@@ -219,20 +172,10 @@ def back_substitute(R: Floats, v: Floats) -> Floats:
 
 
 def condition_numbers(G: Floats) -> Floats:
-    """2-norm condition number of each symmetric matrix.
+    """2-norm condition number of each symmetric matrix of G (M, M, lanes), shape (lanes,).
 
-    Parameters
-    ----------
-    G : ndarray, shape (M, M, lanes)
-
-    Returns
-    -------
-    ndarray, shape (lanes,)
-        Largest over smallest eigenvalue; infinite where the smallest is not positive.
-
-    Notes
-    -----
-    LAPACK works one matrix after another here, so a lane does not feel its neighbours.
+    Infinite where the smallest eigenvalue is not positive. LAPACK works one matrix after another here, so a
+    lane does not depend on its neighbours.
     """
     eigenvalues = np.linalg.eigvalsh(np.ascontiguousarray(np.moveaxis(G, -1, 0)))
     low, high = eigenvalues[:, 0], eigenvalues[:, -1]

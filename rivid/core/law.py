@@ -68,44 +68,23 @@ STEPS = 38
 class Fit(NamedTuple):
     """``y = offset + slope x``.
 
-    Attributes
-    ----------
-    offset, slope : float
-    scatter : float
-        Standard deviation of the bulk's scatter about the line, beyond each point's own uncertainty.
-    weight : ndarray, shape (n,)
-        1 / variance of each point's distance, times its weight by Student's t.
-    firmness : float
-        Mean slope of Student's influence function over mean weight, below 1: the weights follow the line, so
-        that it is less certain than they indicate.
-    instrument : ndarray, shape (n,)
-        Estimate of the true x; with it the line solves ``sum weight (1, instrument) residual = 0``.
+    `firmness` is the mean slope of Student's influence function over the mean weight, below 1: the weights
+    follow the line, so that it is less certain than they indicate.
     """
 
     offset: float
     slope: float
-    scatter: float
-    weight: Floats
+    scatter: float  # standard deviation of the bulk beyond each point's own uncertainty
+    weight: Floats  # 1 / variance of each point's distance, times its weight by Student's t
     firmness: float
-    instrument: Floats
+    instrument: Floats  # true x, estimated: the line solves sum weight (1, instrument) residual = 0
 
 
 def fit_line(x: Floats, y: Floats, own: Floats, x_error: float, tails: float) -> Fit:
-    """Robust line.
+    """Robust line through points of shape (n,).
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    own : ndarray, shape (n,)
-        Standard deviation of each y's own error.
-    x_error : float
-        Standard deviation of the error of every x.
-    tails : float
-        Degrees of freedom of Student's t.
-
-    Returns
-    -------
-    Fit
+    `own` is the standard deviation of each y's own error, `x_error` that of every x, `tails` the degrees of
+    freedom of Student's t.
     """
     width = bulk(tails)
     own, x_error = width * own, width * x_error

@@ -62,57 +62,28 @@ COMMON = 2.0
 
 
 class Days(NamedTuple):
-    """Probabilities of the days.
+    """Probabilities of the days, shape (days, D) or (days,)."""
 
-    Attributes
-    ----------
-    own : ndarray, shape (days, D)
-        Its probability as given; even where it is missing.
-    likely : ndarray, shape (days, D)
-        The same as far as it is trusted, the rest even; rows sum to one.
-    alike : ndarray, shape (days,)
-        Its likelihood where days are independent: :func:`independent_likelihood`.
-    observed : ndarray of bool, shape (days,)
-    """
-
-    own: Floats
-    likely: Floats
-    alike: Floats
+    own: Floats  # as given; even where it is missing
+    likely: Floats  # the same as far as it is trusted, the rest even; rows sum to one
+    alike: Floats  # likelihood if days are independent: independent_likelihood
     observed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Chains of B exponents and S drifts over K grid points.
-
-    Attributes
-    ----------
-    exponents, drifts : ndarray, shape (B,), (S,)
-    kernels : ndarray, shape (S, K, K)
-        Probability to drift from one grid point to another; symmetric.
-    jump : float
-        Probability that a day's travel time is drawn anew.
-    edges : ndarray, shape (K + 1,)
-        Between the grid points [samples].
-    d_min, D : int
-    log_flow : ndarray, shape (days,)
-        ln(Q / Q0); zero where none is known yet.
-    start : ndarray, shape (B, S, K)
-        Mass on the first day.
-    alone : float
-        Mass of independent days.
-    """
+    """Chains of B exponents and S drifts over K grid points."""
 
     exponents: Floats
     drifts: Floats
-    kernels: Floats
-    jump: float
-    edges: Floats
+    kernels: Floats  # drift from one grid point to another, (S, K, K); symmetric
+    jump: float  # probability that a day's travel time is drawn anew
+    edges: Floats  # between the grid points [samples], (K + 1,)
     d_min: int
     D: int
-    log_flow: Floats
-    start: Floats
-    alone: float
+    log_flow: Floats  # ln(Q / Q0), (days,); zero where none is known yet
+    start: Floats  # mass on the first day, (B, S, K)
+    alone: float  # mass of independent days
 
     def _edges_on(self, t: int) -> Floats:
         """The edges at the discharge of a day, shape (B, K + 1) [samples]."""
@@ -182,19 +153,10 @@ def independent_likelihood(likely: Floats, observed: NDArray[np.bool_]) -> Float
 
 
 def drift_kernel(K: int, sd: float) -> Floats:
-    """Transition probabilities of a continuous random walk over a day, on K points with walls at both ends.
+    """Transition probabilities (K, K) of a continuous random walk over a day, with walls at both ends.
 
-    Parameters
-    ----------
-    K : int
-    sd : float
-        Standard deviation away from the walls [points].
-
-    Returns
-    -------
-    ndarray, shape (K, K)
-        ``exp(sd^2 L / 2)``, L the second difference that lets nothing through the walls: symmetric, so that
-        an even distribution stays even.
+    ``exp(sd^2 L / 2)``, L the second difference that lets nothing through the walls: symmetric, so that an
+    even distribution stays even. `sd` is the standard deviation away from the walls [points].
 
     Examples
     --------

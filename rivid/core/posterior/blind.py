@@ -91,49 +91,26 @@ def jumps(first: int, last: int, n_lags: int) -> Floats:
 
 @dataclass(frozen=True)
 class BlindEvidence:
-    """One day; B kinds of noise, smoothnesses of f, its strengths, decays of the jump, candidates, shares.
+    """Log evidence of one day, without the constant.
 
-    Attributes
-    ----------
-    fronts : ndarray, shape (B, lengths, strengths, decays, candidates, shares)
-        Log evidence.
-    nothing : ndarray, shape (B, lengths, strengths)
-        The same without a jump.
-    sums : Sums
-    n_rows : int
-    first : int
-        The first candidate.
+    Axes: B kinds of noise, lengths and strengths of f, decays of the jump, candidates, shares.
     """
 
-    fronts: Floats
-    nothing: Floats
+    fronts: Floats  # (B, lengths, strengths, decays, candidates, shares)
+    nothing: Floats  # without a jump, (B, lengths, strengths)
     sums: Sums
     n_rows: int
-    first: int
+    first: int  # the first candidate
 
 
 def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> BlindEvidence:
-    """Log evidence of every jump of one day.
+    """Log evidence of every jump of one day; u and y have shape (N,).
 
-    Parameters
-    ----------
-    u, y : ndarray, shape (N,)
-        Inflow and level.
-    first, last : int
-        Candidates d.
-    n_lags : int
-        Lags of f, above ``last + 2``.
-
-    Returns
-    -------
-    BlindEvidence
-
-    Notes
-    -----
-    With G the Gram matrix of the lags and ``k K`` the covariance of f in units of s2, what f explains is
-    projected from every product: ``R = G - G (K^-1 / k + G)^-1 G``. One eigenvalue problem of ``F'G F``,
-    ``K = F F'``, serves every k. A jump between samples is linear in its share, so that two neighbouring
-    jumps give all shares. theta has the prior of one row: its variance is n over s'Rs.
+    The candidates d run from `first` to `last`; f has `n_lags` lags, above ``last + 2``. With G the Gram
+    matrix of the lags and ``k K`` the covariance of f in units of s2, what f explains is projected from every
+    product: ``R = G - G (K^-1 / k + G)^-1 G``. One eigenvalue problem of ``F'G F``, ``K = F F'``, serves
+    every k. A jump between samples is linear in its share, so that two neighbouring jumps give all shares.
+    theta has the prior of one row: its variance is n over s'Rs.
     """
     sums = whitened_sums(u[None], y, np.empty((0, len(u))), n_lags, n_lags, blind_noises())
     n = len(u) - n_lags - 1  # the constant is gone
@@ -196,18 +173,9 @@ def _unit(G: Floats) -> Floats:
 
 
 def blind_fir(found: BlindEvidence, belongs: NDArray[np.bool_], temperature: float) -> tuple[Floats, Floats]:
-    """Response of the likeliest models whose front `belongs`, averaged, and its standard deviation.
+    """Mean and standard deviation of h, shape (n_lags + 1,), over the likeliest models.
 
-    Parameters
-    ----------
-    found : BlindEvidence
-    belongs : ndarray of bool, shape (candidates, shares)
-    temperature : float
-
-    Returns
-    -------
-    h, sd : ndarray, shape (n_lags + 1,)
-        h[0] is lag 0.
+    Only fronts that `belongs` (candidates, shares) marks count; `temperature` divides the log evidence.
     """
     logs = np.where(belongs, found.fronts, -np.inf)
     flat = logs.ravel()
@@ -250,23 +218,8 @@ IS_STORE = tuple(length > 5.0 for length in LENGTHS)
 def posterior_blind(u: ArrayLike, y: ArrayLike, settings: PosteriorSettings | None = None) -> PosteriorResult:
     """Probability of every delay, day by day, from the inflow and the level alone.
 
-    Parameters
-    ----------
-    u : array_like, shape (days, N)
-        Inflow commands [m3/s].
-    y : array_like, shape (days, N)
-        Level [m]. Neither its unit nor a constant matters.
-    settings : PosteriorSettings, optional
-
-    Returns
-    -------
-    PosteriorResult
-        Its `fir` is the response of the level with the operators' feedback, not with the outflow held.
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or days too short for d_max.
+    Parameters and errors are those of :func:`rivid.core.posterior.daily.posterior`. The `fir` of the result
+    is the response of the level with the operators' feedback, not with the outflow held.
     """
     s = settings or PosteriorSettings()
     return in_blocks({"inflow": u, "level": y}, n_least(s), s, _block)

@@ -48,21 +48,11 @@ BULGE = 0.5
 def weights(
     fronts: list[Floats], nothing: list[Floats], stores: list[bool], s: PosteriorSettings
 ) -> tuple[list[Floats], Floats]:
-    """Flattened evidence, and the probability that there is a front at all.
+    """Flattened evidence of each equation, and the probability that there is a front, shape (days,).
 
-    Parameters
-    ----------
-    fronts, nothing : list of ndarray
-        From :func:`rivid.core.posterior.front.log_evidence`.
-    stores : list of bool
-        Which equations are stores.
-    s : PosteriorSettings
-
-    Returns
-    -------
-    q : list of ndarray, shape (candidates, shares, days)
-        For each equation; together they sum to one for each day. NaN where nothing moves.
-    link : ndarray, shape (days,)
+    `fronts` and `nothing` are those of :func:`rivid.core.posterior.front.log_evidence`; `stores` marks the
+    equations that are stores. The weights have shape (candidates, shares, days) and sum to one over all
+    equations of a day; NaN where nothing moves.
     """
     q, mass, none = [], [], []
     top = np.max([f.max(axis=(0, 1, 2)) for f in fronts] + [z.max(axis=0) for z in nothing], axis=0)
@@ -136,21 +126,10 @@ def _kernel(s: PosteriorSettings) -> Floats:
 
 
 def fold(q: list[Floats], stores: list[bool], s: PosteriorSettings) -> tuple[Floats, Floats, Floats]:
-    """Distribution of the travel time from the weights of the fronts.
+    """Distribution of the travel time from the weights of the fronts (:func:`weights`).
 
-    Parameters
-    ----------
-    q, stores, s
-        As for :func:`weights`.
-
-    Returns
-    -------
-    probability : ndarray, shape (candidates, days)
-        That the travel time lies in [d, d + 1).
-    right : ndarray, shape (candidates, days)
-        That it lies there or within a tenth of a sample of it: d is right.
-    place : ndarray, shape (3, days)
-        Median, 5 and 95 % of the travel time [samples].
+    Returns the probability that it lies in [d, d + 1), the same within a tenth of a sample more (d is right),
+    both of shape (candidates, days), and its median, 5 and 95 % [samples], shape (3, days).
     """
     first, last = candidates_of(s)
     days = q[0].shape[-1]

@@ -44,26 +44,13 @@ SMALLEST_PIVOT = 1e-9
 
 
 class Structure(NamedTuple):
-    """An equation for the level.
-
-    Attributes
-    ----------
-    name : str
-    order : int
-        Coefficients of the level's own lags; none for a store.
-    taps : int
-        Coefficients of the front: v at lag 0 and, with two, at lag 1.
-    parameters : int
-        All coefficients and the noise variance.
-    noises : slice
-        The kinds of noise it goes with.
-    """
+    """An equation for the level."""
 
     name: str
-    order: int
-    taps: int
-    parameters: int
-    noises: slice
+    order: int  # coefficients of the level's own lags; none for a store
+    taps: int  # coefficients of the front: v at lag 0 and, with two, at lag 1
+    parameters: int  # all coefficients and the noise variance
+    noises: slice  # the kinds of noise it goes with
 
     @property
     def is_store(self) -> bool:
@@ -88,21 +75,10 @@ def log_evidence(
 ) -> tuple[list[Floats], list[Floats]]:
     """Log evidence of each equation, kind of noise and place of the front.
 
-    Parameters
-    ----------
-    G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior.noise.gram`, with at least ``last + 4`` lags of u.
-    n_rows : int
-    with_outflow : bool
-    first, last : int
-        The candidates d, ``0 <= first <= last``.
-
-    Returns
-    -------
-    fronts : list of ndarray, shape (kinds, candidates, shares, days)
-        For each of :func:`structures`; minus infinity where u does not move enough.
-    nothing : list of ndarray, shape (kinds, days)
-        The same without any front.
+    `G` (K, K, kinds, days) is that of :func:`rivid.core.posterior.noise.gram`, with at least ``last + 4``
+    lags of u; the candidates are ``0 <= first <= last``. Returns for each of :func:`structures` an array
+    (kinds, candidates, shares, days), minus infinity where u does not move enough, and one without any front
+    (kinds, days).
     """
     kinds = structures(with_outflow)
     _, _, plain, drift = (s.noises for s in kinds)
@@ -247,45 +223,22 @@ RIDGE = 1e-11
 
 
 class Fronts(NamedTuple):
-    """The fronts of a block of days.
+    """The fronts of a block of days."""
 
-    Attributes
-    ----------
-    G : ndarray, shape (K, K, kinds, days)
-        From :func:`rivid.core.posterior.noise.gram`.
-    n_rows : int
-    evidence : list of ndarray
-        From :func:`log_evidence`.
-    with_outflow : bool
-    """
-
-    G: Floats
+    G: Floats  # (K, K, kinds, days), from noise.gram
     n_rows: int
-    evidence: list[Floats]
+    evidence: list[Floats]  # from log_evidence
     with_outflow: bool
 
 
 def averaged_fir(
     fronts: Fronts, belongs: list[Bools], first: int, temperature: float, order: int
 ) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of h over the likeliest models of each day's delay.
+    """Mean and standard deviation of h over the likeliest models, shape (days, M), from lag 0.
 
-    Parameters
-    ----------
-    fronts : Fronts
-    belongs : list of ndarray of bool, shape (candidates, shares, days)
-        For each equation, the places of the front that mean the day's delay.
-    first : int
-        The first candidate.
-    temperature : float
-        Divisor of the log evidence.
-    order : int
-        M; h[0] is lag 0.
-
-    Returns
-    -------
-    h, sd : ndarray, shape (days, M)
-        The spread holds that of the coefficients and that between the models.
+    `belongs` marks for each equation the places of the front (candidates, shares, days) that mean the day's
+    delay; `temperature` divides the log evidence. The spread holds that of the coefficients and that between
+    the models.
     """
     G, n_rows, evidence, with_outflow = fronts
     days = G.shape[-1]

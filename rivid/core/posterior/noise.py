@@ -30,17 +30,7 @@ DRIFT_MEMORY = 0.98
 def spectral_factor(a: Floats, ratio: float) -> Floats:
     """Minimum-phase C with ``|C(z)|^2`` proportional to ``ratio + |a(z)|^2`` on the unit circle.
 
-    Parameters
-    ----------
-    a : ndarray, shape (k,)
-        Coefficients of a(q), powers of q^-1 rising.
-    ratio : float
-        Above zero.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Coefficients of C, the first of them one.
+    Coefficients of powers of q^-1, rising; shape (k,) as `a`, the first of them one. `ratio` is above zero.
 
     Examples
     --------
@@ -70,22 +60,11 @@ N_PLAIN, N_DRIFT = 1 + len(GAUGE_RATIOS), len(DRIFT_RATIOS)
 
 
 def prewhiten(series: Floats, polynomials: Floats) -> Floats:
-    """Every series through every 1 / C, at rest before its first sample.
+    """Every series (days, S, N) through every 1 / C, at rest before it: (days, kinds, S, N).
 
-    Parameters
-    ----------
-    series : ndarray, shape (days, S, N)
-    polynomials : ndarray, shape (kinds, 3)
-        Each begins with one.
-
-    Returns
-    -------
-    ndarray, shape (days, kinds, S, N)
-
-    Notes
-    -----
-    Samples are filtered in chunks as if each began at rest, by one product of a fixed size for each day, so
-    that a day's bits do not depend on its neighbours; then the last two samples of a chunk are carried on.
+    The `polynomials` have shape (kinds, 3), each begins with one. Samples are filtered in chunks as if each
+    began at rest, by one product of a fixed size for each day, so that a day's bits do not depend on its
+    neighbours; then the last two samples of a chunk are carried on.
     """
     days, S, N = series.shape
     n_chunks = -(-N // CHUNK)
@@ -121,30 +100,13 @@ def columns(with_outflow: bool) -> tuple[str, ...]:
 
 
 def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int) -> tuple[Floats, int]:
-    """Gram matrices of the regressors, prewhitened by each kind of noise.
+    """Gram matrices (K, K, kinds, days) of the regressors, prewhitened, and the number of rows.
 
-    Parameters
-    ----------
-    u, y : ndarray, shape (days, N)
-        Deviations from the day's first sample.
-    o : ndarray, shape (days, N), or None
-        The same of the outflow, where it is logged.
-    polynomials : ndarray, shape (kinds, 3)
-        C of each kind of noise.
-    n_lags : int
-        Lags 1 to `n_lags` of u count.
-
-    Returns
-    -------
-    G : ndarray, shape (K, K, kinds, days)
-        Columns as :func:`columns` names them, then u's lags 1 to `n_lags`.
-    n_rows : int
-        Rows that count, N - n_lags: those for which every lag lies in the day.
-
-    Notes
-    -----
-    Products run over the leading columns and u's first lag only. Lags of u among themselves follow from it:
-    ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
+    u, y and o (None where not logged) are deviations from the day's first sample, shape (days, N). Columns
+    are as :func:`columns` names them, then u's lags 1 to `n_lags`; the N - n_lags rows are those for which
+    every lag lies in the day. Products run over the leading columns and u's first lag only. Lags of u among
+    themselves follow from it: ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at
+    the other.
     """
     days, N = u.shape
     series = np.stack([y, u] if o is None else [y, u, o], axis=1)
@@ -185,51 +147,22 @@ Noises = tuple[tuple[Floats, Floats], ...]
 
 
 class Sums(NamedTuple):
-    """Sums of products over the rows of one window; C inflows, B kinds of noise, Z extra columns.
+    """Sums of products over the rows of one window; C inflows, B kinds of noise, Z extra columns."""
 
-    Attributes
-    ----------
-    uu : ndarray, shape (C, B, n_lags + 1, n_lags + 1)
-        Lags of the inflow among themselves.
-    uy : ndarray, shape (C, B, n_lags + 1)
-        With the output.
-    uz : ndarray, shape (C, B, n_lags + 1, Z)
-        With an orthonormal basis of the extra columns.
-    yy : ndarray, shape (B,)
-    yz : ndarray, shape (B, Z)
-    """
-
-    uu: Floats
-    uy: Floats
-    uz: Floats
-    yy: Floats
-    yz: Floats
+    uu: Floats  # lags of the inflow, (C, B, n_lags + 1, n_lags + 1)
+    uy: Floats  # with the output, (C, B, n_lags + 1)
+    uz: Floats  # with an orthonormal basis of the extra columns, (C, B, n_lags + 1, Z)
+    yy: Floats  # (B,)
+    yz: Floats  # (B, Z)
 
 
 def whitened_sums(u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, noises: Noises) -> Sums:
-    """The sums of :class:`Sums`.
+    """The sums of :class:`Sums` for versions u (C, N) of the inflow, y (N,) and `extra` (Z - 1, N).
 
-    Parameters
-    ----------
-    u : ndarray, shape (C, N)
-        Versions of the inflow.
-    y : ndarray, shape (N,)
-    extra : ndarray, shape (Z - 1, N)
-        Columns that are filtered as u and y are; a constant goes before them, and is not.
-    warm : int
-        The first row that counts, at least `n_lags`.
-    n_lags : int
-    noises : tuple of (A, C)
-
-    Returns
-    -------
-    Sums
-
-    Notes
-    -----
-    Series are filtered from rest as deviations from their first sample. Correlations with the lags go by
-    Fourier transform. Lags among themselves follow from the first row: ``uu[i+1, j+1]`` is ``uu[i, j]`` with
-    what enters at one end, less what leaves at the other.
+    The extra columns are filtered as u and y are; a constant goes before them, and is not. `warm` is the
+    first row that counts, at least `n_lags`. Series are filtered from rest as deviations from their first
+    sample. Correlations with the lags go by Fourier transform. Lags among themselves follow from the first
+    row: ``uu[i+1, j+1]`` is ``uu[i, j]`` with what enters at one end, less what leaves at the other.
     """
     from scipy.signal import lfilter  # slow to import
 

@@ -87,24 +87,12 @@ FAMILIES: tuple[tuple[Family, tuple[float, ...]], ...] = (
 
 @dataclass(frozen=True)
 class ResponseGrid:
-    """All responses, by t50 and shape.
+    """All responses, by t50 and shape."""
 
-    Attributes
-    ----------
-    t50 : ndarray, shape (T,)
-        Travel times [samples].
-    h : ndarray, shape (shapes, T, n_lags + 1)
-        Each sums to one.
-    prior : ndarray, shape (shapes,)
-        Of each shape; families have equal mass.
-    blocks : tuple of (shape, slice of T, slice of lags)
-        Where the responses are not zero.
-    """
-
-    t50: Floats
-    h: Floats
-    prior: Floats
-    blocks: tuple[tuple[int, slice, slice], ...]
+    t50: Floats  # travel times [samples], (T,)
+    h: Floats  # (shapes, T, n_lags + 1), each sums to one
+    prior: Floats  # of each shape; families have equal mass
+    blocks: tuple[tuple[int, slice, slice], ...]  # shape, travel times and lags that are not zero
 
 
 @lru_cache(maxsize=4)
@@ -144,20 +132,10 @@ def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Flo
 
 
 def hastened(u: Floats, middle: float, lead: float) -> Floats:
-    """u with its high water sooner: u(t) moves to ``t - lead ln(u / middle)``.
+    """u with its high water sooner: u(t) moves to ``t - lead ln(u / middle)``, shape (N,).
 
-    Parameters
-    ----------
-    u : ndarray, shape (N,)
-        Discharge.
-    middle : float
-        The discharge that keeps its time.
-    lead : float
-        How much sooner e times as much water is [samples].
-
-    Notes
-    -----
-    Water does not overtake: a rise steepens into a front, and no further.
+    The discharge `middle` keeps its time, e times as much arrives `lead` samples sooner. Water does not
+    overtake: a rise steepens into a front, and no further.
     """
     if lead == 0.0 or middle <= 0.0:
         return u

@@ -29,41 +29,19 @@ FLOOR = 1e-9
 
 
 class Evidence(NamedTuple):
-    """Log evidence with the posterior of the gain.
-
-    Attributes
-    ----------
-    log : ndarray
-        Log of the marginal likelihood, noise variance at its best.
-    gain, gain_variance : ndarray
-        Mean and variance of the gain before it is cut at zero.
-    """
+    """Log evidence, the noise variance at its best, with the posterior of the gain."""
 
     log: Floats
-    gain: Floats
-    gain_variance: Floats
+    gain: Floats  # mean, before it is cut at zero
+    gain_variance: Floats  # the same
 
 
 def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float) -> Evidence:
     """ln p(y | h) with the gain integrated out and s2 where the evidence is nearly highest.
 
-    Parameters
-    ----------
-    yy, xy, xx : ndarray
-        Sums of products, shapes that broadcast.
-    m : int
-        Rows.
-    gain, gain_sd : float
-        Prior of the gain, cut at zero.
-
-    Returns
-    -------
-    Evidence
-
-    Notes
-    -----
-    s2 is found by three steps of expectation and maximisation from the least-squares fit with a gain that is
-    not negative.
+    The sums of products have shapes that broadcast, `m` is the number of rows; `gain` and `gain_sd` are the
+    prior of the gain, cut at zero. s2 is found by three steps of expectation and maximisation from the
+    least-squares fit with a gain that is not negative.
     """
     precision0 = 1.0 / gain_sd**2
     xx = np.maximum(xx, 1e-300)
