@@ -11,10 +11,10 @@ ROOT = Path(rivid.__file__).parent
 LAYERS = (
     ("types", "errors"),
     ("core", "atomic", "text", "toml"),
-    ("input_config",),
+    ("input_config", "estimators"),
     ("config", "reach"),
     ("effects", "logs"),
-    ("estimators", "simulation", "results"),
+    ("simulation", "results"),
     ("check", "diagnosis"),
     ("plots",),
     ("report",),
