@@ -10,9 +10,9 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 LAYERS = (
     ("types", "errors"),
-    ("core", "atomic", "text", "toml"),
+    ("core", "atomic", "toml"),
     ("input_config", "estimators"),
-    ("config", "reach"),
+    ("config", "reach", "text"),
     ("effects", "logs"),
     ("simulation", "results"),
     ("check", "diagnosis"),
