@@ -1,16 +1,19 @@
-"""Simulated days without faults, and one function for each fault."""
+"""Simulated days without faults, one function for each fault, and the finding that it must give."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from rivid.check import check_days
 from rivid.config import Config, parse
 from rivid.logs.read import DataSet
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
 CFS = 35.3147
+STEP = 133
+NAMES = {"inflow": "u_Qi", "outflow": "u_Qo", "output": "h_L"}
 
 
 def reach_of(season):
@@ -34,58 +37,68 @@ def sound(n=40, scenario="basse_isere", seed=3):
     return tuple(days_of(season)), reach_of(season)
 
 
+def the_one(days, config, code, wrong=True, when=None, **values):
+    """Check that there is one finding, with this code, these days and these values; copies are ignored."""
+    found = [one for one in check_days(days, config) if one.kind != "copy" or code.startswith("copy")]
+    assert [one.code for one in found] == [code]
+    (finding,) = found
+    assert finding.wrong is wrong
+    assert {key: finding.values.get(key) for key in values} == values
+    if when is not None:
+        assert sorted(finding.days) == [day.date for day in days[when]]
+    return finding
+
+
+def changed(days, names, change, among=slice(None)):
+    """Columns changed on all days or some; `change` takes and returns all samples of a column."""
+    n, touched = len(days[0].inflow), set(range(len(days))[among])
+    for name in names:
+        whole = change(np.concatenate([getattr(day, name) for day in days]))
+        days = [
+            replace(day, **{name: whole[k * n : (k + 1) * n]}) if k in touched else day
+            for k, day in enumerate(days)
+        ]
+    return days
+
+
 def scaled(days, factor, *names, among=slice(None)):
-    """Columns in another unit, on all days or some."""
-    touched = set(range(len(days))[among])
-    return [
-        replace(day, **{n: getattr(day, n) * factor for n in names}) if k in touched else day
-        for k, day in enumerate(days)
-    ]
+    """Columns in another unit."""
+    return changed(days, names, lambda x: x * factor, among)
 
 
-def late(days, seconds, name, step=133, among=slice(None)):
-    """A column with late stamps: its clock is fast."""
-    whole = np.concatenate([getattr(day, name) for day in days])
-    whole = whole[np.clip(np.arange(len(whole)) - round(seconds / step), 0, len(whole) - 1)]
-    return _with(days, name, whole, among)
+def late(days, seconds, name, step=STEP, among=slice(None), per_day=0.0):
+    """A column with late stamps (its clock is fast), by a number of seconds, or by more each day."""
+    n = len(days[0].inflow)
 
+    def shifted(x):
+        k = np.arange(len(x))
+        return x[np.clip(np.round(k - (seconds + per_day * k / n) / step).astype(int), 0, len(x) - 1)]
 
-def drifting(days, seconds, name, step=133):
-    """A column with a clock that gains so many seconds a day."""
-    whole = np.concatenate([getattr(day, name) for day in days])
-    at = np.arange(len(whole))
-    from_ = np.round(at - at / len(getattr(days[0], name)) * seconds / step).astype(int)
-    return _with(days, name, whole[np.clip(from_, 0, len(whole) - 1)], slice(None))
+    return changed(days, [name], shifted, among)
 
 
 def redated(days, by, name, among=slice(None)):
     """A column with dates `by` days too late."""
-    touched = set(range(len(days))[among])
-    return [
-        replace(day, **{name: getattr(days[(k - by) % len(days)], name)}) if k in touched else day
-        for k, day in enumerate(days)
-    ]
+    return changed(days, [name], lambda x: np.roll(x, by * len(days[0].inflow)), among)
 
 
-def held(days, k, first, last, step=133):
+def held(days, k, first, last):
     """A gauge that stands still on a day from one hour to another."""
-    level = days[k].output.copy()
-    a, b = round(first * 3600 / step), round(last * 3600 / step)
-    level[a:b] = level[a]
-    return [replace(day, output=level) if j == k else day for j, day in enumerate(days)]
+
+    def still(x):
+        a, b = (k * len(days[0].inflow) + round(hour * 3600 / STEP) for hour in (first, last))
+        x[a:b] = x[a]
+        return x
+
+    return changed(days, ["output"], still, slice(k, k + 1))
 
 
-def raised(days, k, hour, by, samples=None, step=133):
-    """A gauge that reads too much from an hour of a day on, for so many samples."""
-    whole = np.concatenate([day.output for day in days])
-    at = k * len(days[0].output) + round(hour * 3600 / step)
-    whole[at : at + samples if samples else None] += by
-    return _with(days, "output", whole, slice(None))
+def raised(days, k, hour, by, samples=None):
+    """A gauge that reads too much from an hour of a day on, for a number of samples or to the end."""
 
+    def higher(x):
+        at = k * len(days[0].output) + round(hour * 3600 / STEP)
+        x[at : at + samples if samples else None] += by
+        return x
 
-def _with(days, name, whole, among):
-    n, touched = len(days[0].inflow), set(range(len(days))[among])
-    return [
-        replace(day, **{name: whole[k * n : (k + 1) * n]}) if k in touched else day
-        for k, day in enumerate(days)
-    ]
+    return changed(days, ["output"], higher)

@@ -6,33 +6,26 @@ import numpy as np
 import pytest
 
 from rivid.check import check_days
-from tests.check.season import held, raised, sound
-
-
-def the_one(days, config, code):
-    (finding,) = check_days(days, config)
-    assert finding.code == code
-    return finding
+from tests.check.season import held, raised, sound, the_one
 
 
 def with_day(days, k, **columns):
     return [replace(day, **columns) if j == k else day for j, day in enumerate(days)]
 
 
-def test_a_gauge_that_stands_still_for_hours():
+def only_item(finding):
+    """The one event of the one day of a finding."""
+    ((item,),) = (of_day["items"] for of_day in finding.days.values())
+    return item
+
+
+def test_a_gauge_that_stands_still_for_hours_or_days():
     days, config = sound()
-    finding = the_one(held(days, 12, 8, 13), config, "stuck")
-    assert finding.wrong and list(finding.days) == [days[12].date]
-    (spell,) = finding.days[days[12].date]["items"]
+    spell = only_item(the_one(held(days, 12, 8, 13), config, "stuck", when=slice(12, 13)))
     assert "07:30" <= spell["first"] <= "08:05" and "12:58" <= spell["last"] <= "13:30"
-
-
-def test_a_gauge_that_stands_still_for_days_is_one_finding():
-    days, config = sound()
     for k in range(5, 12):
-        days = held(days, k, 0, 25)
-    finding = the_one(days, config, "stuck")
-    assert list(finding.days) == [day.date for day in days[5:12]]
+        days = held(days, k, 0, 24)
+    finding = the_one(days, config, "stuck", when=slice(5, 12))
     assert str(finding).startswith("2008-01-06 to 2008-01-12 (7 days): ")
 
 
@@ -40,87 +33,70 @@ def test_a_gauge_that_stands_still_for_days_is_one_finding():
 def test_a_dead_gauge_on_every_day(n):
     days, config = sound(5)
     dead = [replace(day, output=np.full_like(day.output, 130.0)) for day in days[:n]]
-    finding = the_one(dead, config, "stuck")
-    assert len(finding.days) == n
+    finding = the_one(dead, config, "stuck", when=slice(None))
     assert all(values["items"][0]["value"] == 130 for values in finding.days.values())
 
 
-@pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("step", [0.02, 0.1])
 def test_a_coarse_gauge_is_not_stuck(step):
     days, config = sound()
     assert check_days([replace(day, output=np.round(day.output / step) * step) for day in days], config) == []
 
 
-@pytest.mark.parametrize(("by", "hour"), [(0.2, 10), (-0.5, 10), (3.0, 10), (0.5, 0)])
+@pytest.mark.parametrize(("by", "hour"), [(0.2, 10), (-0.5, 10), (0.5, 0)])
 def test_a_jump_that_stays(by, hour):
     days, config = sound()
-    finding = the_one(raised(days, 12, hour, by), config, "jump")
-    assert list(finding.days) == [days[12].date]
-    (jump,) = finding.days[days[12].date]["items"]
+    jump = only_item(the_one(raised(days, 12, hour, by), config, "jump", when=slice(12, 13)))
     assert jump["change"] == pytest.approx(by, abs=0.05)
     assert jump["time"][:2] in (f"{hour:02d}", f"{max(hour - 1, 0):02d}")
 
 
 def test_a_spike():
     days, config = sound()
-    finding = the_one(raised(days, 12, 7, -100.0, samples=3), config, "spike")
-    (spike,) = finding.days[days[12].date]["items"]
+    spike = only_item(the_one(raised(days, 12, 7, -100.0, samples=3), config, "spike", when=slice(12, 13)))
     assert spike["time"] == "06:59" and spike["value"] == pytest.approx(29.5, abs=1)
 
 
 def test_a_gate_that_moves_much_makes_no_jump():
     """In a pool of Saint-Venant's equations the level at the dam falls at once, by a decimetre."""
-    days, config = sound(40, "hydraulic_short")
+    days, config = sound(24, "hydraulic_short")
     assert max(float(np.abs(np.diff(day.output)).max()) for day in days) > 0.08
     assert check_days(days, config) == []
 
 
-def test_a_copied_day_and_a_copied_week():
+def test_copies_of_a_day_of_a_week_and_of_a_level():
     days, config = sound()
-    values = the_one(with_day(days, 7, **vars_of(days[3])), config, "copy.two").values
-    assert (values["first"], values["second"]) == ("2008-01-04", "2008-01-08")
-    copied = [replace(days[k - 7], date=day.date) if 14 <= k < 21 else day for k, day in enumerate(days)]
-    finding = the_one(copied, config, "copy.many")
-    assert len(finding.days) == 14 and finding.days[days[15].date]["other"] == "2008-01-09"
-
-
-def vars_of(day):
-    return {"inflow": day.inflow, "outflow": day.outflow, "output": day.output}
-
-
-def test_the_level_of_another_day():
-    days, config = sound()
-    assert the_one(with_day(days, 7, output=days[3].output), config, "copy.two").wrong
+    copy = with_day(days, 7, inflow=days[3].inflow, outflow=days[3].outflow, output=days[3].output)
+    the_one(copy, config, "copy.two", first="2008-01-04", second="2008-01-08")
+    the_one(with_day(days, 7, output=days[3].output), config, "copy.two")
+    week = [replace(days[k - 7], date=day.date) if 14 <= k < 21 else day for k, day in enumerate(days)]
+    finding = the_one(week, config, "copy.many", when=slice(7, 21))
+    assert finding.days[days[15].date]["other"] == "2008-01-09"
 
 
 def test_a_programme_that_repeats_itself_is_no_copy():
     days, config = sound(6)
     rng = np.random.default_rng(1)
+    noise = 0.01 * rng.integers(0, 2, (6, len(days[0].output)))
     same = [
-        replace(day, inflow=days[0].inflow, outflow=days[0].outflow,
-                output=days[0].output + 0.01 * rng.integers(0, 2, len(day.output)))
-        for day in days
-    ]  # fmt: skip
+        replace(days[0], date=day.date, output=days[0].output + x) for day, x in zip(days, noise, strict=True)
+    ]
     assert check_days(same, config) == []
 
 
 def test_constant_flows():
     days, config = sound(5)
     still = [replace(day, outflow=np.full_like(day.outflow, 285.0)) for day in days]
-    finding = the_one(still, config, "constant.outflow_always")
-    assert finding.wrong and finding.values["flow"] == [285, 285]
-    finding = the_one(
-        with_day(days, 2, inflow=np.full_like(days[2].inflow, 300.0)), config, "constant.inflow"
-    )
-    assert not finding.wrong and list(finding.days) == [days[2].date]
+    the_one(still, config, "constant.outflow_always", flow=[285, 285])
+    still = with_day(days, 2, inflow=np.full_like(days[2].inflow, 300.0))
+    the_one(still, config, "constant.inflow", wrong=False, when=slice(2, 3))
 
 
 def test_a_command_with_a_lost_digit_is_a_remark():
     days, config = sound(5)
     odd = days[2].inflow.copy()
     odd[[100, 300, 301]] /= 1000
-    finding = the_one(with_day(days, 2, inflow=odd), config, "moment")
-    assert not finding.wrong
+    finding = the_one(with_day(days, 2, inflow=odd), config, "moment", wrong=False)
     assert [item["time"] for item in finding.days[days[2].date]["items"]] == ["03:42", "11:05"]
 
 

