@@ -23,17 +23,7 @@ if TYPE_CHECKING:
 
 
 class _DelayResult(Result):
-    """A delay with its response, for one day or (a leading axis) for many.
-
-    Attributes
-    ----------
-    sample_time : float or None
-        T_s [s]; None if only arrays were given.
-    output_unit : str
-        "m" or "m3/s"; "" if unknown.
-    date : datetime.date or None
-        Of the day.
-    """
+    """A delay with its response, for one day or (a leading axis) for many."""
 
     _heading: str
     status: Strings
@@ -48,6 +38,23 @@ class _DelayResult(Result):
 
     def _day_panels(self) -> "list[Panel]":
         raise NotImplementedError
+
+    def _response_and(
+        self,
+        name: str,
+        candidates: NDArray[np.intp],
+        values: Floats,
+        sd: Floats | None = None,
+        reason: str = "",
+    ) -> "list[Panel]":
+        """Return the panels of a day: its response, and a value of each candidate delay."""
+        from rivid.plots import library
+
+        delay, order = float(self.delay), len(self.fir)
+        return [
+            (1.9, lambda axes: library.response(axes, self.fir, sd, delay, self.output_unit)),
+            (1.2, lambda axes: library.by_delay(axes, candidates, values, delay, order, name, reason)),
+        ]
 
     def _facts(self) -> str:
         return describe_days(self.status, self.delay) if np.ndim(self.delay) else self._day_facts()
@@ -69,12 +76,8 @@ class DelayEstimate(_DelayResult, JmapResult):
 
     Attributes
     ----------
-    sample_time : float or None
-        T_s [s]; None if only arrays were given.
-    output_unit : str
-        "m" or "m3/s"; "" if only arrays were given.
-    date : datetime.date or None
-        Of the day.
+    sample_time, output_unit, date
+        T_s [s], "m" or "m3/s", and the date of a :class:`Day`; None, "" and None if only arrays were given.
     """
 
     sample_time: float | None = None
@@ -91,18 +94,7 @@ class DelayEstimate(_DelayResult, JmapResult):
         )
 
     def _day_panels(self) -> "list[Panel]":
-        from rivid.plots import library
-
-        delay, order = float(self.delay), len(self.fir)
-        return [
-            (1.9, lambda axes: library.response(axes, self.fir, None, delay, self.output_unit)),
-            (
-                1.2,
-                lambda axes: library.by_delay(
-                    axes, self.candidates, self.criterion, delay, order, "criterion"
-                ),
-            ),
-        ]
+        return self._response_and("criterion", self.candidates, self.criterion)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -129,12 +121,8 @@ class DelayProbabilities(_DelayResult):
         Response of the output to the inflow and its standard deviation [output unit per m3/s].
     reason : ndarray of str, shape (days,)
         Why a day has no answer; empty otherwise.
-    sample_time : float or None
-        T_s [s]; None if only arrays were given.
-    output_unit : str
-        "m" or "m3/s".
-    date : datetime.date or None
-        Of the day.
+    sample_time, output_unit, date
+        As in :class:`DelayEstimate`; the unit is "m" if only arrays were given.
     """
 
     status: Strings
@@ -166,18 +154,8 @@ class DelayProbabilities(_DelayResult):
         )
 
     def _day_panels(self) -> "list[Panel]":
-        from rivid.plots import library
-
-        delay, order = float(self.delay), len(self.fir)
-        return [
-            (1.9, lambda axes: library.response(axes, self.fir, self.fir_sd, delay, self.output_unit)),
-            (
-                1.2,
-                lambda axes: library.by_delay(
-                    axes, self.candidates, self.probabilities, delay, order, "probability", str(self.reason)
-                ),
-            ),
-        ]
+        reason = str(self.reason)
+        return self._response_and("probability", self.candidates, self.probabilities, self.fir_sd, reason)
 
 
 def jmap(

@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 @shared.talk()
 @shared.today()
 def command(
-    data_dir: Path,
-    config: Path | None,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-    today: dt.datetime | None,
+    data_dir: Path, config: Path | None, as_json: bool, quiet: bool, verbose: bool, today: dt.datetime | None
 ) -> int:
     """Report faults in the logs in DATA_DIR, without estimating.
 

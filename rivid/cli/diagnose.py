@@ -13,28 +13,15 @@ from rivid.cli.console import Console
 @shared.data_dir()
 @shared.config()
 @shared.out()
-@click.option(
-    "--model",
-    type=shared.FILE,
-    metavar="FILE",
-    help="Start with the effects of this augmented model (model.toml).",
-)
-@click.option("--no-figures", is_flag=True, help="Draw no figures.")
+@shared.value("--model", shared.FILE, "FILE", "Start with the effects of this augmented model (model.toml).")
+@shared.flag("--no-figures", "Draw no figures.")
 @shared.days("use")
 @shared.as_json("diagnosis.json on stdout.")
 @shared.talk()
 def command(
-    data_dir: Path,
-    config: Path | None,
-    out: Path | None,
-    model: Path | None,
-    no_figures: bool,
-    first: dt.datetime | None,
-    last: dt.datetime | None,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-) -> int:
+    data_dir: Path, config: Path | None, out: Path | None, model: Path | None, no_figures: bool,
+    first: dt.datetime | None, last: dt.datetime | None, as_json: bool, quiet: bool, verbose: bool,
+) -> int:  # fmt: skip
     """Find the missing effect: where simulation and measurement disagree, and why.
 
     The reach's response is calibrated on the logs in DATA_DIR; the residual is compared with a catalogue of
@@ -61,14 +48,8 @@ def command(
     settings = load_config(config)
     with console.steps("starting") as step:
         step("reading the logs")
-        diagnosed = diagnose(
-            data_dir,
-            settings,
-            first=first.date() if first else None,
-            last=last.date() if last else None,
-            model=model,
-            report=step,
-        )
+        begin, end = (day.date() if day else None for day in (first, last))
+        diagnosed = diagnose(data_dir, settings, first=begin, last=end, model=model, report=step)
         step("writing")
         page = diagnosed.write(place, pictures=not no_figures)
     if as_json:

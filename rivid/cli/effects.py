@@ -23,6 +23,7 @@ WINDOW = (
     "dates = [2008-03-01, 2008-04-15]  # first and last day; leave out: always\n"
     "hours = [22, 6]  # from and to, here past midnight; leave out: all day"
 )
+PERMANENT = "Permanent: takes no dates and hours."
 
 
 def _names(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
@@ -36,7 +37,7 @@ def _names(context: click.Context, param: click.Parameter, typed: str) -> list[s
 
 @click.command("effects")
 @click.argument("name", required=False, shell_complete=_names)
-@click.option("--effects-file", type=shared.FILE, metavar="FILE", help="A Python file with your own effects.")
+@shared.value("--effects-file", shared.FILE, "FILE", "A Python file with your own effects.")
 @shared.as_json("The catalogue, or that effect, as JSON on stdout.")
 def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     """Print the catalogue of effects: parameters, units, limits, and the symptoms of each.
@@ -64,19 +65,13 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     else:
         for family in FAMILIES:
             click.echo(f"{TITLES[family]}\n")
-            for one in classes.values():
-                if one.family == family:
-                    click.echo(_entry(one))
+            for one in filter(lambda one: one.family == family, classes.values()):
+                lines = [one.name, wrap(one.sentence, 4), *_parameters(one, 4)]
+                if not one.windowed:
+                    lines.append(wrap(PERMANENT, 4))
+                click.echo("\n".join([*lines, wrap(f"Looks like: {one.looks}", 4, 2), ""]))
         click.echo(wrap("`rivid effects NAME` describes one in full, with an example for a scenario."))
     return 0
-
-
-def _entry(one: "type[Effect]") -> str:
-    lines = [one.name, wrap(one.sentence, 4), *_parameters(one, 4)]
-    if not one.windowed:
-        lines.append(wrap("Permanent: takes no dates and hours.", 4))
-    lines.append(wrap(f"Looks like: {one.looks}", 4, 2))
-    return "\n".join(lines) + "\n"
 
 
 def _parameters(one: "type[Effect]", indent: int) -> list[str]:
@@ -94,7 +89,7 @@ def _value(value: Any) -> str:
 
 
 def _in_full(one: "type[Effect]") -> str:
-    when = "Can be limited to dates and hours." if one.windowed else "Permanent: takes no dates and hours."
+    when = "Can be limited to dates and hours." if one.windowed else PERMANENT
     lines = [
         f"{one.name} ({one.family})", wrap(one.sentence, 2), "",
         *(line for part in _paragraphs(one) for line in (wrap(part, 2), "")),
@@ -125,10 +120,7 @@ def example(one: "type[Effect]") -> str:
 def _record(one: "type[Effect]") -> dict[str, Any]:
     usual = one.defaults()
     return {
-        "name": one.name,
-        "family": one.family,
-        "sentence": one.sentence,
-        "looks": one.looks,
+        "name": one.name, "family": one.family, "sentence": one.sentence, "looks": one.looks,
         "windowed": one.windowed,
         "parameters": [
             {

@@ -20,36 +20,18 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
 
 @click.command("figures")
 @shared.results()
-@click.option(
-    "--day",
-    type=shared.DATE,
-    metavar="DATE",
-    help="The day of the impulse responses; default: a typical one.",
-)
-@click.option("--paper", is_flag=True, help="Draw the paper's figures instead, into OUT/paper.")
-@click.option(
-    "--logs",
-    type=shared.PATH,
-    metavar="DATA_DIR",
-    help="With --paper: the run's logs, if they have been moved.",
-)
-@click.option(
-    "--cascade",
-    type=shared.PATH,
-    multiple=True,
-    metavar="PATH",
-    help="With --paper, for Fig. 19: a scenario to simulate, or OUT of a reach's run. Repeatable.",
-)
+@shared.value("--day", shared.DATE, "DATE", "The day of the impulse responses; default: a typical one.")
+@shared.flag("--paper", "Draw the paper's figures instead, into OUT/paper.")
+@shared.value("--logs", shared.PATH, "DATA_DIR", "With --paper: the run's logs, if they have been moved.")
+@shared.value(
+    "--cascade", shared.PATH, "PATH",
+    "With --paper, for Fig. 19: a scenario to simulate, or OUT of a reach's run. Repeatable.", multiple=True,
+)  # fmt: skip
 @shared.talk()
 def command(
-    out: Path,
-    day: dt.datetime | None,
-    paper: bool,
-    logs: Path | None,
-    cascade: tuple[Path, ...],
-    quiet: bool,
-    verbose: bool,
-) -> int:
+    out: Path, day: dt.datetime | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
+    quiet: bool, verbose: bool,
+) -> int:  # fmt: skip
     """Redraw the figures and the report of a finished run.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. With --paper: the paper's
@@ -97,7 +79,8 @@ def _paper(
     from rivid.report.build import write_gallery
     from rivid.results.store import Store
 
-    given = list(cascade) or [path for path in _default_cascade() if path.is_file()][:1]
+    default = (CASCADE, Path(__file__).parents[2] / CASCADE)
+    given = list(cascade) or [path for path in default if path.is_file()][:1]
     console.phase("starting")
     with _progress(len(FIGURES) + 2 + max(len(given), 1), console.quiet) as step:
         year = read_run(out, logs)
@@ -116,20 +99,13 @@ def _paper(
             console.info(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
         console.phase("the cascade")
         with Store(out):
-            figures = draw_paper(
-                year, estimates, reaches, out / "paper", day=day, progress=lambda: step("drawing")
-            )
-            page = write_gallery(year, figures, out / "paper")
+            place = out / "paper"
+            figures = draw_paper(year, estimates, reaches, place, day=day, progress=lambda: step("drawing"))
+            page = write_gallery(year, figures, place)
     console.phase("drawing")
     if not console.quiet:
         click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0
-
-
-def _default_cascade() -> list[Path]:
-    import rivid
-
-    return [CASCADE, Path(rivid.__file__).parent.parent / CASCADE]
 
 
 def simulated_cascade(scenario: Path) -> "list[CascadeReach]":

@@ -70,6 +70,16 @@ def nearest(came: str, names: list[str]) -> str:
     return f" Did you mean {close[0]!r}?" if close else ""
 
 
+def value(name: str, kind: Any, metavar: str, text: str, **more: Any) -> Decorator:
+    """Return an option with a value."""
+    return click.option(name, type=kind, metavar=metavar, help=text, **more)
+
+
+def flag(name: str, text: str) -> Decorator:
+    """Return an option without a value."""
+    return click.option(name, is_flag=True, help=text)
+
+
 def data_dir() -> Decorator:
     """DATA_DIR, the logs."""
     return click.argument("data_dir", type=PATH)
@@ -100,10 +110,8 @@ def out(
 
 def logs_out() -> Decorator:
     """--out, -o, of commands that write logs."""
-    return click.option(
-        "--out", "-o", type=NEW_DIRECTORY, required=True, metavar="DATA_DIR",
-        help="Directory of the daily logs.",
-    )  # fmt: skip
+    text = "Directory of the daily logs."
+    return click.option("--out", "-o", type=NEW_DIRECTORY, required=True, metavar="DATA_DIR", help=text)
 
 
 def days(verb: str) -> Decorator:
@@ -120,12 +128,12 @@ def days(verb: str) -> Decorator:
 
 def workers(text: str = "Number of processes; default: by the number of days and cores.") -> Decorator:
     """--workers."""
-    return click.option("--workers", type=click.IntRange(1, 512), metavar="N", help=text)
+    return value("--workers", click.IntRange(1, 512), "N", text)
 
 
 def dry_run(text: str = "Print the plan, and stop.") -> Decorator:
     """--dry-run."""
-    return click.option("--dry-run", is_flag=True, help=text)
+    return flag("--dry-run", text)
 
 
 def as_json(text: str = "One JSON object on stdout.") -> Decorator:
@@ -146,4 +154,4 @@ def talk() -> Decorator:
 
 def today() -> Decorator:
     """--today, for tests."""
-    return click.option("--today", type=DATE, metavar="DATE", hidden=True, help="Take DATE for today.")
+    return value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)

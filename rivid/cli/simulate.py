@@ -15,15 +15,8 @@ if TYPE_CHECKING:
 @click.command("simulate")
 @click.argument("scenario", type=shared.PATH)
 @shared.logs_out()
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Seed of the random numbers; default: the scenario's.",
-)
-@click.option(
-    "--truth", type=shared.FILE, metavar="FILE", help="File of the truth; default: <DATA_DIR>_truth.json."
-)
+@shared.value("--seed", click.IntRange(min=0), "N", "Seed of the random numbers; default: the scenario's.")
+@shared.value("--truth", shared.FILE, "FILE", "File of the truth; default: <DATA_DIR>_truth.json.")
 @shared.talk()
 def command(
     scenario: Path, out: Path, seed: int | None, truth: Path | None, quiet: bool, verbose: bool
@@ -41,6 +34,7 @@ def command(
       rivid simulate configs/scenarios/cascade.toml --out out/cascade
     """
     from rivid.errors import ConfigError
+    from rivid.logs.write import stem_of
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
 
@@ -62,31 +56,20 @@ def command(
         (out / name, truth.with_stem(f"{truth.stem}_{name}")) if several else (out, truth) for name in names
     ]
     for season, (logs, _) in zip(seasons, places, strict=True):
-        _refuse_other_logs(season, logs)
+        form, layout = season.scenario.output.format, season.scenario.output.layout
+        mine = {f"{stem_of(date, layout)}.{form}" for date in season.dates}
+        there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
+        if others := sorted(there - mine):
+            raise ConfigError(
+                f"{logs} holds other logs, such as {others[0]}, which would mix with these: "
+                "choose an empty directory"
+            )
     for season, (logs, truth_file) in zip(seasons, places, strict=True):
         lines = _write(season, logs, truth_file)
         if not quiet:
             click.echo("\n".join(wrap(line) for line in lines))
     console.phase("writing logs and truth")
     return 0
-
-
-def _files(season: "Season") -> set[str]:
-    from rivid.logs.write import stem_of
-
-    form, layout = season.scenario.output.format, season.scenario.output.layout
-    return {f"{stem_of(date, layout)}.{form}" for date in season.dates}
-
-
-def _refuse_other_logs(season: "Season", logs: Path) -> None:
-    from rivid.errors import ConfigError
-
-    there = {p.name for p in logs.glob("*") if p.name.endswith((".csv", ".csv.gz", ".parquet"))}
-    if others := sorted(there - _files(season)):
-        raise ConfigError(
-            f"{logs} holds other logs, such as {others[0]}, which would mix with these: "
-            "choose an empty directory"
-        )
 
 
 def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
