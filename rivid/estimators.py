@@ -7,7 +7,7 @@ A new estimator is one record, passed to :func:`register`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rivid.core.fir import FirResult
     from rivid.core.posterior.daily import PosteriorResult
     from rivid.core.posterior.river import RiverPosterior
+    from rivid.core.search import SearchResult
     from rivid.core.settings import PosteriorSettings, RiverSettings
     from rivid.types import Bools, Floats, Strings
 
@@ -75,12 +76,8 @@ class Answer:
         The values stored for every candidate: the criterion, CUSUM's g at lag d + 1, or the probability.
     fir, fir_sd : ndarray, shape (days, M)
         h and its standard deviation [output unit per m3/s].
-    alpha, noise_variance, roughness_variance, condition : ndarray, shape (days,)
+    alpha, noise_variance, roughness_variance, condition, iterations, prior_only : ndarray, shape (days,)
         As in :class:`rivid.core.jmap.JmapResult`.
-    iterations : ndarray of int, shape (days,)
-        Iterations of Table VI.
-    prior_only : ndarray of bool, shape (days,)
-        The delay follows from the prior or from chance, not from the data.
     reason : ndarray of str, shape (days,)
         Why a day has no estimate; empty where u and y show the reason (a constant series).
     travel : ndarray, shape (days,)
@@ -169,6 +166,11 @@ class Estimator:
         days are rare, and the column `at_bound` marks them.
     method : str
         Name of the method in captions that describe how it finds a jump of the response.
+    uniform : bool
+        As the estimators with `rayleigh`, with a uniform prior: the report compares their delays.
+    delay_rank, t50_rank : int
+        The highest rank represents a record where several estimators have a delay, or a river's t50;
+        of equal ranks of delays, one with a measure of its reliability.
     """
 
     name: str
@@ -185,6 +187,14 @@ class Estimator:
     degenerates: bool = False
     notes_bound: bool = False
     method: str = "JMAP"
+    uniform: bool = False
+    delay_rank: int = 0
+    t50_rank: int = 0
+
+    @property
+    def represents(self) -> tuple[int, bool]:
+        """Order in which estimators represent the delays of a record."""
+        return self.delay_rank, not self.unjudged
 
     @property
     def unchecked(self) -> bool:
@@ -241,6 +251,12 @@ def _fir_fit(name: str, config: Config) -> Callable[[Days], FirResult]:
     return lambda days: map_fir(days.u, days.y, s.order, alpha, free_start=s.free_start)
 
 
+def _answer(found: FirResult | SearchResult, **more: Any) -> Answer:
+    """The quantities of a core result by their names, and `more`."""
+    shared = {f.name: getattr(found, f.name) for f in fields(Answer) if hasattr(found, f.name)}
+    return Answer(**shared | more)
+
+
 def _with_fir(estimate: Callable[[Days], Answer], order: int, max_iterations: int | None = None) -> Prepared:
     return Prepared(estimate, order + 1, f"an FIR of order {order}", "[jmap] order", max_iterations)
 
@@ -252,13 +268,7 @@ def _fir(name: str) -> Callable[[Config], Prepared]:
         fit = _fir_fit(name, config)
 
         def estimate(days: Days) -> Answer:
-            found = fit(days)
-            return Answer(
-                found.status,
-                fir=found.fir,
-                noise_variance=found.noise_variance,
-                condition=found.condition,
-            )
+            return _answer(fit(days))
 
         return _with_fir(estimate, config.jmap_settings().order)
 
@@ -279,14 +289,12 @@ def _cusum(name: str) -> Callable[[Config], Prepared]:
         def estimate(days: Days) -> Answer:
             fir = fit(days)
             found = cusum(fir.fir, settings)
-            return Answer(
+            return _answer(
+                fir,
                 status=found.status,
                 delay=found.delay,
                 candidates=candidates,
                 curve=found.decision[:, candidates + 1],
-                fir=fir.fir,
-                noise_variance=fir.noise_variance,
-                condition=fir.condition,
                 reason=np.where(fir.status == "unidentifiable", "", found.reason),
             )
 
@@ -305,20 +313,7 @@ def _jmap(**changes: Any) -> Callable[[Config], Prepared]:
 
         def estimate(days: Days) -> Answer:
             found = jmap(days.u, days.y, settings)
-            return Answer(
-                status=found.status,
-                delay=found.delay,
-                candidates=found.candidates,
-                criterion=found.criterion,
-                curve=found.criterion,
-                fir=found.fir,
-                alpha=found.alpha,
-                noise_variance=found.noise_variance,
-                roughness_variance=found.roughness_variance,
-                condition=found.condition,
-                iterations=found.iterations,
-                prior_only=found.prior_only,
-            )
+            return _answer(found, curve=found.criterion)
 
         return _with_fir(estimate, settings.order, settings.max_iterations)
 
@@ -340,15 +335,7 @@ def _search(name: str) -> Callable[[Config], Prepared]:
                 found = direct(days.u, days.o, days.y, settings)
             else:
                 found = indirect(days.u, days.y, settings)
-            return Answer(
-                status=found.status,
-                delay=found.delay,
-                candidates=found.candidates,
-                criterion=found.criterion,
-                curve=found.criterion,
-                noise_variance=found.noise_variance,
-                reason=found.reason,
-            )
+            return _answer(found, curve=found.criterion)
 
         min_samples = settings.d_max + 2 + n_parameters
         return Prepared(estimate, min_samples, f"d_max = {settings.d_max}", _key(config, "search", "d_max"))
@@ -438,20 +425,30 @@ def _key(config: Config, table: str, name: str) -> str:
 ESTIMATORS = _Registry(
     (one.name, one)
     for one in (
-        Estimator("ml", "maximum likelihood (17)", _fir("ml"), has_delay=False),
-        Estimator("map", "smooth MAP (22)", _fir("map"), has_delay=False),
-        Estimator("jmap", "JMAP, Rayleigh prior (Table VI)", _jmap(), checks_data=True, rayleigh=True),
+        Estimator("ml", "maximum likelihood (17)", _fir("ml"), has_delay=False, t50_rank=1),
+        Estimator("map", "smooth MAP (22)", _fir("map"), has_delay=False, t50_rank=3),
+        Estimator(
+            "jmap",
+            "JMAP, Rayleigh prior (Table VI)",
+            _jmap(),
+            checks_data=True,
+            rayleigh=True,
+            delay_rank=1,
+            t50_rank=2,
+        ),
         Estimator(
             "jmap-uniform",
             "JMAP, uniform prior, fixed alpha (Table V)",
             _jmap(prior="uniform", fixed_alpha=True),
             checks_data=True,
+            uniform=True,
         ),
         Estimator(
             "jmap-uniform-estimated",
             "JMAP, uniform prior, alpha estimated",
             _jmap(prior="uniform"),
             checks_data=True,
+            uniform=True,
         ),
         Estimator(
             "jmap-degenerate",
@@ -502,6 +499,7 @@ ESTIMATORS = _Registry(
             _posterior,
             table="posterior",
             has_probability=True,
+            delay_rank=2,
         ),
     )
 )

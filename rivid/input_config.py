@@ -192,18 +192,8 @@ class InputConfig(Section):
         Literal["error", "drop"], Means("-", "a header again between the data: an error, or dropped")
     ] = "error"
     missing: Annotated[list[str], Means("-", "texts that mean not measured")] = [
-        "",
-        "NA",
-        "N/A",
-        "#N/A",
-        "NaN",
-        "nan",
-        "null",
-        "NULL",
-        "-",
-        "--",
-        "---",
-    ]
+        "", "NA", "N/A", "#N/A", "NaN", "nan", "null", "NULL", "-", "--", "---",
+    ]  # fmt: skip
     sentinels: Annotated[list[float], Means("-", "numbers that mean not measured")] = []
     not_sentinels: Annotated[list[float], Means("-", "numbers that look like it and are measured")] = []
     max_gap: Annotated[

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.core.search import DelayResult
 from rivid.core.settings import CusumSettings
 from rivid.errors import RividError
-from rivid.types import Floats, Strings
+from rivid.types import Floats
 
 __all__ = ["CusumResult", "CusumSettings", "cusum"]
 
@@ -26,13 +27,11 @@ MAD_TO_SD = 1.4826
 
 
 @dataclass(frozen=True)
-class CusumResult:
-    """The first upward change of each FIR; a leading axis of days, or none for a single FIR.
+class CusumResult(DelayResult):
+    """The first upward change of each FIR, at lag d + 1; identifiable where d is from d_min to d_max.
 
     Attributes
     ----------
-    delay : ndarray, shape (days,)
-        d [samples]: the change is at lag d + 1. NaN where there is none from d_min to d_max.
     decision : ndarray, shape (days, M)
         g at each lag [standard deviations], not reset by the alarm; NaN where there is no FIR.
     alarm : ndarray, shape (days,)
@@ -42,26 +41,12 @@ class CusumResult:
         m3/s].
     sd : ndarray, shape (days,)
         Standard deviation of a coefficient, as used [output unit per m3/s].
-    reason : ndarray of str, shape (days,)
-        Why there is no delay; empty where there is one.
     """
 
-    delay: Floats
     decision: Floats
     alarm: Floats
     mean: Floats
     sd: Floats
-    reason: Strings
-
-    @property
-    def identifiable(self) -> NDArray[np.bool_]:
-        """Whether a change was found, shape (days,)."""
-        return np.asarray(self.reason == "")
-
-    @property
-    def status(self) -> Strings:
-        """ "ok" or "unidentifiable", shape (days,)."""
-        return np.where(self.identifiable, "ok", "unidentifiable")
 
 
 def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any) -> CusumResult:

@@ -125,8 +125,7 @@ def half_time(fir: Floats) -> Floats:
 
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
     """Lanes in which the input or the output never leaves its first value."""
-    still: NDArray[np.bool_] = (yy <= 0.0) | (G[0, 0] <= 0.0)
-    return still
+    return np.asarray((yy <= 0.0) | (G[0, 0] <= 0.0))
 
 
 def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_start: bool) -> FirResult:

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core import batched as lanes
-from rivid.core.fir import motionless, second_difference
+from rivid.core.fir import FirResult, motionless, second_difference
 from rivid.core.settings import ALPHA_CAP, MAX_CONDITION, JmapSettings
-from rivid.types import Floats, Ints, Strings
+from rivid.types import Floats, Ints
 
 NOISE_FLOOR = 1e-10
 """Smallest noise variance, relative to the mean square of y. Below it the criterion, a difference of two
@@ -33,45 +33,37 @@ It and the place of the minimum recognise nineteen of twenty days without any re
 
 
 @dataclass(frozen=True)
-class JmapResult:
+class JmapResult(FirResult):
     """Joint estimate of delay and FIR for each day; a leading axis of days, or none for a single day.
+
+    The noise variance is sigma_w2 of (19); the status "degenerate" means that alpha ran away.
 
     Attributes
     ----------
     delay : ndarray, shape (days,)
         d [samples]: the inflow first acts on the output at lag d + 1 (8). NaN where `status` is
         "unidentifiable".
-    fir : ndarray, shape (days, M)
-        h [output unit per m3/s].
     alpha : ndarray, shape (days,)
         sigma_w2 / sigma_hD2 [(m3/s)^2].
-    noise_variance, roughness_variance : ndarray, shape (days,)
-        sigma_w2 [output unit^2] and sigma_hD2 [(output unit per m3/s)^2].
+    roughness_variance : ndarray, shape (days,)
+        sigma_hD2 [(output unit per m3/s)^2].
     candidates : ndarray, shape (K,)
         The delays tried [samples].
     criterion : ndarray, shape (days, K)
         (35) at the final variances, or (28) for a fixed alpha.
     iterations : ndarray of int, shape (days,)
         Iterations of Table VI; 1 for Table V.
-    condition : ndarray, shape (days,)
-        2-norm condition number of U'U.
-    status : ndarray of str, shape (days,)
-        "ok", "degenerate" (alpha ran away) or "unidentifiable".
     prior_only : ndarray of bool, shape (days,)
         The delay is the prior's: without the d terms the criterion is flat, or has its minimum more than a
         sample away.
     """
 
     delay: Floats
-    fir: Floats
     alpha: Floats
-    noise_variance: Floats
     roughness_variance: Floats
     candidates: Ints
     criterion: Floats
     iterations: Ints
-    condition: Floats
-    status: Strings
     prior_only: NDArray[np.bool_]
 
 
@@ -225,9 +217,7 @@ class _Block:
     def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
         """Where the criterion without the d terms does not single out the delay that was chosen."""
         flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
-        elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
-        prior_only: NDArray[np.bool_] = flat | elsewhere
-        return prior_only
+        return np.asarray(flat | (abs(np.argmin(data_only, axis=0) - self.index) > 1))
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""
@@ -287,12 +277,10 @@ class _Block:
                     for array in (G, b, yy, take, h, fidelity, index)
                 )
                 working = np.arange(len(keep)) < len(left)
-        terms: Floats = 2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h)
-        return terms
+        return np.asarray(2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h))
 
     def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:
-        noise: Floats = np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N
-        return noise
+        return np.asarray(np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N)
 
     def _roughness(self, h: Floats, index: Ints) -> Floats:
         """||D_d h||^2 of each lane, d being candidate number `index`."""
@@ -300,5 +288,4 @@ class _Block:
         row = np.arange(len(h) - 1, 2, -1)[:, None]
         free = self.settings.d_min + index + 1
         x[(row == free) | (row == free + 1)] = 0.0
-        roughness: Floats = np.einsum("ib,ib->b", x, x)
-        return roughness
+        return np.asarray(np.einsum("ib,ib->b", x, x))

@@ -34,13 +34,39 @@ INDIRECT_PARAMETERS = ("K_h alpha_o + 1", "-K_Q alpha_o", "alpha_i")
 
 
 @dataclass(frozen=True)
-class SearchResult:
-    """Delay of each day by exhaustive search; a leading axis of days, or none for a single day.
+class DelayResult:
+    """Delay of each day, or why there is none; a leading axis of days, or none for a single day.
 
     Attributes
     ----------
     delay : ndarray, shape (days,)
-        d [samples], the smallest of equals; NaN where the day is not identifiable.
+        d [samples]: the inflow first acts at lag d + 1. NaN where the day is not identifiable.
+    reason : ndarray of str, shape (days,)
+        Why there is no delay; empty where there is one.
+    """
+
+    delay: Floats
+    reason: Strings
+
+    @property
+    def identifiable(self) -> NDArray[np.bool_]:
+        """Whether there is a delay, shape (days,)."""
+        return np.asarray(self.reason == "")
+
+    @property
+    def status(self) -> Strings:
+        """ "ok" or "unidentifiable", shape (days,)."""
+        return np.where(self.identifiable, "ok", "unidentifiable")
+
+
+@dataclass(frozen=True)
+class SearchResult(DelayResult):
+    """Delay of each day by exhaustive search, the smallest of equals.
+
+    A day is identifiable where (13) or (15) has one solution for every candidate.
+
+    Attributes
+    ----------
     candidates : ndarray of int, shape (K,)
         The delays tried [samples].
     criterion : ndarray, shape (days, K)
@@ -51,27 +77,13 @@ class SearchResult:
         :data:`DIRECT_PARAMETERS` or :data:`INDIRECT_PARAMETERS`.
     noise_variance : ndarray, shape (days,)
         Mean square of the residual v at that delay, 2 J [m2].
-    reason : ndarray of str, shape (days,)
-        Why a day is not identifiable; empty where it is.
     """
 
-    delay: Floats
     candidates: Ints
     criterion: Floats
     parameters: Floats
     names: tuple[str, ...]
     noise_variance: Floats
-    reason: Strings
-
-    @property
-    def identifiable(self) -> NDArray[np.bool_]:
-        """Whether (13) or (15) has one solution for every candidate, shape (days,)."""
-        return np.asarray(self.reason == "")
-
-    @property
-    def status(self) -> Strings:
-        """ "ok" or "unidentifiable", shape (days,)."""
-        return np.where(self.identifiable, "ok", "unidentifiable")
 
 
 def direct(
@@ -130,7 +142,7 @@ def direct(
     days, single = lanes.as_days(series, s.d_max + 2 + len(DIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, o, h = (values - values[:, :1] for values in days)
     moving = {"level": h, "inflow": u, "outflow": o}
-    found = _search(h, [-_filtered(o)], moving, DIRECT_PARAMETERS, s)
+    found = _search(h, [-np.cumsum(o, axis=1)], moving, DIRECT_PARAMETERS, s)
     found = replace(found, parameters=found.parameters[:, ::-1].copy())  # in the order of (12)
     return _only_day(found) if single else found
 
@@ -168,8 +180,8 @@ def indirect(
     series = {"inflow": inflow, "level": level}
     days, single = lanes.as_days(series, s.d_max + 2 + len(INDIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, h = (values - values[:, :1] for values in days)
-    h_f, moving = _filtered(h), {"level": h, "inflow": u}
-    found = _search(h_f, [h_f, _filtered(u)], moving, INDIRECT_PARAMETERS, s)
+    h_f, moving = np.cumsum(h, axis=1), {"level": h, "inflow": u}
+    found = _search(h_f, [h_f, np.cumsum(u, axis=1)], moving, INDIRECT_PARAMETERS, s)
     return _only_day(found) if single else found
 
 
@@ -188,7 +200,7 @@ def _search(
     n, candidates = len(u), np.arange(settings.d_min, settings.d_max + 1)
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
-    signals = [target, *shared, _filtered(u)]
+    signals = [target, *shared, np.cumsum(u, axis=1)]  # x^f = x / (1 - q^-1)
     for days, take in lanes.blocks(n):
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
         J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
@@ -246,13 +258,8 @@ def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Float
 
 def _only_day(found: SearchResult) -> SearchResult:
     """The result of a single day, without the axis of days."""
-    names = ("delay", "criterion", "parameters", "noise_variance", "reason")
+    names = ("delay", "reason", "criterion", "parameters", "noise_variance")
     return replace(found, **{name: getattr(found, name)[0] for name in names})
-
-
-def _filtered(x: Floats) -> Floats:
-    """``x^f = x / (1 - q^-1)``, shape (days, N)."""
-    return np.cumsum(x, axis=1)
 
 
 def _lagged(x: Floats, lag: int) -> Floats:

@@ -206,15 +206,12 @@ def _median(values: Floats) -> float:
 def leading(results: Results) -> EstimatorResults | None:
     """Return the estimator that represents the record; None without any row.
 
-    One that gives probabilities, or else jmap, the first that judges its delays, the first with delays, or
-    the first at all.
+    The first of those with a delay that have the highest rank, or else the first at all.
     """
     having = [e for e in results.estimators if e.dates]
-    with_delay = [e for e in having if estimates_delay(e)]
-    named = [e for e in with_delay if ESTIMATORS[e.estimator].has_probability]
-    named += [e for e in with_delay if e.estimator == "jmap"]
-    judging = [e for e in with_delay if not ESTIMATORS[e.estimator].unjudged]
-    return next(iter(named + judging + with_delay + having), None)
+    return max(
+        having, key=lambda e: ESTIMATORS[e.estimator].represents if estimates_delay(e) else (), default=None
+    )
 
 
 def last_week(results: Results) -> LastWeek | None:
@@ -579,7 +576,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         record["modes"] = [float(d) for d in modes]
         record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f.common) <= 1
         for other in results.estimators:
-            if other.estimator.startswith("jmap-uniform") and (g := facts(results, other)).with_delay:
+            if ESTIMATORS[other.estimator].uniform and (g := facts(results, other)).with_delay:
                 record["uniform"] = (other.estimator, g)
                 break
     return record

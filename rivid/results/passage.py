@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rivid.estimators import ESTIMATORS
 from rivid.results.read import EstimatorResults, Results
 from rivid.types import Bools
 
@@ -69,13 +70,11 @@ def has_t50(estimator: EstimatorResults) -> Bools:
 
 
 def leading_response(results: Results) -> EstimatorResults | None:
-    """Return the estimator of a river's t50: map, jmap or ml, or else the first; None in a pool."""
+    """Return the estimator with a t50 that has the highest rank, or else without; None in a pool."""
     if results.output_unit == "m":
         return None
     having = [e for e in results.estimators if e.dates]
-    first = [e for name in ("map", "jmap", "ml") for e in having if e.estimator == name]
-    with_t50 = [e for e in first + having if has_t50(e).any()]
-    return next(iter(with_t50 + first + having), None)
+    return max(having, key=lambda e: (has_t50(e).any(), ESTIMATORS[e.estimator].t50_rank), default=None)
 
 
 def passage(results: Results, estimator: EstimatorResults) -> Passage:

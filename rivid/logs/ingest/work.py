@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from rivid.atomic import replacing, write_text
-from rivid.config import Config
+from rivid.config import Config, parse
 from rivid.errors import ConfigError, NoDataError
 from rivid.logs.columns import Table, UndeclaredError
 from rivid.logs.files import SUFFIXES, is_day_file, shown, suffix_of
@@ -20,7 +20,6 @@ from rivid.logs.ingest.days import DayLog, canonical, dates_of, judge
 from rivid.logs.ingest.series import Fate, Gathered, Ledger, gather, ledger_of, read_exports
 from rivid.logs.spec import spec_of
 from rivid.logs.write import Format, rows_as_bytes
-from rivid.toml import parse
 
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 """Keys of `[input]` on how days are made of values, not on what a file looks like."""
