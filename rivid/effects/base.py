@@ -10,7 +10,7 @@ import numpy as np
 
 from rivid.errors import ConfigError
 from rivid.reach.changes import Changes
-from rivid.types import DAY, Floats
+from rivid.types import DAY, Bools, Floats
 
 Family = Literal["flow", "timing", "level"]
 FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
@@ -107,39 +107,26 @@ class Trial:
     A column is the change of the simulated output for a small or usual size of the effect, per unit of the
     coefficient that is estimated. Effects that are not proportional to their size (lags, clocks, basins)
     have a trial for each of several sizes.
-
-    Attributes
-    ----------
-    name : str
-        Canonical name of the effect.
-    label : str
-        Which of its trials.
-    effects : tuple of Effect
-        An instance for each column; empty where the columns are computed from the step response.
-    sizes : tuple of float
-        Size of each instance, in units of its coefficient.
-    make : callable
-        Returns the effect for coefficients of shape (k,).
-    free : tuple of str
-        Parameters that are fitted once the effect is in the model.
-    dates : {"all", "from", "until", "between"}
-        Windows to scan.
-    sign : {-1, 0, 1}
-        Sign that a single coefficient must have; 0 is either.
-    hourly : {"", "up", "down"}
-        A column for each hour of the day, from the step response to a flow at the upstream or the downstream
-        dam.
     """
 
     name: str
+    """Canonical name of the effect."""
     label: str
+    """Which of its trials."""
     effects: tuple["Effect", ...]
+    """An instance for each column; empty where the columns are computed from the step response."""
     sizes: tuple[float, ...]
+    """Size of each instance, in units of its coefficient."""
     make: Callable[[Floats], "Effect"]
+    """Returns the effect for coefficients of shape (k,)."""
     free: tuple[str, ...]
+    """Parameters that are fitted once the effect is in the model."""
     dates: Dates = "all"
+    """Windows to scan."""
     sign: int = 0
+    """Sign that a single coefficient must have; 0 is either."""
     hourly: str = ""
+    """"up" or "down": a column for each hour of the day, from the step response to a flow at that dam."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,18 +204,18 @@ class Effect(ABC):
     hours: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for one, said in self.parameters().items():
-            value = getattr(self, one)
-            if isinstance(value, tuple) and not said.many:
-                raise ConfigError(f"{self.name}: {one} = {list(value)}: expected one number [{said.unit}]")
+        for key, spec in self.parameters().items():
+            value = getattr(self, key)
+            if isinstance(value, tuple) and not spec.many:
+                raise ConfigError(f"{self.name}: {key} = {list(value)}: expected one number [{spec.unit}]")
             for i, part in enumerate(value if isinstance(value, tuple) else (value,)):
                 number = isinstance(part, int | float | np.number) and not isinstance(part, bool)
-                if not number or not said.low <= part <= said.high:
+                if not number or not spec.low <= part <= spec.high:
                     at = f"[{i}]" if isinstance(value, tuple) else ""
                     came = f"{part:g}" if number else repr(part)
                     raise ConfigError(
-                        f"{self.name}: {one}{at} = {came}: expected a number from {said.low:g} to "
-                        f"{said.high:g} [{said.unit}] ({said.meaning})"
+                        f"{self.name}: {key}{at} = {came}: expected a number from {spec.low:g} to "
+                        f"{spec.high:g} [{spec.unit}] ({spec.meaning})"
                     )
         if (self.dates is not None or self.hours is not None) and not self.windowed:
             raise ConfigError(f"{self.name}: dates and hours are given, but it is always there: remove them")
@@ -300,15 +287,19 @@ class Effect(ABC):
 
     def active(self, world: World) -> Floats:
         """1 where dates and hours allow the effect, 0 elsewhere; shape of the time grid."""
-        on = np.ones(world.time.shape, bool)
+        return self.allows(world.time, world).astype(float)
+
+    def allows(self, time: Floats, world: World) -> Bools:
+        """Whether dates and hours allow the effect at times [s]; shape of `time`."""
+        on = np.ones(time.shape, bool)
         if self.dates is not None:
             first, last = (world.day_of(date) for date in self.dates)
-            on &= (world.time >= first) & (world.time < last + DAY)
+            on &= (time >= first) & (time < last + DAY)
         if self.hours is not None:
             start, end = self.hours
-            hour = world.hour
+            hour = np.mod(time, DAY) / 3600.0
             on &= (hour >= start) & (hour < end) if start <= end else (hour >= start) | (hour < end)
-        return on.astype(float)
+        return on
 
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
@@ -321,7 +312,7 @@ class Effect(ABC):
         """
         usual = cls.defaults()
         free = tuple(key for key, value in usual.items() if isinstance(value, float | int) and value != 0)
-        if set(cls.parameters()) - set(usual) or not free:
+        if cls.found_as in ("jump", *LEVEL_NOISES) or set(cls.parameters()) - set(usual) or not free:
             return []
         key, size = free[0], float(usual[free[0]])
 

@@ -3,7 +3,7 @@
 import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -38,17 +38,10 @@ def over_dates(effect: Effect, sizes: Sizes, world: World) -> Floats:
     return np.asarray(np.interp(world.time, np.linspace(start, end, len(sizes)), sizes))
 
 
-def each(sizes: Sizes, n: int) -> Floats:
-    """One value for each of n events."""
-    return np.array(np.broadcast_to(np.asarray(sizes, float), (n,)))
-
-
-def check_given(effect: Effect, *keys: str) -> None:
+def check_given(effect: Any, *keys: str) -> None:
     """Raise ConfigError where a parameter of several values does not have one for each of the `starts`."""
-    starts: Any = getattr(effect, "starts")  # noqa: B009 - of the subclasses that call this
-    n = np.size(starts)
     for key in keys:
-        value = getattr(effect, key)
+        value, n = getattr(effect, key), len(effect.starts)
         if isinstance(value, tuple) and len(value) != n:
             raise ConfigError(
                 f"{effect.name}: {key} has {len(value)} values for {n} starts: expected one number, "
@@ -56,45 +49,28 @@ def check_given(effect: Effect, *keys: str) -> None:
             )
 
 
-def allowed(effect: Effect, starts: Floats, world: World) -> Floats:
-    """Whether each start [s] is within the effect's dates and hours."""
-    there = np.ones(starts.shape, bool)
-    if effect.dates is not None:
-        first, last = (world.day_of(date) for date in effect.dates)
-        there &= (starts >= first) & (starts < last + DAY)
-    if effect.hours is not None:
-        since = np.mod(starts / HOUR - effect.hours[0], 24.0)
-        there &= since < _width(effect)
-    return there
+def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[Floats]:
+    """Beginning [s], unit exponential draw (1 where starts are given) and sizes of each event.
 
-
-def drawn_days(effect: Effect, world: World) -> list[tuple[float, np.random.Generator]]:
-    """Midnight [s] and generator of each day of the record that the effect's dates allow.
-
-    A day has a generator of its own, so that a longer record holds the same events and more.
+    Given starts are limited to the effect's dates and hours. Otherwise each day of the dates draws a Poisson
+    number of events within the hours from a generator of its own, so that a longer record holds the same
+    events and more.
     """
-    first = int(np.floor(world.time.min() / DAY))
-    last = int(np.floor(world.time.max() / DAY))
-    days = []
-    for day in range(first, last + 1):
+    if effect.starts:
+        starts = HOUR * np.ravel(effect.starts).astype(float)
+        n, there = len(starts), effect.allows(starts, world)
+        return [starts[there], *(np.broadcast_to(x, (n,))[there].astype(float) for x in (1.0, *sizes))]
+    after, until = effect.hours or (0.0, 24.0)
+    width = 24.0 if (after, until) == (0.0, 24.0) else float(np.mod(until - after, 24.0))
+    starts = draws = np.empty(0)
+    for day in range(int(np.floor(world.time.min() / DAY)), int(np.floor(world.time.max() / DAY)) + 1):
         date = world.first_day + dt.timedelta(days=day)
         if effect.dates is None or effect.dates[0] <= date <= effect.dates[1]:
-            days.append((day * DAY, world.rng(date.toordinal())))
-    return days
-
-
-def drawn_starts(effect: Effect, per_day: float, rng: np.random.Generator) -> Floats:
-    """Times after midnight [s] of the events of a day: a Poisson number of them, within its hours."""
-    first = 0.0 if effect.hours is None else effect.hours[0]
-    at = first + _width(effect) * rng.random(rng.poisson(per_day))
-    return np.sort(np.mod(at, 24.0)) * HOUR
-
-
-def _width(effect: Effect) -> float:
-    """Length of the effect's hours [h]."""
-    if effect.hours is None or effect.hours == (0, 24):
-        return 24.0
-    return float(np.mod(effect.hours[1] - effect.hours[0], 24.0))
+            rng = world.rng(date.toordinal())
+            at = np.sort(np.mod(after + width * rng.random(rng.poisson(per_day)), 24.0)) * HOUR
+            starts = np.concatenate([starts, day * DAY + at])
+            draws = np.concatenate([draws, rng.exponential(size=len(at))])
+    return [starts, draws, *(np.full(len(starts), x, float) for x in sizes)]
 
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
@@ -113,12 +89,8 @@ def _gain_trials(effect: type[Effect]) -> list[Trial]:
 class LateralInflow(Effect):
     """``flow at the place += inflow``.
 
-    Parameters
-    ----------
-    inflow : float or tuple of float
-        [m3/s]; several values lie evenly over the dates, the first at their beginning and the last at
-        their end, with straight lines between.
-    place : float
+    Several values lie evenly over the dates, the first at their beginning and the last at their end, with
+    linear interpolation between them.
     """
 
     name = "lateral_inflow"
@@ -166,16 +138,7 @@ class LateralInflow(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class DiurnalInflow(Effect):
-    """``flow at the place += amplitude cos(2 pi (hour of the day - hour) / 24 h)``.
-
-    Parameters
-    ----------
-    amplitude : float
-        [m3/s].
-    hour : float
-        [h].
-    place : float
-    """
+    """``flow at the place += amplitude cos(2 pi (hour of the day - hour) / 24 h)``."""
 
     name = "diurnal_inflow"
     family = "flow"
@@ -211,14 +174,7 @@ class DiurnalInflow(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Leakage(Effect):
-    """``outflow at the place += loss (level - usual level)``.
-
-    Parameters
-    ----------
-    loss : float
-        [m3/s per m].
-    place : float
-    """
+    """``outflow at the place += loss (level - usual level)``."""
 
     name = "leakage"
     family = "flow"
@@ -248,13 +204,7 @@ class Leakage(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class InflowGainError(Effect):
-    """``real inflow = (1 + error) logged inflow``.
-
-    Parameters
-    ----------
-    error : float
-        [-].
-    """
+    """``real inflow = (1 + error) logged inflow``."""
 
     name = "inflow_gain_error"
     family = "flow"
@@ -262,13 +212,13 @@ class InflowGainError(Effect):
     confounded_with = {
         "outflow_gain_error": (
             "Gauge one of the two dams once (a current meter or ADCP at a steady flow): the operators "
-            "pass on what comes in, so the logs alone cannot say which dam's figure is off."
+            "pass on what comes in, so the logs alone cannot show which dam's figure is off."
         ),
     }
-    sentence = "The upstream dam lets through more, or less, than its log says, in proportion."
+    sentence = "The upstream dam lets through more, or less, than its log holds, in proportion."
     looks = (
         "What the logs do not explain follows the inflow with the travel time; only its beginning or end "
-        "tells it from outflow_gain_error while the operators pass on what comes in."
+        "distinguishes it from outflow_gain_error while the operators pass on what comes in."
     )
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real inflow over logged inflow, less 1")
@@ -283,22 +233,16 @@ class InflowGainError(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class OutflowGainError(Effect):
-    """``real outflow = (1 + error) logged outflow``.
-
-    Parameters
-    ----------
-    error : float
-        [-].
-    """
+    """``real outflow = (1 + error) logged outflow``."""
 
     name = "outflow_gain_error"
     family = "flow"
     acts_on_river = False
     depends_on_level = False
-    sentence = "The downstream dam lets through more, or less, than its log says, in proportion."
+    sentence = "The downstream dam lets through more, or less, than its log holds, in proportion."
     looks = (
-        "What the logs do not explain follows the outflow at once; only its beginning or end tells it from "
-        "inflow_gain_error while the operators pass on what comes in."
+        "What the logs do not explain follows the outflow at once; only its beginning or end "
+        "distinguishes it from inflow_gain_error while the operators pass on what comes in."
     )
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real outflow over logged outflow, less 1")
@@ -316,31 +260,11 @@ LOW, HIGH = -87_600.0, 876_000.0
 START = "when each begins, hours since the first day's midnight; none: drawn"
 
 
-class Events(NamedTuple):
-    """Arrays of shape (events,): beginning and length [s], size [m3/s]."""
-
-    start: Floats
-    size: Floats
-    length: Floats
-
-
 @dataclass(frozen=True, kw_only=True)
 class RainInflow(Effect):
     """``flow at the place += peak x shape``: a straight rise, then ``exp(-t / recession)``.
 
     Dates and hours say when an event may begin; its recession runs on.
-
-    Parameters
-    ----------
-    starts : tuple of float
-        Beginnings [h] since the midnight of the first day; none: drawn.
-    per_month : float
-        Mean number of events in 30 days, where they are drawn.
-    peak : float or tuple of float
-        [m3/s]: of each start, of all, or the mean of exponential draws.
-    rise, recession : float or tuple of float
-        [h].
-    place : float
     """
 
     name = "rain_inflow"
@@ -349,7 +273,7 @@ class RainInflow(Effect):
     found_as = "recession"
     confounded_with = {
         "unlogged_upstream_release": (
-            "Lay the rain gauge of the catchment and the upstream dam's spill book beside the dates found."
+            "Compare the dates found with the rain gauge of the catchment and the upstream dam's spill book."
         ),
     }
     sentence = "Rain runs into the reach: a steep rise, then a recession over hours."
@@ -381,16 +305,14 @@ class RainInflow(Effect):
 
     def events(self, world: World) -> list[dict[str, float]]:
         """The events in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
-        found, rise = self._events(world)
-        return [
-            {"start_h": s / HOUR, "peak_m3s": p, "rise_h": r / HOUR, "recession_h": k / HOUR}
-            for s, p, k, r in zip(*(part.tolist() for part in (*found, rise)), strict=True)
-        ]
+        keys = ("start_h", "peak_m3s", "rise_h", "recession_h")
+        scale = (HOUR, 1.0, HOUR, HOUR)
+        rows = zip(*(x.tolist() for x in self._events(world)), strict=True)
+        return [{key: x / s for key, x, s in zip(keys, row, scale, strict=True)} for row in rows]
 
     def changes(self, world: World) -> Changes:
-        found, rises = self._events(world)
         flow = np.zeros(world.time.shape)
-        for start, peak, recession, rise in zip(*found, rises, strict=True):
+        for start, peak, rise, recession in zip(*self._events(world), strict=True):
 
             def volume(t: Floats, a: float = start, r: float = rise, k: float = recession) -> Floats:
                 up, down = np.clip(t - a, 0.0, r), np.maximum(t - a - r, 0.0)
@@ -399,37 +321,20 @@ class RainInflow(Effect):
             flow += peak * world.mean_of(volume)
         return Changes(added=(AddedFlow(self.place, flow),))
 
-    def _events(self, world: World) -> tuple[Events, Floats]:
-        if self.starts:
-            starts = HOUR * np.ravel(self.starts).astype(float)
-            n = len(starts)
-            kept = np.isin(np.arange(n), np.flatnonzero(allowed(self, starts, world)))
-            peak, recession, rise = (each(x, n)[kept] for x in (self.peak, self.recession, self.rise))
-            starts = starts[kept]
-        else:
-            parts = [
-                (
-                    midnight + (begun := drawn_starts(self, self.per_month / 30.0, rng)),
-                    rng.exponential(size=len(begun)),
-                )
-                for midnight, rng in drawn_days(self, world)
-            ]
-            starts = np.concatenate([np.empty(0), *(at for at, _ in parts)])
-            n = len(starts)
-            peak = each(self.peak, n) * np.concatenate([np.empty(0), *(share for _, share in parts)])
-            recession, rise = each(self.recession, n), each(self.rise, n)
-        return Events(starts, peak, HOUR * recession), HOUR * rise
+    def _events(self, world: World) -> tuple[Floats, Floats, Floats, Floats]:
+        """Beginning [s], peak [m3/s], rise and recession [s] of each event."""
+        start, draw, peak, rise, recession = events_of(
+            self, self.per_month / 30.0, world, self.peak, self.rise, self.recession
+        )
+        return start, peak * draw, HOUR * rise, HOUR * recession
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnloggedUpstreamRelease(Effect):
     """``real inflow = logged inflow + size`` within dates and hours.
 
-    Parameters
-    ----------
-    size : float or tuple of float
-        [m3/s]; several values lie evenly over the dates, the first at their beginning and the last at
-        their end, with straight lines between.
+    Several values lie evenly over the dates, the first at their beginning and the last at their end, with
+    linear interpolation between them.
     """
 
     name = "unlogged_upstream_release"
@@ -442,7 +347,7 @@ class UnloggedUpstreamRelease(Effect):
             "Look up the gate and spill book of the upstream dam for these hours, or gauge below it once."
         ),
     }
-    sentence = "The upstream dam lets water through beside what is logged: a bypass, a spill, a test."
+    sentence = "The upstream dam lets water through besides what is logged: a bypass, a spill, a test."
     looks = (
         "On certain dates, often at certain hours, the level shows an inflow that came with the travel time "
         "of the upstream dam: a flat top, sharp ends, the same hours every day."
@@ -469,17 +374,6 @@ class UnloggedDownstreamRelease(Effect):
     """``real outflow = logged outflow + size`` during pulses, or all through dates and hours.
 
     Dates and hours say when a pulse may begin; it lasts its duration.
-
-    Parameters
-    ----------
-    size : float or tuple of float
-        [m3/s]: of each start, or of all.
-    starts : tuple of float
-        Beginnings of the pulses [h] since the midnight of the first day; none: see `per_day`.
-    per_day : float
-        Mean number of pulses drawn a day; 0 without starts is a release all through dates and hours.
-    duration : float or tuple of float
-        [h].
     """
 
     name = "unlogged_downstream_release"
@@ -488,7 +382,7 @@ class UnloggedDownstreamRelease(Effect):
     depends_on_level = False
     repeatable = True
     found_as = "pulse"
-    sentence = "The downstream dam lets water through beside what is logged: a lock, a spill, a pump."
+    sentence = "The downstream dam lets water through besides what is logged: a lock, a spill, a pump."
     looks = (
         "The level falls at once and for a short time, again and again by the same volume (a lock), or at "
         "the same hours every day (a pump, a spill), with no change of the outflow."
@@ -535,32 +429,21 @@ class UnloggedDownstreamRelease(Effect):
             flow += world.mean_of(lambda t: np.interp(t, knots, passed))
         return Changes(added=(AddedFlow(1.0, -flow),))
 
-    def _events(self, world: World) -> Events:
-        if self.starts:
-            starts = HOUR * np.ravel(self.starts).astype(float)
-            kept = allowed(self, starts, world)
-            size, duration = (each(x, len(starts))[kept] for x in (self.size, self.duration))
-            return Events(starts[kept], size, HOUR * duration)
-        days = drawn_days(self, world)
-        starts = np.concatenate([np.empty(0), *(at + drawn_starts(self, self.per_day, r) for at, r in days)])
-        return Events(starts, each(self.size, len(starts)), HOUR * each(self.duration, len(starts)))
+    def _events(self, world: World) -> tuple[Floats, Floats, Floats]:
+        """Beginning [s], size [m3/s] and length [s] of each pulse."""
+        start, _, size, duration = events_of(self, self.per_day, world, self.size, self.duration)
+        return start, size, HOUR * duration
 
 
 @dataclass(frozen=True, kw_only=True)
 class GateHeadEffect(Effect):
-    """``real outflow = (1 + gain (level - usual level)) logged outflow``.
-
-    Parameters
-    ----------
-    gain : float
-        [1/m].
-    """
+    """``real outflow = (1 + gain (level - usual level)) logged outflow``."""
 
     name = "gate_head_effect"
     family = "flow"
     acts_on_river = False
     absorbed_by_response = True
-    sentence = "The downstream gates let through more the higher the level stands; the log says otherwise."
+    sentence = "The downstream gates let through more the higher the level stands; the log does not show it."
     looks = (
         "What the logs do not explain grows with level times outflow: as leakage, but less at night when "
         "little is sent down. An orifice at 4 m of head has 0.12 1/m."
@@ -578,13 +461,7 @@ class GateHeadEffect(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class StorageAreaSlope(Effect):
-    """``water surface = A (1 + slope (level - usual level))``.
-
-    Parameters
-    ----------
-    slope : float
-        [1/m].
-    """
+    """``water surface = A (1 + slope (level - usual level))``."""
 
     name = "storage_area_slope"
     family = "flow"
@@ -609,16 +486,7 @@ class StorageAreaSlope(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SideStorage(Effect):
-    """``area dz/dt = exchange (level - z)``, and the reach loses what the pond gains.
-
-    Parameters
-    ----------
-    area : float
-        [m2].
-    exchange : float
-        [m3/s per m].
-    place : float
-    """
+    """``area dz/dt = exchange (level - z)``, and the reach loses what the pond gains."""
 
     name = "side_storage"
     family = "flow"

@@ -12,18 +12,12 @@ from rivid.types import DAY, Floats
 
 
 class Autoregression(NamedTuple):
-    """``x_k = a_1 x_k-1 + a_2 x_k-2 + e_k``.
-
-    Attributes
-    ----------
-    coefficients : tuple of float
-        a_1, or a_1 and a_2; stationary.
-    innovation : float
-        Standard deviation of e [m].
-    """
+    """``x_k = a_1 x_k-1 + a_2 x_k-2 + e_k``."""
 
     coefficients: tuple[float, ...]
+    """a_1, or a_1 and a_2; stationary."""
     innovation: float
+    """Standard deviation of e [m]."""
 
     def covariance(self) -> Floats:
         """Variance, and with two coefficients the covariance of neighbours [m2]; by Yule and Walker."""
@@ -54,7 +48,7 @@ def draw(model: Autoregression, world: World) -> Floats:
         rho = covariance[1] / covariance[0] if covariance[0] > 0 else 0.0
         before = [rho * past + np.sqrt(covariance[0] * (1.0 - rho * rho)) * shocks[1], past]
     a = np.array(model.coefficients)
-    # what the filter remembers of the values before: sum of a_j x_k-j over those j that reach back
+    # state of the filter: sum of a_j x_k-j over the values before the first
     memory = [float(a[i:] @ before[: len(a) - i]) for i in range(len(a))]
     shocks = model.innovation * shocks[len(a) :]
     series, _ = lfilter([1.0], np.concatenate([[1.0], -a]), shocks, zi=memory)
@@ -63,26 +57,20 @@ def draw(model: Autoregression, world: World) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorDrift(Effect):
-    """``gauge = level + drift (t - first date)`` from the first date to the last.
-
-    Parameters
-    ----------
-    drift : float
-        [m/day].
-    """
+    """``gauge = level + drift (t - first date)`` from the first date to the last."""
 
     name = "sensor_drift"
     family = "level"
     acts_on_river = False
     depends_on_level = False
     twins = ("lateral_inflow",)
-    sentence = "The gauge drifts away from the water, until somebody sets it right."
+    sentence = "The gauge drifts away from the water, until it is set right."
     looks = (
         "The level creeps the same way every day whatever flows, and the operators follow it. Within a few "
         "days a small lateral_inflow looks the same: over weeks the reading leaves its range."
     )
 
-    drift: float = quantity(0.005, "m/day", -1.0, 1.0, "growth of the reading beside the level")
+    drift: float = quantity(0.005, "m/day", -1.0, 1.0, "growth of the reading relative to the level")
 
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
@@ -96,15 +84,7 @@ class SensorDrift(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorStep(Effect):
-    """``gauge = level + step`` from the start on, within dates and hours.
-
-    Parameters
-    ----------
-    step : float
-        [m].
-    start : float
-        [h] since the midnight of the first day.
-    """
+    """``gauge = level + step`` from the start on, within dates and hours."""
 
     name = "sensor_step"
     family = "level"
@@ -122,10 +102,6 @@ class SensorStep(Effect):
         0.0, "h", -87_600.0, 876_000.0, "when it happens, hours since the first day's midnight"
     )
 
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return []
-
     def changes(self, world: World) -> Changes:
         there = self.active(world) * (world.time >= 3600.0 * self.start)
         return Changes(gauge=self.step * there)
@@ -133,15 +109,7 @@ class SensorStep(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class WindSetup(Effect):
-    """``gauge = level + x``, x an autoregression of first order with standard deviation `deviation`.
-
-    Parameters
-    ----------
-    deviation : float
-        [m].
-    correlation_time : float
-        Time over which the correlation falls to 1/e [h].
-    """
+    """``gauge = level + x``, x an autoregression of first order with standard deviation `deviation`."""
 
     name = "wind_setup"
     family = "level"
@@ -162,10 +130,6 @@ class WindSetup(Effect):
         rho = math.exp(-sample_time / (3600.0 * self.correlation_time))
         return Autoregression((rho,), self.deviation * math.sqrt(1.0 - rho * rho))
 
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return []
-
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))
 
@@ -174,14 +138,7 @@ class WindSetup(Effect):
 class Seiche(Effect):
     """``gauge = level + x``, x a damped oscillation that noise keeps alive.
 
-    Parameters
-    ----------
-    period : float
-        [s].
-    damping : float
-        Rate at which the oscillation fades by itself [1/s].
-    amplitude : float
-        [m]; the standard deviation is this over the square root of 2, as of a lasting oscillation.
+    The standard deviation of x is `amplitude` over the square root of 2, as of a lasting oscillation.
     """
 
     name = "seiche"
@@ -208,10 +165,6 @@ class Seiche(Effect):
         a1, a2 = 2.0 * r * math.cos(2.0 * math.pi * sample_time / self.period), -r * r
         share = (1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1) / (1.0 - a2)
         return Autoregression((a1, a2), self.amplitude * math.sqrt(0.5 * share))
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return []
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))

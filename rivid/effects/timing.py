@@ -18,11 +18,6 @@ class FlowDependentDelay(Effect):
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
     a rise becomes steeper (`delay` negative) or flatter.
-
-    Parameters
-    ----------
-    delay : float
-        [s per m3/s].
     """
 
     name = "flow_dependent_delay"
@@ -61,13 +56,7 @@ class FlowDependentDelay(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class WaveAttenuation(Effect):
-    """``real inflow(t) = mean of logged inflow(t - s X)``, X standard normal.
-
-    Parameters
-    ----------
-    spread : float
-        s [s].
-    """
+    """``real inflow(t) = mean of logged inflow(t - spread X)``, X standard normal."""
 
     name = "wave_attenuation"
     family = "timing"
@@ -93,13 +82,7 @@ class WaveAttenuation(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class OutflowLag(Effect):
-    """``lag d(real outflow)/dt = logged outflow - real outflow``.
-
-    Parameters
-    ----------
-    lag : float
-        [s].
-    """
+    """``lag d(real outflow)/dt = logged outflow - real outflow``."""
 
     name = "outflow_lag"
     family = "timing"
@@ -133,13 +116,7 @@ class OutflowLag(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class ClockOffset(Effect):
-    """``real inflow(t) = logged inflow(t + offset)``.
-
-    Parameters
-    ----------
-    offset : float
-        [s].
-    """
+    """``real inflow(t) = logged inflow(t + offset)``."""
 
     name = "clock_offset"
     family = "timing"
@@ -166,13 +143,7 @@ class ClockOffset(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class GateDeadband(Effect):
-    """``the gate stays where it is while |command - gate| < band``.
-
-    Parameters
-    ----------
-    band : float
-        [m3/s].
-    """
+    """``the gate stays where it is while |command - gate| < band``."""
 
     name = "gate_deadband"
     family = "timing"
@@ -198,13 +169,7 @@ class GateDeadband(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class GateRateLimit(Effect):
-    """``|d gate / dt| <= rate``.
-
-    Parameters
-    ----------
-    rate : float
-        [m3/s per s].
-    """
+    """``|d gate / dt| <= rate``."""
 
     name = "gate_rate_limit"
     family = "timing"
@@ -214,7 +179,7 @@ class GateRateLimit(Effect):
     sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
     looks = (
         "After large changes of the outflow the level moves late, the later the larger the change; small "
-        "changes are on time. That tells it from outflow_lag."
+        "changes are on time. That distinguishes it from outflow_lag."
     )
 
     rate: float = quantity(0.05, "m3/s per s", 1e-5, 1e4, "fastest change of the outflow")

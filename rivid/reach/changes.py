@@ -6,6 +6,7 @@ of the simulation; an array of one value holds for all samples.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -39,21 +40,14 @@ class AddedFlow:
 
 @dataclass(frozen=True, eq=False)
 class Leak:
-    """A loss that grows with the level: ``loss (level - reference)``.
-
-    Parameters
-    ----------
-    place : float
-        Where, 0 upstream to 1 downstream.
-    loss : ndarray, shape of the time grid
-        [m3/s per m].
-    reference : float
-        Level without loss [m].
-    """
+    """A loss that grows with the level: ``loss (level - reference)``."""
 
     place: float
+    """0 upstream to 1 downstream."""
     loss: Floats
+    """[m3/s per m], shape of the time grid."""
     reference: float
+    """Level without loss [m]."""
 
     def __post_init__(self) -> None:
         _check_place("a leak", self.place)
@@ -61,21 +55,14 @@ class Leak:
 
 @dataclass(frozen=True, eq=False)
 class Pond:
-    """Storage connected to the reach: ``exchange (level - level of the pond)``.
-
-    Parameters
-    ----------
-    place : float
-        Where, 0 upstream to 1 downstream.
-    area : float
-        Surface of the pond [m2].
-    exchange : ndarray, shape of the time grid
-        [m3/s per m].
-    """
+    """Storage connected to the reach: ``exchange (level - level of the pond)``."""
 
     place: float
+    """0 upstream to 1 downstream."""
     area: float
+    """Surface of the pond [m2]."""
     exchange: Floats
+    """[m3/s per m], shape of the time grid."""
 
     def __post_init__(self) -> None:
         _check_place("a pond", self.place)
@@ -83,44 +70,27 @@ class Pond:
             raise RividError(f"a pond of {self.area} m2: expected a positive area")
 
 
-def _none() -> Floats:
-    return np.zeros(1)
-
-
-def _all() -> Floats:
-    return np.ones(1)
-
-
-def _any_rate() -> Floats:
-    return np.full(1, np.inf)
+def _constant(value: float) -> Any:
+    """A field of one value, which holds for all samples."""
+    return field(default_factory=lambda: np.full(1, value))
 
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """How the real outflow follows its command; first the dead-band, then the rate, the lag, the factors.
+    """How the real outflow follows its command; first the dead-band, then the rate, the lag, the factors."""
 
-    Parameters
-    ----------
-    dead_band : ndarray
-        The gate stays while the command is less than this away from it [m3/s].
-    rate : ndarray
-        Fastest move [m3/s per s].
-    lag : ndarray
-        Time constant [s] with which the flow follows the gate.
-    factor : ndarray
-        Real flow over the gate's [-].
-    head : ndarray
-        Relative gain of the flow for each metre of level above `reference` [1/m].
-    reference : float
-        [m].
-    """
-
-    dead_band: Floats = field(default_factory=_none)
-    rate: Floats = field(default_factory=_any_rate)
-    lag: Floats = field(default_factory=_none)
-    factor: Floats = field(default_factory=_all)
-    head: Floats = field(default_factory=_none)
+    dead_band: Floats = _constant(0.0)
+    """The gate stays while the command is less than this away from it [m3/s]."""
+    rate: Floats = _constant(np.inf)
+    """Fastest move [m3/s per s]."""
+    lag: Floats = _constant(0.0)
+    """Time constant with which the flow follows the gate [s]."""
+    factor: Floats = _constant(1.0)
+    """Real flow over the gate's [-]."""
+    head: Floats = _constant(0.0)
+    """Relative gain of the flow for each metre of level above `reference` [1/m]."""
     reference: float = 0.0
+    """[m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +121,7 @@ class Changes:
     ponds: tuple[Pond, ...] = ()
     area_slope: float = 0.0
     area_reference: float = 0.0
-    gauge: Floats = field(default_factory=_none)
+    gauge: Floats = _constant(0.0)
 
     @property
     def gate_is_plain(self) -> bool:
@@ -181,16 +151,13 @@ def together(changes: Iterable[Changes]) -> Changes:
     if len(inflows) > 1:
         raise RividError("two changes set the real inflow: expected one, with all maps applied in turn")
     gates = [c.gate for c in parts]
+    reference = _one_level("head", [(g.reference, bool((g.head != 0).any())) for g in gates])
     result = Gate()
     for gate in gates:
         result = Gate(
-            result.dead_band + gate.dead_band,
-            np.minimum(result.rate, gate.rate),
-            result.lag + gate.lag,
-            result.factor * gate.factor,
-            result.head + gate.head,
-            _one_level("head", [(g.reference, bool((g.head != 0).any())) for g in gates]),
-        )
+            result.dead_band + gate.dead_band, np.minimum(result.rate, gate.rate), result.lag + gate.lag,
+            result.factor * gate.factor, result.head + gate.head, reference,
+        )  # fmt: skip
     return Changes(
         inflow=inflows[0] if inflows else None,
         gate=result,
@@ -199,12 +166,12 @@ def together(changes: Iterable[Changes]) -> Changes:
         ponds=tuple(a for c in parts for a in c.ponds),
         area_slope=sum(c.area_slope for c in parts),
         area_reference=_one_level("area", [(c.area_reference, c.area_slope != 0) for c in parts]),
-        gauge=np.asarray(sum((c.gauge for c in parts), start=_none())),
+        gauge=np.asarray(sum((c.gauge for c in parts), start=np.zeros(1))),
     )
 
 
-def _one_level(what: str, said: list[tuple[float, bool]]) -> float:
-    levels = {level for level, used in said if used}
+def _one_level(what: str, references: list[tuple[float, bool]]) -> float:
+    levels = {level for level, used in references if used}
     if len(levels) > 1:
         raise RividError(f"changes of the {what} refer to levels {sorted(levels)}: expected one level")
     return levels.pop() if levels else 0.0

@@ -33,51 +33,32 @@ class GateArrays(NamedTuple):
 
 
 class ExchangeArrays(NamedTuple):
-    """Leaks and ponds on the time grid.
+    """Leaks and ponds on the time grid."""
 
-    `loss` and `exchange` have the shape (leaks or ponds, days, n), the references and areas (leaks,) and
-    (ponds,).
-    """
-
-    loss: Floats
-    reference: Floats
-    exchange: Floats
-    area: Floats
+    loss: Floats  # (leaks, days, n)
+    reference: Floats  # (leaks,)
+    exchange: Floats  # (ponds, days, n)
+    area: Floats  # (ponds,)
 
 
 class OperatorArrays(NamedTuple):
     """Operators who command the outflow; arrays of shape (n,).
 
-    Attributes
-    ----------
-    inflow : ndarray
-        Announced inflow command [m3/s].
-    disturbance : ndarray
-        Reading of the gauge minus level [m]: noise and effects.
-    aim : ndarray
-        Level that the operator on duty aims at [m].
-    feedforward, level_gain : ndarray
-        K_Q [-] and K_h [m2/s] of the operator on duty.
-    wait : ndarray
-        Longest time to the next look after a look at this sample [s].
-    dead_band, trim_time, notice, quantum, lowest : float
-        See :class:`rivid.reach.operators.OperatorSettings`.
-    gauge_quantum : float
-        Step of the reading [m]; 0 for none.
+    Scalars without a comment are those of :class:`rivid.reach.operators.OperatorSettings`.
     """
 
-    inflow: Floats
-    disturbance: Floats
-    aim: Floats
-    feedforward: Floats
-    level_gain: Floats
-    wait: Floats
+    inflow: Floats  # announced command [m3/s]
+    disturbance: Floats  # reading of the gauge minus level [m]: noise and effects
+    aim: Floats  # level that the operator on duty aims at [m]
+    feedforward: Floats  # K_Q of the operator on duty [-]
+    level_gain: Floats  # K_h of the operator on duty [m2/s]
+    wait: Floats  # longest time to the next look after a look at this sample [s]
     dead_band: float
     trim_time: float
     notice: float
     quantum: float
     lowest: float
-    gauge_quantum: float
+    gauge_quantum: float  # step of the reading [m]; 0 for none
 
 
 NO_OPERATORS = OperatorArrays(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -106,17 +87,16 @@ def on_grid(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
 def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
     """The changes' gate on a (days, n) grid."""
     gate = changes.gate
-    if changes.gate_is_plain:  # one row of nothing: the loops do not look at it
+    if changes.gate_is_plain:  # one row, which the loops do not read
         return GateArrays(True, *(np.zeros((1, 1)),) * 5, 0.0)
+
+    def rows(name: str, values: Floats) -> Floats:
+        return on_grid(f"the gate's {name}", values, shape)
+
     return GateArrays(
-        False,
-        on_grid("the gate's dead-band", gate.dead_band, shape),
-        on_grid("the gate's rate", gate.rate, shape),
-        on_grid("the gate's lag", gate.lag, shape),
-        on_grid("the gate's factor", gate.factor, shape),
-        on_grid("the gate's head gain", gate.head, shape),
-        float(gate.reference),
-    )
+        False, rows("dead-band", gate.dead_band), rows("rate", gate.rate), rows("lag", gate.lag),
+        rows("factor", gate.factor), rows("head gain", gate.head), float(gate.reference),
+    )  # fmt: skip
 
 
 def exchange_arrays(changes: Changes, shape: tuple[int, ...]) -> ExchangeArrays:
@@ -127,15 +107,14 @@ def exchange_arrays(changes: Changes, shape: tuple[int, ...]) -> ExchangeArrays:
         loss[j] = on_grid("a leak's loss", leak.loss, shape)
     for j, pond in enumerate(ponds):
         exchange[j] = on_grid("a pond's exchange", pond.exchange, shape)
-    return ExchangeArrays(
-        loss, np.array([a.reference for a in leaks]), exchange, np.array([a.area for a in ponds], float)
-    )
+    references, areas = [a.reference for a in leaks], [a.area for a in ponds]
+    return ExchangeArrays(loss, np.array(references), exchange, np.array(areas, float))
 
 
 WANTED, SEEN, ERROR, SINCE, UNTIL, COMMAND, MEMORY = 0, 1, 2, 3, 4, 5, 6
-"""What the operators keep in memory, and how much that is."""
+"""Entries of the operators' memory, and their number."""
 TARGET, POSITION, FLOW, GATE = 0, 1, 2, 3
-"""What the gate keeps, and how much that is."""
+"""Entries of the gate's state, and their number."""
 
 
 @njit(cache=True, error_model="numpy")

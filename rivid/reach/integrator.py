@@ -166,21 +166,14 @@ def hold(
 
 
 class PoolFlow(NamedTuple):
-    """Level and flows at the sample times; arrays of shape (n,).
-
-    Attributes
-    ----------
-    level : ndarray
-        True level [m].
-    outflow : ndarray
-        Commands u_Qo [m3/s], given or decided.
-    released : ndarray
-        Real outflow, mean of each sample [m3/s]; the last is that before.
-    """
+    """Level and flows at the sample times; arrays of shape (n,)."""
 
     level: Floats
+    """True level [m]."""
     outflow: Floats
+    """Commands u_Qo [m3/s], given or decided."""
     released: Floats
+    """Real outflow, mean of each sample [m3/s]; the last is that before."""
 
 
 def supply(

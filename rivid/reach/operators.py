@@ -14,53 +14,39 @@ from rivid.types import Floats, Ints
 
 @dataclass(frozen=True)
 class OperatorSettings:
-    """How the outflow is commanded.
-
-    Parameters
-    ----------
-    feedforward, feedforward_spread : float
-        K_Q of (9): mean over operators and standard deviation [-].
-    level_gain, level_gain_spread : float
-        K_h of (9) [m2/s], negative: the outflow grows by ``-K_h`` for each metre of level. The spread is
-        relative, between operators.
-    dead_band : float
-        Level error that is not acted on [m].
-    set_point_spread : float
-        Standard deviation between operators of the level aimed at [m].
-    trim_time : float
-        Time in which the trim repeats the feedback of a lasting error [s].
-    look : (float, float)
-        Shortest and longest time between two looks [s].
-    notice : float
-        A look is taken at once when the inflow has moved by more than this [m3/s].
-    quantum : float
-        Step of the outflow command [m3/s].
-    lowest : float
-        Smallest outflow command [m3/s].
-    shift_start : float
-        Hour of the first change of shift of the day; a shift has 8 hours.
-    people : int
-        Number of operators who share the shifts.
-    """
+    """How the outflow is commanded."""
 
     feedforward: float = 1.0
+    """K_Q of (9), mean over operators [-]."""
     feedforward_spread: float = 0.08
+    """Its standard deviation between operators [-]."""
     level_gain: float = -300.0
+    """K_h of (9) [m2/s], negative: the outflow grows by ``-K_h`` for each metre of level."""
     level_gain_spread: float = 0.25
+    """Its relative spread between operators [-]."""
     dead_band: float = 0.02
+    """Level error that is not acted on [m]."""
     set_point_spread: float = 0.02
+    """Standard deviation between operators of the level aimed at [m]."""
     trim_time: float = 10_800.0
+    """Time in which the trim repeats the feedback of a lasting error [s]."""
     look: tuple[float, float] = (600.0, 1800.0)
+    """Shortest and longest time between two looks [s]."""
     notice: float = 4.0
+    """A look is taken at once when the inflow has moved by more than this [m3/s]."""
     quantum: float = 1.0
+    """Step of the outflow command [m3/s]."""
     lowest: float = 0.0
+    """Smallest outflow command [m3/s]."""
     shift_start: float = 5.0
+    """Hour of the first change of shift of the day; a shift has 8 hours."""
     people: int = 9
+    """Number of operators who share the shifts."""
 
 
 @dataclass(frozen=True)
 class Crew:
-    """Gains of each operator; arrays of shape (people,)."""
+    """Gains of each operator; arrays of shape (operators,)."""
 
     feedforward: Floats
     level_gain: Floats
@@ -74,20 +60,15 @@ SHIFT = 8 * 3600.0
 def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator) -> Crew:
     """Draw the gains of each operator.
 
+    Gains are limited to the correction of the whole error at one look, so that no error oscillates.
+
     Parameters
     ----------
-    settings : OperatorSettings
     drop : float
         How far the level at the dam falls until the longest look where 1 m3/s more is let out [m per m3/s]:
         ``look / A`` in a still pool, more where a wave must first call the water from upstream. The feedback
         takes away ``-K_h drop`` of an error from look to look: below 1 the level comes back without
         swinging, at 2 the loop of a pool is unstable.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    Crew
-        Gains are limited to the correction of the whole error at one look, so that no error oscillates.
 
     Raises
     ------
@@ -111,19 +92,7 @@ def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator)
 
 
 def roster(time: Floats, settings: OperatorSettings, rng: np.random.Generator) -> Ints:
-    """Operator on duty at each sample: an index into the crew that changes with every shift.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Seconds since a midnight.
-    settings : OperatorSettings
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-    """
+    """Operator on duty at each time since a midnight [s], an index into the crew that changes every shift."""
     shift = np.floor((time - settings.shift_start * 3600.0) / SHIFT).astype(np.intp)
     shift -= shift[0]
     steps = rng.integers(1, max(settings.people, 2), shift[-1] + 1)
@@ -154,26 +123,16 @@ def operator_arrays(
 
     Parameters
     ----------
-    time : ndarray, shape (n,)
-        Sample times [s].
-    inflow : ndarray, shape (n,)
-        Announced inflow command u_Qi [m3/s].
-    disturbance : ndarray, shape (n,)
-        Reading of the gauge minus level [m]; the reading is in whole quanta.
-    set_point : ndarray, shape (n,)
-        Level aimed at [m].
-    settings : OperatorSettings
-    crew : Crew
+    time, inflow : ndarray, shape (n,)
+        Sample times [s] and announced inflow command u_Qi [m3/s].
+    disturbance, set_point : ndarray, shape (n,)
+        Reading of the gauge minus level, and level aimed at [m].
     duty : ndarray of int, shape (n,)
         Operator on duty; see :func:`roster`.
     gauge_quantum : float
         Step of the reading [m]; 0 for none.
     rng : numpy.random.Generator
         For the times between looks.
-
-    Returns
-    -------
-    OperatorArrays
     """
     return OperatorArrays(
         inflow=inflow,

@@ -21,19 +21,9 @@ LOAD_SPREAD = 0.12
 
 
 def ar1(n: int, step: float, memory: float, rng: np.random.Generator) -> Floats:
-    """A stationary AR(1) of unit variance.
+    """A stationary AR(1) of unit variance, shape (n,).
 
-    Parameters
-    ----------
-    n : int
-        How many values.
-    step, memory : float
-        Time between values, and time over which the correlation falls to 1/e (same unit).
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    `step` is the time between values, `memory` that over which the correlation falls to 1/e (same unit).
     """
     rho = math.exp(-step / memory)
     shocks = rng.standard_normal(n)
@@ -42,19 +32,9 @@ def ar1(n: int, step: float, memory: float, rng: np.random.Generator) -> Floats:
 
 
 def daily_flow(flow: FlowScenario, first_day: dt.date, days: int, rng: np.random.Generator) -> Floats:
-    """Mean discharge of each day [m3/s]: a season with one high-water time and wet and dry spells.
+    """Mean discharge of each day [m3/s], shape (days,), within `flow.lowest` and `flow.highest`.
 
-    Parameters
-    ----------
-    flow : FlowScenario
-    first_day : datetime.date
-    days : int
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (days,)
-        Within `flow.lowest` and `flow.highest`.
+    The season has one time of high water, and wet and dry spells.
     """
     day_of_year = (first_day - dt.date(first_day.year, 1, 1)).days + np.arange(days)
     season = flow.seasonal * np.cos(2 * np.pi * (day_of_year - flow.peak_day + 1) / 365.25)
@@ -73,14 +53,12 @@ def programme(
 
     Parameters
     ----------
-    scenario : ProgrammeScenario
     time : ndarray, shape (n,)
         Sample times [s] from the first day's midnight.
     means : ndarray, shape (days,)
         Mean discharge of each day [m3/s].
     weekdays : ndarray of int, shape (days,)
         0 is Monday.
-    rng : numpy.random.Generator
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A scenario of `rivid simulate`: the reach, its river, its programme and its people, to and from TOML.
+"""A scenario of `rivid simulate`: the reach, its river, its programme and its operators, from TOML.
 
 SI units; an unknown key or an impossible value is an error in one line that names the key.
 """
@@ -36,7 +36,7 @@ class _Section(BaseModel):
 
 
 class ReachScenario(ReachConfig):
-    """`[reach]`: as in a run's configuration, and what only the simulated water knows."""
+    """`[reach]`: as in a run's configuration, and parameters of the simulation alone."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -106,7 +106,7 @@ class FlowScenario(_Section):
 
 
 class ProgrammeScenario(_Section):
-    """`[programme]`: what the dispatcher of the upstream dam makes of the day."""
+    """`[programme]`: the commands of the dispatcher of the upstream dam."""
 
     swing: Annotated[NotNegative, Means("m3/s", "from the night's load to the peaks")] = 110.0
     swing_spread: Annotated[NotNegative, Means("-", "relative, from day to day")] = 0.3
@@ -115,7 +115,7 @@ class ProgrammeScenario(_Section):
     corrections: Annotated[NotNegative, Means("m3/s", "standard deviation of the load-following on top")] = (
         8.0
     )
-    correction_memory: Annotated[Positive, Means("s", "over which it forgets")] = 600.0
+    correction_memory: Annotated[Positive, Means("s", "time over which its correlation falls to 1/e")] = 600.0
     activity: Annotated[
         float, Field(gt=0, le=1), Means("-", "share of samples on which the dispatcher acts")
     ] = 0.4
@@ -161,19 +161,19 @@ class LevelScenario(_Section):
     ] = 400.0
     noise: Annotated[NotNegative, Means("m", "standard deviation of the gauge's white noise")] = 0.003
     quantum: Annotated[NotNegative, Means("m", "step of the gauge")] = 0.01
-    set_points_per_week: Annotated[NotNegative, Means("1/week", "how often another level is asked for")] = 0.0
+    set_points_per_week: Annotated[NotNegative, Means("1/week", "how often the level aimed at changes")] = 0.0
     set_point_step: Annotated[
         NotNegative, Means("m", "standard deviation of these levels about the set-point")
     ] = 0.05
-    gaps_per_day: Annotated[NotNegative, Means("1/day", "how often the gauge falls silent")] = 0.0
-    gap_length: Annotated[Positive, Means("s", "mean length of a silence")] = 300.0
+    gaps_per_day: Annotated[NotNegative, Means("1/day", "how often the gauge gives no reading")] = 0.0
+    gap_length: Annotated[Positive, Means("s", "mean length of a gap")] = 300.0
 
 
 class WeatherScenario(_Section):
     """`[weather]`: a slow inflow that no log holds, an AR(1)."""
 
     inflow: Annotated[NotNegative, Means("m3/s", "standard deviation")] = 2.0
-    memory: Annotated[Positive, Means("s", "over which it forgets")] = 21_600.0
+    memory: Annotated[Positive, Means("s", "time over which its correlation falls to 1/e")] = 21_600.0
     place: Annotated[Share, Means("-", "where it enters: 0 at the upstream dam, 1 at the downstream one")] = (
         1.0
     )
@@ -217,7 +217,7 @@ class Scenario(_Section):
     output: OutputScenario = OutputScenario()
     channel: ChannelScenario | None = None
     effects_file: Annotated[
-        Path | None, Means("-", "a Python file with effects of yours, beside the scenario")
+        Path | None, Means("-", "a Python file with your own effects, next to the scenario")
     ] = None
     effects: Annotated[
         tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...],
@@ -287,7 +287,7 @@ class Scenario(_Section):
 def load_scenario(path: Path | str) -> Scenario:
     """Read a scenario from a TOML file.
 
-    A file may say ``extends = "other.toml"``, beside itself: what it says itself goes over that.
+    With ``extends = "other.toml"`` its keys replace those of that file in the same directory.
 
     Raises
     ------
@@ -303,7 +303,7 @@ def _extended(path: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
     if here in before:
         raise ConfigError(f"{path}: extends itself, by way of {before[-1].name}")
     raw = read_toml(path)
-    if isinstance(raw.get("effects_file"), str):  # beside the scenario, wherever the command is given
+    if isinstance(raw.get("effects_file"), str):  # relative to the scenario
         raw["effects_file"] = str(path.parent / raw["effects_file"])
     other = raw.pop("extends", None)
     if other is None:

@@ -27,34 +27,27 @@ TRIAL = 1.0
 
 @dataclass(frozen=True)
 class Water:
-    """The reach of a scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    area_slope : float
-        Relative change of the surface for each metre of level above the set-point [1/m].
-    """
+    """The reach of a scenario."""
 
     scenario: Scenario
     area_slope: float = 0.0
+    """Relative change of the surface for each metre of level above the set-point [1/m]."""
 
     @cached_property
     def pool(self) -> LinearReach:
-        """The linear reach, whose gains hold for both kinds."""
-        said = self.scenario.reach.model_dump(include=set(LinearReach.__dataclass_fields__))
-        return LinearReach(**said)
+        """The linear reach; its gains hold for both kinds."""
+        return LinearReach(**self.scenario.reach.model_dump(include=set(LinearReach.__dataclass_fields__)))
 
     @cached_property
     def channel(self) -> Channel | None:
         """The sections along the reach; None for the linear one."""
-        said, reach = self.scenario.channel, self.scenario.reach
-        if said is None:
+        c, reach = self.scenario.channel, self.scenario.reach
+        if c is None:
             return None
         shape = Channel.smooth(
-            reach.length, reach.width, said.slope, said.manning, said.cells, side_slope=said.side_slope,
-            end_bed=said.bed_level, width_modes=said.width_modes, bed_modes=said.bed_modes,
-            manning_modes=said.manning_modes,
+            reach.length, reach.width, c.slope, c.manning, c.cells, side_slope=c.side_slope,
+            end_bed=c.bed_level, width_modes=c.width_modes, bed_modes=c.bed_modes,
+            manning_modes=c.manning_modes,
         )  # fmt: skip
         return shape.with_area_slope(self.area_slope, self.level)
 
@@ -101,24 +94,10 @@ class Water:
         changes: Changes,
         start: float,
     ) -> PoolFlow:
-        """Level and outflow at the samples.
+        """Level and outflow at the samples, from the logged inflow and the outflow's commands or operators.
 
-        Parameters
-        ----------
-        time, inflow : ndarray, shape (n,)
-            Sample times [s] and logged inflow [m3/s].
-        outflow : ndarray of shape (n,), or OperatorArrays
-            Commands [m3/s], or the operators who give them.
-        usual_flow : ndarray, shape (n,)
-            Flow that the linear reach's travel time follows [m3/s].
-        changes : Changes
-        start : float
-            Level at the first sample [m].
-
-        Raises
-        ------
-        ConfigError, RividError
-            Where the flow is impossible; the message names what to change.
+        The linear reach's travel time follows `usual_flow` [m3/s]; `start` is the first level [m]. Raises
+        ConfigError or RividError where the flow is impossible.
         """
         if self.channel is None:
             travel = self.pool.travel_time(usual_flow)
@@ -126,8 +105,8 @@ class Water:
                 self.pool, time, inflow, outflow, travel, start=start, before=float(inflow[0]),
                 changes=changes,
             )  # fmt: skip
-        said = self.scenario.channel
-        assert said is not None
+        c = self.scenario.channel
+        assert c is not None
         for name, gain in (("inflow", self.pool.inflow_gain), ("outflow", self.pool.outflow_gain)):
             if gain != 1.0:
                 raise ConfigError(
@@ -137,7 +116,7 @@ class Water:
         try:
             flow = saint_venant(
                 self.channel, time, inflow, outflow, start, changes=changes,
-                gate_time=said.gate_time, courant=said.courant, step=said.step,
+                gate_time=c.gate_time, courant=c.courant, step=c.step,
             )  # fmt: skip
         except RividError as error:
             raise type(error)(f"channel: {error}") from None

@@ -14,14 +14,7 @@ from rivid.simulation.season import Season, Water
 
 
 def write_truth(season: Season, path: Path) -> None:
-    """Write what an estimator should find, with the scenario and seed that made it, as JSON.
-
-    Parameters
-    ----------
-    season : Season
-    path : Path
-        The file; it is replaced as a whole. A line for each day, so that two versions can be compared.
-    """
+    """Write the truth of a season with its scenario and seed as JSON, a line for each day."""
     reach = season.scenario.reach
     area = Water(season.scenario).surface_area
     record: dict[str, Any] = {
@@ -30,8 +23,11 @@ def write_truth(season: Season, path: Path) -> None:
         "surface_area_m2": area,
         "alpha_i": reach.inflow_gain * reach.sample_time / area,
         "alpha_o": reach.outflow_gain * reach.sample_time / area,
-        "effects": _effects(season),
+        "effects": [],
     }
+    for effect, world in zip(season.effects, worlds_of(season.effects, season.world), strict=True):
+        events = getattr(effect, "events", None)  # of random effects
+        record["effects"].append(effect.to_table() | ({} if events is None else {"events": events(world)}))
     rows = [
         json.dumps(
             {
@@ -48,25 +44,11 @@ def write_truth(season: Season, path: Path) -> None:
     write_text(path, head + ',\n "days": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n")
 
 
-def _effects(season: Season) -> list[dict[str, Any]]:
-    """Effects of the season with their random events."""
-    tables = []
-    for effect, world in zip(season.effects, worlds_of(season.effects, season.world), strict=True):
-        table = effect.to_table()
-        events = getattr(effect, "events", None)
-        tables.append(table if events is None else table | {"events": events(world)})
-    return tables
-
-
 def write_water(season: Season, path: Path) -> None:
     """Write true level and flows at each sample, as Parquet.
 
-    Parameters
-    ----------
-    season : Season
-    path : Path
-        Columns: date, seconds after local midnight, true level [m], real inflow and outflow of the dams,
-        the weather, and all flows beside the dams known beforehand, the weather included [m3/s].
+    Columns: date, seconds after local midnight, true level [m], real inflow and outflow of the dams, the
+    weather, and all flows other than through the dams that do not depend on the level [m3/s].
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -92,41 +74,21 @@ ORDER = 30
 
 @dataclass(frozen=True)
 class Observables:
-    """Numbers of sections II and VI, from the logs alone but for the last.
+    """Numbers of sections II and VI, from the logs alone but for the last."""
 
-    Attributes
-    ----------
-    days : int
-        Days with data.
-    discharge_lowest, discharge_highest : float
-        Extremes of the daily mean inflow [m3/s].
-    below_500 : float
-        Share of days with a mean inflow below 500 m3/s.
-    inflow_range : float
-        Peak-to-peak of the inflow over a day, mean of days [m3/s].
-    level_range : float
-        Peak-to-peak of the level over a day, mean of days [m].
-    level_drop : float
-        Median daily level less the mean daily level of the tenth of days with the highest inflow [m].
-    condition_median, condition_high : float
-        Condition number of U'U: median, and the value that 95 % of days stay below.
-    delays : dict of int to int
-        Days of each true delay [samples].
-    """
-
-    days: int
-    discharge_lowest: float
+    days: int  # with data
+    discharge_lowest: float  # extremes of the daily mean inflow [m3/s]
     discharge_highest: float
-    below_500: float
-    inflow_range: float
-    level_range: float
-    level_drop: float
-    condition_median: float
-    condition_high: float
-    delays: dict[int, int]
+    below_500: float  # share of days with a mean inflow below 500 m3/s
+    inflow_range: float  # peak-to-peak of the inflow over a day, mean of days [m3/s]
+    level_range: float  # peak-to-peak of the level over a day, mean of days [m]
+    level_drop: float  # median daily level less the mean of the tenth of days with the highest inflow [m]
+    condition_median: float  # condition number of U'U
+    condition_high: float  # 95 % of days stay below it
+    delays: dict[int, int]  # days of each true delay [samples]
 
     def table(self) -> str:
-        """The numbers as a Markdown table, beside the paper's."""
+        """The numbers and the paper's as a Markdown table."""
         delays = ", ".join(f"{d}: {n} days" for d, n in self.delays.items())
         rows = [
             ("days", "332", f"{self.days}"),
@@ -146,16 +108,7 @@ class Observables:
 
 
 def observables(season: Season) -> Observables:
-    """Measure a season.
-
-    Parameters
-    ----------
-    season : Season
-
-    Returns
-    -------
-    Observables
-    """
+    """Compute the observables of a season."""
     mean_inflow = season.inflow.mean(axis=1)
     mean_level = np.nanmean(season.level, axis=1)
     high = mean_inflow >= np.quantile(mean_inflow, 0.9)
@@ -176,18 +129,9 @@ def observables(season: Season) -> Observables:
 
 
 def condition_numbers(inflow: NDArray[np.float64], order: int = ORDER) -> NDArray[np.float64]:
-    """Condition number of U'U of each day, U from the deviations of its first sample.
+    """Condition number of U'U of each day, shape (days,).
 
-    Parameters
-    ----------
-    inflow : ndarray, shape (days, N)
-        u_Qi [m3/s].
-    order : int
-        Columns M of U.
-
-    Returns
-    -------
-    ndarray, shape (days,)
+    The M = `order` columns of U are lags of the inflow [m3/s], shape (days, N), less its first sample.
     """
     u = inflow - inflow[:, :1]
     columns = [np.pad(u[:, : u.shape[1] - j], ((0, 0), (j, 0))) for j in range(order)]

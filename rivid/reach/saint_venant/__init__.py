@@ -1,4 +1,4 @@
-"""The full equations of Saint-Venant, one dimension, between two dams that are told their flows."""
+"""The full equations of Saint-Venant, one dimension, between two dams with given flows."""
 
 from rivid.reach.saint_venant.channel import Channel
 from rivid.reach.saint_venant.flow import Flow, State, arrival_time, simulate

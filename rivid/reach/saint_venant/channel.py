@@ -86,22 +86,7 @@ class Channel:
         side_slope: float = 0.0,
         end_bed: float = 0.0,
     ) -> "Channel":
-        """A channel with the same section everywhere.
-
-        Parameters
-        ----------
-        length, width : float
-            L and the width of the bed [m].
-        slope : float
-            Fall of the bed [-], positive downstream.
-        manning : float
-            Manning's n [s/m^(1/3)].
-        cells : int
-            Number of cells.
-        side_slope : float
-            Run of the banks for each metre up [-].
-        end_bed : float
-            Level of the bed at x = L [m].
+        """A channel with the same section everywhere; parameters as in :meth:`smooth`.
 
         Examples
         --------
@@ -129,18 +114,22 @@ class Channel:
 
         Parameters
         ----------
-        length, width, slope, manning, cells, side_slope, end_bed
-            As in :meth:`uniform`; `width` is the mean width of the bed.
-        width_modes : sequence of float
-            Amplitudes of the logarithm of the width [-].
+        length, width : float
+            L and the mean width of the bed [m].
+        slope : float
+            Fall of the bed [-], positive downstream.
+        manning : float
+            Manning's n [s/m^(1/3)].
+        cells : int
+            Number of cells.
+        side_slope : float
+            Run of the banks for each metre up [-].
+        end_bed : float
+            Level of the bed at x = L [m].
+        width_modes, manning_modes : sequence of float
+            Amplitudes of the logarithms of the width and of Manning's n [-].
         bed_modes : sequence of float
             Amplitudes of the bed's level about its slope [m].
-        manning_modes : sequence of float
-            Amplitudes of the logarithm of Manning's n [-].
-
-        Returns
-        -------
-        Channel
         """
         for name, value in (("length", length), ("width", width)):
             if not (np.isfinite(value) and value > 0):

@@ -19,30 +19,20 @@ NUDGE_TIME = 7200.0
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The water between two samples, from which :func:`simulate` can go on; a row for each day.
-
-    Attributes
-    ----------
-    area : ndarray, shape (days, cells)
-        Wetted areas [m2] at the last sample.
-    discharge : ndarray, shape (days, 2, cells + 1)
-        Discharges on the faces [m3/s] half a step and one step and a half before it.
-    gates : ndarray, shape (days, 2)
-        Flows that the two dams let through at the last sample [m3/s].
-    clock : ndarray, shape (days, 3)
-        The last two time steps [s], and the wave speed at the start [m/s] that sets the usual step.
-    gate : ndarray, shape (days, 3)
-        The downstream gate: where it goes, where it is, and the flow that follows it [m3/s].
-    ponds : ndarray, shape (days, ponds)
-        Levels of the ponds [m].
-    """
+    """The water between two samples, from which :func:`simulate` can go on; a row for each day."""
 
     area: Floats
+    """Wetted areas at the last sample [m2], shape (days, cells)."""
     discharge: Floats
+    """On the faces half a step and one step and a half before it [m3/s], shape (days, 2, cells + 1)."""
     gates: Floats
+    """Flows that the two dams let through at the last sample [m3/s], shape (days, 2)."""
     clock: Floats
+    """The last two time steps [s], and the wave speed at the start [m/s] that sets the usual step."""
     gate: Floats
+    """The downstream gate's target, position, and the flow that follows it [m3/s], shape (days, 3)."""
     ponds: Floats
+    """Levels of the ponds [m], shape (days, ponds)."""
 
     def copy(self) -> "State":
         """The same in arrays of its own."""
@@ -51,34 +41,24 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """What the water did, at the sample times; (days, n) is (n,) where the commands were (n,).
-
-    Attributes
-    ----------
-    level : ndarray, shape (days, n)
-        Level at x = L [m].
-    outflow : ndarray, shape (days, n)
-        The commands of the downstream dam [m3/s], given or decided.
-    released : ndarray, shape (days, n)
-        Real flow of the downstream gate, mean of each sample [m3/s]; the last is that before.
-    levels, discharges : ndarray, shape (days, n, places)
-        Level [m] and discharge [m3/s] at the places asked for.
-    volume : ndarray, shape (days, n)
-        Water in the reach [m3]: it changes by what the dams and the lateral flows bring, to rounding.
-    nudge : ndarray, shape (days, n)
-        Rise that was added to every cell from each sample to the next [m/s]; zero without `observed`.
-    end : State
-        Where it ended, to go on from.
-    """
+    """Levels and flows at the sample times; arrays of shape (days, n), or (n,) as the commands."""
 
     level: Floats
+    """Level at x = L [m]."""
     outflow: Floats
+    """Commands of the downstream dam [m3/s], given or decided."""
     released: Floats
+    """Real flow of the downstream gate, mean of each sample [m3/s]; the last is that before."""
     levels: Floats
+    """Level at the given places [m], shape (..., n, places)."""
     discharges: Floats
+    """Discharge at the given places [m3/s], shape (..., n, places)."""
     volume: Floats
+    """Water in the reach [m3]: it changes by what the dams and the lateral flows bring, to rounding."""
     nudge: Floats
+    """Rise that was added to every cell from each sample to the next [m/s]; zero without `observed`."""
     end: State
+    """Where it ended, to go on from."""
 
 
 def simulate(
@@ -162,14 +142,14 @@ def simulate(
     if not (np.diff(clock_time, axis=1) > 0).all():
         raise RividError("time does not increase from sample to sample: expected sample times in order [s]")
     q_in = _rows("inflow", inflow if changes.inflow is None else changes.inflow, shape)
-    operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
-    if operators is not NO_OPERATORS and len(operators.inflow) != shape[1]:
-        raise RividError(
-            f"operators for {len(operators.inflow)} samples: expected {shape[1]} like the inflow"
-        )
-    if operators is not NO_OPERATORS and shape[0] > 1:
-        raise RividError(f"operators at {shape[0]} reaches at once: expected one row")
-    q_out = q_in.copy() if isinstance(outflow, OperatorArrays) else _rows("outflow", outflow, shape)
+    if isinstance(outflow, OperatorArrays):
+        operators, q_out, samples = outflow, q_in.copy(), len(outflow.inflow)
+        if samples != shape[1]:
+            raise RividError(f"operators for {samples} samples: expected {shape[1]} like the inflow")
+        if shape[0] > 1:
+            raise RividError(f"operators at {shape[0]} reaches at once: expected one row")
+    else:
+        operators, q_out = NO_OPERATORS, _rows("outflow", outflow, shape)
     sides = np.empty((len(changes.added), *shape))
     for j, extra in enumerate(changes.added):
         sides[j] = _rows("an added flow", extra.flow, shape)
