@@ -35,10 +35,10 @@ def test_the_list_names_every_effect_with_all_units_and_limits_by_family(run):
         start = text.index(f"\n{one.name}\n")
         part = flat(text[start : text.find("\n\n", start)])
         assert flat(one.sentence) in part and flat(one.looks) in part
-        for key, said in one.parameters().items():
+        for key, spec in one.parameters().items():
             assert f"{key} = " in part
-            assert f"[{said.unit}], {said.low:g} to {said.high:g}" in part
-            assert flat(said.meaning) in part
+            assert f"[{spec.unit}], {spec.low:g} to {spec.high:g}" in part
+            assert flat(spec.meaning) in part
     assert all(title in text for title in TITLES.values())
 
 
@@ -55,10 +55,10 @@ def test_one_effect_in_full_has_an_example_that_loads(run, name):
     assert flat(one.looks) in flat(text) and "Parameters" not in text
 
 
-def test_the_json_holds_what_the_code_holds(run):
-    told = json.loads(run("--json"))
-    assert [one["name"] for one in told] == list(CATALOGUE)
-    for record in told:
+def test_the_json_holds_the_catalogue(run):
+    records = json.loads(run("--json"))
+    assert [one["name"] for one in records] == list(CATALOGUE)
+    for record in records:
         one = CATALOGUE[record["name"]]
         assert (record["family"], record["sentence"], record["looks"], record["windowed"]) == (
             one.family, one.sentence, one.looks, one.windowed,
@@ -71,7 +71,7 @@ def test_the_json_holds_what_the_code_holds(run):
             )
             == one()
         )
-    assert json.loads(run("seiche", "--json")) == told[-1]
+    assert json.loads(run("seiche", "--json")) == records[-1]
 
 
 def test_effects_of_a_file_are_listed_too(run, tmp_path):

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rivid.effects.level import Autoregression, Seiche, SensorDrift, SensorStep, WindSetup
+from rivid.effects.level import Seiche, SensorDrift, SensorStep, WindSetup
 from tests.effects.worlds import FIRST, world
 
 DATES = (FIRST + dt.timedelta(days=2), FIRST + dt.timedelta(days=3))
 MODELS = [
-    WindSetup(deviation=0.02, correlation_time=0.5),
     WindSetup(deviation=0.02, correlation_time=3.0),
     Seiche(period=2700.0, damping=3e-4, amplitude=0.03),
     Seiche(period=1000.0, damping=1e-3, amplitude=0.03),
-    Seiche(period=5000.0, damping=2e-3, amplitude=0.03),
 ]
 
 
@@ -40,13 +38,8 @@ def test_a_gauge_drifts_from_the_first_date_to_the_last():
     drift = gauge(SensorDrift(drift=0.01, dates=DATES), here)
     for t, z in zip((here.time / 86_400).tolist(), drift.tolist(), strict=True):
         assert z == pytest.approx(0.01 * (t - 2) if 2 <= t < 4 else 0.0, abs=1e-14)
-
-
-def test_without_dates_a_gauge_drifts_from_the_first_day_on():
-    here = world(days=3)
-    assert gauge(SensorDrift(drift=-0.02), here) == pytest.approx(
-        [-0.02 * max(t, 0.0) / 86_400 for t in here.time]
-    )
+    always = gauge(SensorDrift(drift=-0.02), here)
+    assert always == pytest.approx(-0.02 * np.maximum(here.time, 0.0) / 86_400)
 
 
 def test_a_gauge_steps_at_its_start_and_within_its_dates():
@@ -60,8 +53,8 @@ def test_a_gauge_steps_at_its_start_and_within_its_dates():
 
 
 @pytest.mark.parametrize("effect", MODELS, ids=str)
-@pytest.mark.parametrize("sample_time", [60.0, 133.0, 900.0])
-def test_autoregressions_have_the_spread_and_memory_asked_for(effect, sample_time):
+@pytest.mark.parametrize("sample_time", [133.0, 900.0])
+def test_autoregressions_have_the_given_spread_and_memory(effect, sample_time):
     model = effect.autoregression(sample_time)
     if isinstance(effect, WindSetup):
         expected = [
@@ -85,7 +78,7 @@ def test_autoregressions_have_the_spread_and_memory_asked_for(effect, sample_tim
         )
 
 
-@pytest.mark.parametrize("effect", MODELS[1:4], ids=str)
+@pytest.mark.parametrize("effect", MODELS, ids=str)
 def test_drawn_series_have_the_law_of_their_autoregression_from_the_first_sample_on(effect):
     model = effect.autoregression(133.0)
     drawn = np.array([gauge(effect, world(seed, days=1, lead=0)) for seed in range(1500)])
@@ -102,15 +95,7 @@ def test_drawn_series_have_the_law_of_their_autoregression_from_the_first_sample
     assert abs((shock[:, 1:] * shock[:, :-1]).mean()) < 4.5 * model.innovation**2 / math.sqrt(shock.size)
 
 
-def test_a_seiche_swings_with_its_period():
-    here = world(1, days=20, sample_time=60.0)
-    swing = gauge(Seiche(period=2400.0, damping=2e-5, amplitude=0.02), here)
-    power = np.abs(np.fft.rfft(swing)) ** 2
-    frequency = np.fft.rfftfreq(len(swing), 60.0)
-    assert frequency[np.argmax(power)] == pytest.approx(1 / 2400.0, rel=0.03)
-
-
-@pytest.mark.parametrize("effect", MODELS[1:3], ids=str)
+@pytest.mark.parametrize("effect", MODELS[:2], ids=str)
 def test_rows_of_days_hold_the_same_series_as_one_row(effect):
     one, rows = world(7, days=4), world(7, days=4, rows=True)
     assert gauge(effect, rows).ravel().tolist() == gauge(effect, one).tolist()
@@ -120,7 +105,7 @@ def test_days_that_are_left_out_leave_a_gap_in_the_series():
     rows = world(7, days=9, rows=True)
     kept = [0, 1, 5, 9]
     some = replace(rows, time=rows.time[kept], inflow=rows.inflow[kept])
-    for effect in MODELS[1:3]:
+    for effect in MODELS[:2]:
         assert gauge(effect, some).tolist() == gauge(effect, rows)[kept].tolist()
 
 
@@ -134,18 +119,10 @@ def test_the_series_goes_on_across_midnight():
 
 
 @pytest.mark.parametrize("effect", [WindSetup(hours=(22, 6)), Seiche(hours=(22, 6))], ids=lambda e: e.name)
-def test_wind_and_seiche_blow_only_in_their_hours(effect):
+def test_wind_and_seiche_act_in_their_hours_and_by_their_size(effect):
     here = world(days=3)
     x, hour = gauge(effect, here), here.time / 3600 % 24
     night = (hour >= 22) | (hour < 6)
     assert (x[~night] == 0.0).all() and (x[night] != 0.0).all()
-
-
-def test_nothing_swings_without_a_size():
-    here = world()
-    assert (gauge(WindSetup(deviation=0.0), here) == 0.0).all()
-    assert (gauge(Seiche(amplitude=0.0), here) == 0.0).all()
-
-
-def test_an_autoregression_knows_its_variance():
-    assert Autoregression((0.6,), 0.8).covariance() == pytest.approx([1.0])
+    size = "amplitude" if effect.name == "seiche" else "deviation"
+    assert (gauge(replace(effect, **{size: 0.0}), here) == 0.0).all()

@@ -1,4 +1,4 @@
-"""Each effect does to the level of a pool what its sentence says, and all of them go together."""
+"""Each effect acts on the level of a pool as its sentence describes, and all of them together."""
 
 from dataclasses import replace
 
@@ -49,27 +49,21 @@ def test_flows_lift_the_level_or_lower_it_by_their_volume(name, sign):
 
 
 @pytest.mark.parametrize("start", [0.5, -0.5])
-@pytest.mark.parametrize("name", ["leakage", "gate_head_effect", "side_storage"])
+@pytest.mark.parametrize("name", ["leakage", "gate_head_effect"])
 def test_what_depends_on_the_level_draws_it_back(name, start):
     here = steady()
-    plain, _ = levels([], here, start)
-    level, _ = levels([CATALOGUE[name]()], here, start)
+    plain, level = (levels(effects, here, start)[0] for effects in ([], [CATALOGUE[name]()]))
     assert plain == pytest.approx(np.full(here.time.shape, here.level + start))
-    if name == "side_storage":  # the pond begins at the level of the reach
-        assert level == pytest.approx(plain)
-        flow = here.inflow + np.where(here.time > 0, 20.0, 0.0)
-        rising, with_pond = (levels(e, replace(here, inflow=flow))[0] for e in ([], [CATALOGUE[name]()]))
-        assert here.level < with_pond[-1] < rising[-1]
-    else:
-        assert 0 < (level[-1] - here.level) / start < 0.9
+    assert 0 < (level[-1] - here.level) / start < 0.9
 
 
-def test_a_wider_surface_above_lifts_less():
+@pytest.mark.parametrize("name", ["side_storage", "storage_area_slope"])
+def test_more_storage_lifts_the_level_less(name):
     here = steady()
-    rising = replace(here, inflow=here.inflow + 5.0)
-    plain, _ = levels([], rising)
-    level, _ = levels([CATALOGUE["storage_area_slope"]()], rising)
+    rising = replace(here, inflow=here.inflow + np.where(here.time > 0, 5.0, 0.0))
+    plain, level = (levels(effects, rising)[0] for effects in ([], [CATALOGUE[name]()]))
     assert here.level < level[-1] < plain[-1]
+    assert levels([CATALOGUE[name]()], here)[0] == pytest.approx(np.full(here.time.shape, here.level))
 
 
 @pytest.mark.parametrize("name", ["sensor_drift", "sensor_step", "wind_setup", "seiche"])
@@ -80,10 +74,9 @@ def test_the_gauge_moves_and_the_water_does_not(name):
     assert np.abs(reading - level).max() > 0.004
 
 
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", ["flow_dependent_delay", "wave_attenuation", "clock_offset"])
-def test_the_inflow_comes_at_other_times_but_all_of_it(name, seed):
-    here = world(seed, days=2)
+def test_the_inflow_comes_at_other_times_but_all_of_it(name):
+    here = world(days=2)
     quiet = (here.time < -40_000) | (here.time > 120_000)
     here = replace(here, inflow=np.where(quiet, here.flow, here.inflow))
     plain, _ = levels([], here)
@@ -92,7 +85,7 @@ def test_the_inflow_comes_at_other_times_but_all_of_it(name, seed):
     assert level[-1] == pytest.approx(plain[-1], abs=1e-9)
 
 
-@pytest.mark.parametrize("step", [2.0, -30.0, 60.0])
+@pytest.mark.parametrize("step", [2.0, -30.0])
 @pytest.mark.parametrize("name", ["outflow_lag", "gate_rate_limit", "gate_deadband"])
 def test_a_gate_that_comes_late_keeps_water_back(name, step):
     here = steady()

@@ -16,15 +16,7 @@ from rivid.effects.flow import (
 )
 from rivid.effects.level import Seiche, SensorStep, WindSetup
 from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
-from rivid.reach.changes import NO_CHANGES
 from tests.effects.worlds import world
-
-
-def test_no_effects_change_nothing():
-    nothing = changes_of([], world())
-    assert nothing.inflow is None and nothing.gate_is_plain
-    assert (nothing.added, nothing.leaks, nothing.ponds) == ((), (), ())
-    assert nothing.gauge.tolist() == NO_CHANGES.gauge.tolist()
 
 
 def test_maps_of_the_inflow_are_applied_in_turn():
@@ -41,8 +33,11 @@ def test_maps_of_the_inflow_are_applied_in_turn():
     assert seen[0].inflow is here.inflow and seen[2].inflow.tolist() == inner.tolist()
 
 
-def test_everything_else_stands_side_by_side():
+def test_changes_of_several_effects_are_joined():
     here = world()
+    nothing = changes_of([], here)
+    assert nothing.inflow is None and nothing.gate_is_plain and nothing.gauge.tolist() == [0.0]
+    assert (nothing.added, nothing.leaks, nothing.ponds) == ((), (), ())
     both = changes_of(
         [LateralInflow(), Leakage(), OutflowGainError(error=0.1), OutflowGainError(error=0.1),
          OutflowLag(lag=60.0), DiurnalInflow(), StorageAreaSlope(slope=0.2),
@@ -57,7 +52,7 @@ def test_everything_else_stands_side_by_side():
     assert both.gauge.max() == 0.1
 
 
-def test_another_effect_beside_it_changes_no_draw():
+def test_other_effects_change_no_draw():
     here = world(days=20)
     wind = changes_of([WindSetup()], here).gauge
     after = changes_of([LateralInflow(), RainInflow(), WindSetup()], here)
@@ -80,13 +75,3 @@ def test_two_of_a_kind_and_two_kinds_are_drawn_apart():
     for lag in (-2, -1, 0, 1, 2):
         apart = np.corrcoef(e[2 + lag : n - 2 + lag], f[2 : n - 2])[0, 1]
         assert abs(apart) < 4.5 / np.sqrt(n)
-
-
-def test_the_events_told_are_those_of_the_changes():
-    here = world(5, days=30)
-    planted = [LateralInflow(), RainInflow(per_month=20.0)]
-    told = planted[1].events(worlds_of(planted, here)[1])
-    given = RainInflow(starts=tuple(e["start_h"] for e in told), peak=tuple(e["peak_m3s"] for e in told))
-    assert changes_of(planted, here).added[1].flow == pytest.approx(
-        given.changes(here).added[0].flow, abs=1e-9
-    )

@@ -41,20 +41,20 @@ def test_a_shower_between_two_samples_keeps_its_volume():
 
 
 @pytest.mark.parametrize("rows", [False, True])
-def test_drawn_events_are_those_it_tells_of(rows):
+def test_drawn_events_given_again_make_the_same_flow(rows):
     here = world(3, days=40, rows=rows)
     rain = RainInflow(per_month=20.0, peak=8.0)
-    told = rain.events(here)
-    assert len(told) > 10
-    given = RainInflow(starts=tuple(e["start_h"] for e in told), peak=tuple(e["peak_m3s"] for e in told))
+    events = rain.events(here)
+    assert len(events) > 10
+    given = RainInflow(starts=tuple(e["start_h"] for e in events), peak=tuple(e["peak_m3s"] for e in events))
     assert flow_of(given, here, 0.5) == pytest.approx(flow_of(rain, here, 0.5), abs=1e-9)
-    assert given.events(here) == told
+    assert given.events(here) == events
     lock = UnloggedDownstreamRelease(size=6.0, per_day=9.0, duration=0.4)
-    told = lock.events(here)
+    events = lock.events(here)
     again = UnloggedDownstreamRelease(
-        size=tuple(e["size_m3s"] for e in told),
-        starts=tuple(e["start_h"] for e in told),
-        duration=tuple(e["duration_h"] for e in told),
+        size=tuple(e["size_m3s"] for e in events),
+        starts=tuple(e["start_h"] for e in events),
+        duration=tuple(e["duration_h"] for e in events),
     )
     assert flow_of(again, here, 1.0) == pytest.approx(flow_of(lock, here, 1.0), abs=1e-9)
 
@@ -62,20 +62,20 @@ def test_drawn_events_are_those_it_tells_of(rows):
 def test_the_same_seed_draws_the_same_and_a_longer_record_more():
     short, long, other = world(1, days=20), world(1, days=50), replace(world(1, days=20), seed=(2,))
     for effect in (RainInflow(per_month=30.0), UnloggedDownstreamRelease()):
-        told = effect.events(short)
-        assert effect.events(short) == told
-        assert effect.events(long)[: len(told)] == told
-        assert effect.events(other) != told
+        events = effect.events(short)
+        assert effect.events(short) == events
+        assert effect.events(long)[: len(events)] == events
+        assert effect.events(other) != events
 
 
-def test_events_come_as_often_and_as_large_as_asked():
+def test_events_have_their_mean_number_and_size():
     days, seeds = 100, range(30)
     counts, peaks = [], []
     for seed in seeds:
         here = world(seed, days=days, sample_time=3600.0, lead=0)
-        told = RainInflow(per_month=300.0, peak=8.0).events(here)
-        counts.append(len(told))
-        peaks += [e["peak_m3s"] for e in told]
+        events = RainInflow(per_month=300.0, peak=8.0).events(here)
+        counts.append(len(events))
+        peaks += [e["peak_m3s"] for e in events]
     mean = 300.0 * days / 30
     assert np.mean(counts) == pytest.approx(mean, abs=4 * math.sqrt(mean / len(seeds)))
     assert np.mean(peaks) == pytest.approx(8.0, abs=4 * 8.0 / math.sqrt(len(peaks)))
@@ -85,7 +85,7 @@ def test_events_come_as_often_and_as_large_as_asked():
 
 
 @pytest.mark.parametrize("hours", [(20.0, 5.0), (8.0, 12.0)])
-def test_dates_and_hours_say_when_events_begin(hours):
+def test_dates_and_hours_limit_when_events_begin(hours):
     here = world(6, days=30)
     dates = (FIRST + dt.timedelta(days=5), FIRST + dt.timedelta(days=14))
     effect = UnloggedDownstreamRelease(per_day=8.0, dates=dates, hours=hours)
@@ -136,15 +136,10 @@ def test_an_upstream_release_follows_its_sizes_over_its_dates_and_hours():
         assert q == pytest.approx(10.0 + 40.0 * (t / 86_400 - 2) / 4 if there else 0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("key", ["peak", "rise", "recession"])
-def test_rain_wants_one_value_or_one_for_each_start(key):
-    with pytest.raises(ConfigError, match=f"rain_inflow: {key} has 2 values for 3 starts"):
-        RainInflow(starts=(1.0, 2.0, 3.0), **{key: (1.0, 2.0)})
-    with pytest.raises(ConfigError, match=f"rain_inflow: {key} has 2 values for 0 starts"):
-        RainInflow(**{key: (1.0, 2.0)})
-
-
-@pytest.mark.parametrize("key", ["size", "duration"])
-def test_pulses_want_one_value_or_one_for_each_start(key):
-    with pytest.raises(ConfigError, match=f"unlogged_downstream_release: {key} has 1 values for 2 starts"):
-        UnloggedDownstreamRelease(starts=(1.0, 2.0), **{key: (1.0,)})
+def test_events_need_one_value_or_one_for_each_start():
+    keys = {RainInflow: ("peak", "rise", "recession"), UnloggedDownstreamRelease: ("size", "duration")}
+    for effect in keys:
+        for key in keys[effect]:
+            for starts in ((1.0, 2.0, 3.0), ()):
+                with pytest.raises(ConfigError, match=f"{key} has 2 values for {len(starts)} starts"):
+                    effect(starts=starts, **{key: (1.0, 2.0)})

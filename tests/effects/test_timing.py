@@ -58,19 +58,14 @@ def test_a_row_of_many_days_is_mapped_as_if_it_were_alone(effect):
             assert effect.changes(alone).inflow == pytest.approx(real[i], rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("offset", [1, -1, 100, 133, -399, 5000, -86_400, 86_400])
-def test_a_clock_that_is_off_shifts_the_held_inflow_second_by_second(seed, offset):
-    here = world(seed, days=2)
+@pytest.mark.parametrize("offset", [1, -399, 5000, -86_400, 86_399])
+def test_a_clock_that_is_off_shifts_the_held_inflow_second_by_second(offset):
+    here = world(days=2)
     slow = seconds_of(here.time, here.inflow, 133.0, aside=90_000)
     n = len(slow) - 180_000
     expected = samples_of(here.time, slow[90_000 + offset : 90_000 + offset + n], 133.0)
-    assert ClockOffset(offset=offset).changes(here).inflow == pytest.approx(expected, abs=1e-7)
-
-
-def test_half_a_second_is_half_way_between_whole_seconds():
-    here = world(3)
-    at = [ClockOffset(offset=offset).changes(here).inflow for offset in (40.0, 40.5, 41.0)]
+    at = [ClockOffset(offset=offset + part).changes(here).inflow for part in (0.0, 0.5, 1.0)]
+    assert at[0] == pytest.approx(expected, abs=1e-7)
     assert at[1] == pytest.approx((at[0] + at[2]) / 2, abs=1e-7)
 
 
@@ -93,10 +88,9 @@ def test_a_clock_is_off_only_on_its_dates_and_hours():
     assert effect.changes(here).inflow.tolist() == np.where(there, always, here.inflow).tolist()
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("sample_time,spread", [(133.0, 300), (600.0, 900), (900.0, 120)])
-def test_attenuation_is_a_normal_kernel_at_one_second(seed, sample_time, spread):
-    here = world(seed, days=2, sample_time=sample_time)
+def test_attenuation_is_a_normal_kernel_at_one_second(sample_time, spread):
+    here = world(days=2, sample_time=sample_time)
     lag = np.arange(-8 * spread, 8 * spread + 1)
     kernel = np.exp(-0.5 * (lag / spread) ** 2)
     slow = seconds_of(here.time, here.inflow, sample_time, aside=8 * spread)
@@ -105,6 +99,7 @@ def test_attenuation_is_a_normal_kernel_at_one_second(seed, sample_time, spread)
     real = WaveAttenuation(spread=float(spread)).changes(here).inflow
     assert real == pytest.approx(expected, abs=1e-3)
     assert np.abs(real - here.inflow).max() > 5.0
+    assert WaveAttenuation(spread=0.0).changes(here).inflow.tolist() == here.inflow.tolist()
 
 
 def test_attenuation_spreads_a_pulse_about_its_time_with_the_spread():
@@ -120,25 +115,19 @@ def test_attenuation_spreads_a_pulse_about_its_time_with_the_spread():
     assert weight @ (middle - middle[k]) ** 2 == pytest.approx(1500.0**2 + 2 * 60.0**2 / 12, rel=1e-9)
 
 
-def test_no_spread_is_no_change():
-    here = world()
-    assert WaveAttenuation(spread=0.0).changes(here).inflow.tolist() == here.inflow.tolist()
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("delay", [-1.0, 0.5, -5.0])
-def test_each_flow_comes_by_its_own_delay(seed, delay):
-    here = world(seed, days=1, sample_time=120.0)
+@pytest.mark.parametrize("delay", [0.5, -5.0])
+def test_each_flow_comes_by_its_own_delay(delay):
+    here = world(days=1, sample_time=120.0)
     slow = seconds_of(here.time, here.inflow, 120.0, aside=2000)
     n, low, high = len(slow) - 4000, here.inflow.min(), here.inflow.max()
-    levels = low + (high - low) * (np.arange(4000) + 0.5) / 4000
+    levels = low + (high - low) * (np.arange(1000) + 0.5) / 1000
     moved = np.full(n, low)
     for q in levels:  # water above q, as long as the inflow is above q, D(q) later
         D = round(delay * (q - here.flow))
-        moved += (slow[2000 - D : 2000 - D + n] > q) * (high - low) / 4000
+        moved += (slow[2000 - D : 2000 - D + n] > q) * (high - low) / 1000
     expected = samples_of(here.time, moved, 120.0)
     real = FlowDependentDelay(delay=delay).changes(here).inflow
-    # a layer of 1/64 of the range is off by half its width at most, the slow look by half a second
+    # a layer of 1/64 of the range is off by half its width at most, the reference by half a second
     off = abs(delay) * (high - low) / 64 / 2 + 0.5
     steps = np.abs(np.diff(here.inflow)).max()
     assert np.abs(real - expected).max() < 2 * off * steps / 120.0
@@ -159,16 +148,7 @@ def test_a_rise_gains_the_volume_that_its_delays_say(delay, low, high):
     assert low <= real.min() + 1e-9 and real.max() <= high + 1e-9
 
 
-def test_negative_delay_brings_high_water_early_and_low_water_late():
-    here = world(days=2)
-    effect = FlowDependentDelay(delay=-2.0)
-    k = int(np.argmax(here.time >= 40_000.0))
-    high = effect.changes(replace(here, inflow=np.where(here.time >= 40_000.0, 500.0, 400.0))).inflow
-    low = effect.changes(replace(here, inflow=np.where(here.time >= 40_000.0, 200.0, 100.0))).inflow
-    assert high[k - 1] > 400.0 and low[k] < 200.0
-
-
-def test_gates_get_their_limits_where_they_are_there_and_none_elsewhere():
+def test_gates_have_their_limits_on_the_given_dates_only():
     here = world(days=4)
     dates = (FIRST + dt.timedelta(days=1), FIRST + dt.timedelta(days=2))
     there = (here.time >= 86_400) & (here.time < 3 * 86_400)

@@ -56,6 +56,7 @@ def test_an_effect_of_a_file_stands_behind_the_catalogue_and_works(write):
         build({"name": "fish_ladder", "flow": 11}, classes)
 
 
+@pytest.mark.long
 def test_one_class_in_one_file_is_listed_simulated_and_a_candidate_of_the_diagnosis(write, tmp_path, capsys):
     path = write(LADDER)
     assert cli.main(["effects", "--effects-file", str(path)], standalone_mode=False) == 0
@@ -97,7 +98,7 @@ def test_helpers_and_what_a_file_imports_are_no_effects_of_it(write):
 
 
 @pytest.mark.parametrize(
-    "text,said",
+    "text,reason",
     [
         ("x = (", r"does not import: SyntaxError: .* \(line 1\): repair it"),
         ("import no_such_module_at_all", "does not import: ModuleNotFoundError: No module named"),
@@ -106,6 +107,7 @@ def test_helpers_and_what_a_file_imports_are_no_effects_of_it(write):
         ("x = 1", "defines no effect: expected a subclass"),
         (LADDER.replace("def changes", "def change"), r"defines no effect \(FishLadder lacks changes\)"),
         (LADDER.replace("fish_ladder", "leakage"), "FishLadder.name = 'leakage' is taken by the catalogue"),
+        (LADDER + LADDER.replace("FishLadder", "Ladder"), "Ladder.name = 'fish_ladder' is taken by"),
         (LADDER.replace("fish_ladder", "Fish ladder"), "FishLadder.name is 'Fish ladder': expected"),
         (LADDER.replace('    name = "fish_ladder"\n', ""), "FishLadder.name is None: expected"),
         (LADDER.replace('"flow"\n', '"fish"\n'), "family is 'fish': expected one of flow, timing, level"),
@@ -120,26 +122,20 @@ def test_helpers_and_what_a_file_imports_are_no_effects_of_it(write):
         ),
     ],
 )  # fmt: skip
-def test_a_file_that_cannot_be_used_says_why_in_one_line(write, text, said):
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(write, text, reason):
     path = write(text)
-    with pytest.raises(ConfigError, match=said) as caught:
+    with pytest.raises(ConfigError, match=reason) as caught:
         effect_classes(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_two_effects_of_one_name_in_a_file_are_refused(write):
-    path = write(LADDER + LADDER.replace("FishLadder", "Ladder"))
-    with pytest.raises(ConfigError, match="Ladder.name = 'fish_ladder' is taken by"):
-        effect_classes(path)
-
-
 def test_a_missing_file_a_directory_and_another_kind_of_file_are_refused(tmp_path, write):
-    for path, said in (
+    for path, reason in (
         (tmp_path / "none.py", "No such file"),
         (tmp_path, "is no file"),
         (write(LADDER, "mine.txt"), r"ending in \.py"),
     ):
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=reason):
             effect_classes(path)
 
 
@@ -160,27 +156,23 @@ def install(tmp_path, monkeypatch):
     __import__("sys").modules.pop("ladder_package", None)
 
 
-def test_effects_of_installed_packages_are_found_by_their_entry_points(install):
+def test_effects_of_installed_packages_are_found_by_their_entry_points(install, write):
     install("fish_ladder = ladder_package:FishLadder")
     classes = effect_classes()
     assert list(classes) == [*CATALOGUE, "fish_ladder"]
     assert build({"name": "fish_ladder"}, classes).flow == 0.8
+    with pytest.raises(ConfigError, match="is taken by entry point fish_ladder = ladder_package:FishLadder"):
+        effect_classes(write(LADDER))
 
 
 @pytest.mark.parametrize(
-    "point,said",
+    "point,reason",
     [
         ("fish = ladder_package:Fish", "fish = ladder_package:Fish does not load: AttributeError"),
         ("fish = ladder_package:dataclass", "expected a subclass of rivid.effects.Effect"),
     ],
 )
-def test_a_broken_entry_point_is_named(install, point, said):
+def test_a_broken_entry_point_is_named(install, point, reason):
     install(point)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=reason):
         effect_classes()
-
-
-def test_a_file_may_not_take_the_name_of_an_installed_effect(install, write):
-    install("fish_ladder = ladder_package:FishLadder")
-    with pytest.raises(ConfigError, match="is taken by entry point fish_ladder = ladder_package:FishLadder"):
-        effect_classes(write(LADDER))

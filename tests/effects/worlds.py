@@ -1,4 +1,4 @@
-"""Worlds to try effects in, and slow looks at what they do."""
+"""Inputs of effects, and second-by-second references."""
 
 import datetime as dt
 
