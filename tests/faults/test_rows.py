@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.rows import CHECK, HERE, ROWS
+from tests.faults.rows import ROWS
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -27,17 +27,18 @@ def names_in(path):
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault[:30])
 def test_the_tests_of_a_fault_exist(row):
     assert row.tests
-    for test, injected in row.tests.items():
+    for test in row.tests:
         file, _, name = test.partition("::")
-        found = names_in(ROOT / file)
-        assert not name or name in found, test
-        assert injected or "tried" in found[name], f"what does {test} inject?"
+        assert not name or name in names_in(ROOT / file), test
 
 
 def test_no_fault_that_is_tried_is_left_out():
     listed = {test for row in ROWS for test in row.tests}
-    folders = (ROOT / HERE, ROOT / CHECK.rsplit("/", 1)[0])
-    for path in (path for folder in folders for path in sorted(folder.glob("test_*.py"))):
+    for path in [
+        path for folder in ("faults", "check") for path in (ROOT / "tests" / folder).glob("test_*.py")
+    ]:
         for name, arguments in names_in(path).items():
             test = f"{path.relative_to(ROOT).as_posix()}::{name}"
-            assert "tried" not in arguments or test in listed, name
+            assert "tried" not in arguments or test in listed or test.partition("::")[0] + "::" in listed, (
+                name
+            )
