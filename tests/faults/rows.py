@@ -58,13 +58,13 @@ OUT not writable, DATA_DIR missing or empty
 Truncated Parquet, flipped bits, our own files damaged
   -> an input: the day failed; ours: found by its checksum and made again
   faults/test_reading: TestParquet::test_truncated TestParquet::test_flipped_bytes_are_never_taken_as_data
-      TestGzip::test_cut_off TestGzip::test_flipped_bytes
+      TestGzip::test_cut_off TestGzip::test_flipped_bytes_and_no_gzip_at_all
   run/test_promises: test_our_own_files_damaged_are_found_and_written_again
       test_a_broken_note_of_files_is_no_obstacle
   run/test_run: test_a_damaged_segment_is_found_and_its_days_are_done_again
 Malformed or half-written CSV
   -> the day failed, file and line named
-  faults/test_mutations: test_any_bytes test_any_bytes_declared_unusual test_any_bytes_sniffed
+  faults/test_mutations: test_any_bytes test_any_bytes_sniffed
   test_ingest: test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reason
   faults/test_reading: TestCsv::test_a_torn_last_line_fails_the_day
       TestCsv::test_a_file_cut_in_the_middle_fails_with_its_gap_or_line TestCsv::test_ragged_rows
@@ -72,8 +72,8 @@ Malformed or half-written CSV
 Wrong, missing or doubled columns
   -> said before any work, with the nearest name
   logs/test_find: TestColumnsThatNoLogHas
-  faults/test_reading: TestCsv::test_columns_missing_doubled_and_misspelt TestParquet::test_missing_column
-      TestParquet::test_wrong_types
+  faults/test_reading: TestCsv::test_columns_missing_doubled_and_misspelt TestParquet::test_wrong_columns
+     
 NaN, inf, sentinels, status text, unit rows, repeated headers, #N/A
   -> masked and counted, or the day failed; never taken as data
   faults/test_dirt: test_nothing_is_taken_as_data_that_is_none

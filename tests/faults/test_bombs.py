@@ -1,4 +1,4 @@
-"""Bombs, met by every command that reads: refused within seconds, and without the memory they ask for."""
+"""Bombs in every command that reads: refused within seconds and without the memory that they declare."""
 
 import gzip
 import resource
@@ -15,7 +15,7 @@ from tests.logs.helpers import DAY
 from tests.run.test_run import command
 
 MEMORY = 3 << 30
-"""Of address space: what a process with numpy and Arrow maps, and no more than a GB beside it."""
+"""Limit of the address space [B]: what numpy and Arrow map, and 1 GB more."""
 
 
 def gz(path):
@@ -74,6 +74,7 @@ def limited():
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", BOMBS)
 def test_bombs_are_refused_by_every_command_that_reads(tmp_path, tried, kind):
     make, suffix = BOMBS[kind]

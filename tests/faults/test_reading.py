@@ -53,8 +53,8 @@ class TestParquet:
         content = path.read_bytes()
         end = len(content) // 2 if cut == "half" else cut
         path.write_bytes(content[:end])
-        said = reason(tmp_path)
-        assert said.startswith(f"{DAY}.parquet") and ("empty" in said or "PAR1" in said)
+        message = reason(tmp_path)
+        assert message.startswith(f"{DAY}.parquet") and ("empty" in message or "PAR1" in message)
 
     def test_flipped_bytes_are_never_taken_as_data(self, tmp_path):
         path = parquet(tmp_path)
@@ -74,15 +74,17 @@ class TestParquet:
                 assert (data.inflow == good.inflow).all() and (data.output == good.output).all()
         assert refused > 100
 
-    def test_missing_column(self, tmp_path):
-        parquet(tmp_path)
-        assert "no column 'H_l' for h_L; nearest is 'h_L'" in reason(tmp_path, h_L="H_l")
-
-    def test_wrong_types(self, tmp_path):
-        parquet(tmp_path, columns={"u_Qi": [[1.0, 2.0]] * 650})
-        assert "column 'u_Qi' is of type list" in reason(tmp_path)
-        parquet(tmp_path, columns={"time": np.arange(650)})
-        assert "column 'time' is of type int64: expected times or text" in reason(tmp_path)
+    @pytest.mark.parametrize(
+        ("columns", "given", "reason_part"),
+        [
+            ({}, {"h_L": "H_l"}, "no column 'H_l' for h_L; nearest is 'h_L'"),
+            ({"u_Qi": [[1.0, 2.0]] * 650}, {}, "column 'u_Qi' is of type list"),
+            ({"time": np.arange(650)}, {}, "column 'time' is of type int64: expected times or text"),
+        ],
+    )
+    def test_wrong_columns(self, tmp_path, columns, given, reason_part):
+        parquet(tmp_path, columns=columns)
+        assert reason_part in reason(tmp_path, **given)
 
     @pytest.mark.parametrize(
         ("time_format", "unit", "kind"),
@@ -98,9 +100,9 @@ class TestParquet:
     def test_counts_of_no_year_and_no_counts(self, tmp_path):
         first = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
         times = (first + 133 * np.arange(650)).astype(object)
-        for wrong, said in ((2**62, "a year that no log is of"), (-(2**62), "a year"), (None, "no time")):
+        for wrong, part in ((2**62, "a year that no log is of"), (None, "no time")):
             parquet(tmp_path, columns={"time": pa.array([*times[:8], wrong, *times[9:]], pa.int64())})
-            assert f"row 9: {said}" in reason(tmp_path, time_format="unix", time_zone="Etc/GMT-1")
+            assert f"row 9: {part}" in reason(tmp_path, time_format="unix", time_zone="Etc/GMT-1")
 
     def test_infinite_and_missing_numbers(self, tmp_path):
         level = a_day(DAY)[3].copy()
@@ -160,12 +162,11 @@ class TestCsv:
         (tmp_path / f"{DAY}.csv").write_text(text_of(DAY).rstrip("\n"))
         assert (read(tmp_path).output == a_day(DAY)[3]).all()
 
-    @pytest.mark.parametrize("lost", [1, 2, 6, 7, 8, 12, 20, 35])
+    @pytest.mark.parametrize("lost", [1, 6, 8, 20])
     def test_a_torn_last_line_fails_the_day(self, tmp_path, lost):
         content = text_of(DAY).rstrip("\n")
         (tmp_path / f"{DAY}.csv").write_text(content[:-lost])
-        said = reason(tmp_path)
-        assert f"{DAY}.csv, line 651: " in said
+        assert f"{DAY}.csv, line 651: " in reason(tmp_path)
 
     def test_a_file_cut_in_the_middle_fails_with_its_gap_or_line(self, tmp_path):
         content = text_of(DAY)
@@ -174,30 +175,30 @@ class TestCsv:
             assert reason(tmp_path)
 
     @pytest.mark.parametrize(
-        ("line", "cell", "said"),
+        ("cell", "reason_part"),
         [
-            (9, "abc", "line 10: column 'u_Qo' holds 'abc', which is no number"),
-            (9, "inf", "line 10: column 'u_Qo' holds 'inf', which is no number"),
-            (9, "NAN", "line 10: column 'u_Qo' holds 'NAN', which is no number"),
-            (9, "1e400", "line 10: u_Qo = inf m3/s is beyond any river"),
-            (9, "3.05e+22", "line 10: u_Qo = 3.05e+22 m3/s is beyond any river: check [input.units]"),
-            (9, "305,5", "line 10: 5 fields where the header has 4 (decimal commas?"),
-            (9, "1_000", "which is no number"),
-            (9, "0x10", "which is no number"),
-            (9, "٣٠٠", "which is no number"),
-            (9, '"300', "line 10: a quotation mark is not closed"),
-            (9, "", None),
-            (9, "#N/A", None),
+            ("abc", "line 10: column 'u_Qo' holds 'abc', which is no number"),
+            ("inf", "'inf', which is no number"),
+            ("NAN", "'NAN', which is no number"),
+            ("1_000", "which is no number"),
+            ("0x10", "which is no number"),
+            ("٣٠٠", "which is no number"),
+            ("1e400", "line 10: u_Qo = inf m3/s is beyond any river"),
+            ("3.05e+22", "u_Qo = 3.05e+22 m3/s is beyond any river: check [input.units]"),
+            ("305,5", "line 10: 5 fields where the header has 4 (decimal commas?"),
+            ('"300', "line 10: a quotation mark is not closed"),
         ],
     )
-    def test_cells_that_are_no_numbers(self, tmp_path, line, cell, said):
+    def test_cells_that_are_no_numbers(self, tmp_path, cell, reason_part):
         lines = rows()
-        lines[line - 1][2] = cell
-        put(tmp_path, lines)
-        if said is None:
-            assert read(tmp_path).n_filled == 1
-        else:
-            assert f"{DAY}.csv, {said}" in reason(tmp_path) or said in reason(tmp_path)
+        lines[8][2] = cell
+        assert reason_part in reason(put(tmp_path, lines))
+
+    @pytest.mark.parametrize("cell", ["", "#N/A"])
+    def test_missing_cells_are_filled(self, tmp_path, cell):
+        lines = rows()
+        lines[8][2] = cell
+        assert read(put(tmp_path, lines)).n_filled == 1
 
     def test_declared_texts_are_masked(self, tmp_path):
         lines = rows()
@@ -207,11 +208,8 @@ class TestCsv:
     @pytest.mark.parametrize(
         ("content", "said"),
         [
-            (
-                gzip.compress(b"time,u_Qi\n", mtime=0),
-                "is gzip, though",
-            ),
-            (b"PK\x03\x04\x14\x00", "is a workbook or an archive, not text: save it as CSV"),
+            (gzip.compress(b"time,u_Qi\n", mtime=0), "is gzip, though"),
+            (b"PK\x03\x04\x14\x00", "is a workbook or an archive"),
             (b"PAR1\x15\x04", "is Parquet, though"),
             (b"%PDF-1.7\n", "is a PDF, not text"),
         ],
@@ -225,15 +223,20 @@ class TestCsv:
         assert 'set [input] comment = "#", or skip_rows' in reason(tmp_path)
         assert (read(tmp_path, comment="#").output == a_day(DAY)[3]).all()
 
-    def test_ragged_rows(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("at", "row", "reason_part"),
+        [
+            (99, lambda row: row[:3], "line 101: 3 fields where the header has 4"),
+            (99, lambda row: [*row, "7"], "line 101: 5 fields where the header has 4"),
+            (slice(None), lambda row: [*row, ""], "line 2: 5 fields where the header has 4"),
+            (5, lambda row: ["yesterday", *row[1:]], "line 7: 'yesterday' is no time of ISO 8601"),
+            (5, lambda row: [row[0][:19], *row[1:]], "line 7: its time has no offset, unlike line 2's"),
+        ],
+    )
+    def test_ragged_rows(self, tmp_path, at, row, reason_part):
         lines = rows()
-        lines[99] = lines[99][:3]
-        assert "line 101: 3 fields where the header has 4" in reason(put(tmp_path, lines))
-        lines[99] = [*rows()[99], "7"]
-        assert "line 101: 5 fields where the header has 4" in reason(put(tmp_path, lines))
-
-    def test_every_row_with_a_trailing_separator(self, tmp_path):
-        assert "line 2: 5 fields where the header has 4" in reason(put(tmp_path, [[*r, ""] for r in rows()]))
+        lines[at] = [row(line) for line in lines] if isinstance(at, slice) else row(lines[at])
+        assert reason_part in reason(put(tmp_path, lines))
 
     def test_columns_missing_doubled_and_misspelt(self, tmp_path):
         put(tmp_path, rows(), head="time,u_qi,u_Qo,h_L")
@@ -244,16 +247,6 @@ class TestCsv:
         assert "2 columns are named 'u_Qi': expected one" in reason(tmp_path)
         put(tmp_path, [[r[0], r[1], r[3]] for r in rows()], head="time,u_Qi,h_L")
         assert 'Set [input] u_Qo to the log\'s own name or "" where it is not logged' in reason(tmp_path)
-
-    def test_times_that_are_none(self, tmp_path):
-        lines = rows()
-        lines[5][0] = "yesterday"
-        assert "line 7: 'yesterday' is no time of ISO 8601" in reason(put(tmp_path, lines))
-
-    def test_times_with_and_without_offset(self, tmp_path):
-        lines = rows()
-        lines[5][0] = lines[5][0][:19]
-        assert "line 7: its time has no offset, unlike line 2's" in reason(put(tmp_path, lines))
 
     @pytest.mark.parametrize(
         "content", [b"", b"\n", b"\r\n\r\n", HEAD.encode(), HEAD.encode() + b"\n", b"\0" * 5000]
@@ -274,24 +267,19 @@ class TestGzip:
         path.write_bytes(gzip.compress(text_of(DAY).encode()))
         return path
 
-    def test_it_is_read(self, path):
-        assert (read(path.parent).output == a_day(DAY)[3]).all()
-
     def test_cut_off(self, path):
         content = path.read_bytes()
+        assert (read(path.parent).output == a_day(DAY)[3]).all()
         for end in (0, 3, 12, len(content) // 2, len(content) - 1):
             path.write_bytes(content[:end])
             assert path.name in reason(path.parent)
 
-    def test_flipped_bytes(self, path):
+    def test_flipped_bytes_and_no_gzip_at_all(self, path):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
-        path.write_bytes(content)
-        assert "is not a sound gzip file" in reason(path.parent)
-
-    def test_not_gzip_at_all(self, path):
-        path.write_bytes(text_of(DAY).encode())
-        assert "is not a sound gzip file" in reason(path.parent)
+        for damaged in (bytes(content), text_of(DAY).encode()):
+            path.write_bytes(damaged)
+            assert "is not a sound gzip file" in reason(path.parent)
 
     def test_a_bomb_is_refused_while_it_unpacks(self, path):
         packer = zlib.compressobj(9, zlib.DEFLATED, 31)
@@ -328,28 +316,25 @@ class TestNamesAndLinks:
     def test_a_link_out_of_the_root(self, logs):
         (logs / "2008-03-11.csv").symlink_to(logs.parent / "elsewhere.csv")
         (logs / "2008-03-12.csv").symlink_to("../elsewhere.csv")
-        assert all("leads out of the directory" in why for why in self.bad(logs).values())
-        assert len(self.bad(logs)) == 2
+        bad = self.bad(logs).values()
+        assert len(bad) == 2 and all("leads out of the directory" in why for why in bad)
 
-    def test_a_link_within_the_root_is_read(self, logs):
+    def test_a_link_within_the_root_and_a_linked_root_are_read(self, logs):
         (logs / "kept").mkdir()
         (logs / "kept" / "x.csv").write_text(text(rows(DAY)))
         (logs / "2008-03-11.csv").symlink_to(logs / "kept" / "x.csv")
-        assert len(find_days(logs, config()).days) == 2
-
-    def test_a_linked_root_is_a_root(self, logs):
         (logs.parent / "link").symlink_to(logs)
-        assert len(find_days(logs.parent / "link", config()).days) == 1
+        for root in (logs, logs.parent / "link"):
+            assert len(find_days(root, config()).days) == 2
 
-    def test_loops_and_broken_links(self, logs):
+    def test_loops_broken_links_and_pipes(self, logs):
         (logs / "a.csv").symlink_to("b.csv")
         (logs / "b.csv").symlink_to("a.csv")
         (logs / "2008-03-11.csv").symlink_to("nowhere")
-        assert set(self.bad(logs)) == {"a.csv", "b.csv", "2008-03-11.csv"}
-
-    def test_a_pipe_does_not_hang_the_run(self, logs):
-        os.mkfifo(logs / "2008-03-11.csv")
-        assert self.bad(logs) == {"2008-03-11.csv": "is not a regular file"}
+        os.mkfifo(logs / "2008-03-12.csv")
+        bad = self.bad(logs)
+        assert set(bad) == {"a.csv", "b.csv", "2008-03-11.csv", "2008-03-12.csv"}
+        assert bad["2008-03-12.csv"] == "is not a regular file"
 
     def test_names_that_are_no_dates(self, logs):
         (logs / "2008-13-45.csv").write_text(text_of(DAY))
@@ -415,59 +400,28 @@ def test_one_bad_file_of_many_loses_nothing_else(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given",
+    ("given", "reason_part"),
     [
-        {"encoding": "no-such"},
-        {"encoding": "rot13"},
-        {"encoding": "zlib"},
-        {"separator": ";;"},
-        {"separator": "\n"},
-        {"separator": "5"},
-        {"decimal": ",", "thousands": ","},
-        {"time": ""},
-        {"u_Qi": []},
-        {"time_zone": "../../etc/passwd"},
-        {"time_zone": "Mars/Olympus"},
-        {"skip_rows": 10**9},
-        {"max_gap": float("nan")},
-        {"colour": "blue"},
-        {"h_L": ""},
-        {"h_L": []},
-        {"Q_L": ""},
-        {"u_Qo": []},
-        {"u_Qo": ["a", ""]},
-        {"u_Qo": ["a", "b", "a"]},
-        {"u_Qi": "h_L"},
-        {"u_Qi": ["a", "stage"], "h_L": "stage"},
-        {"u_Qi": "q", "u_Qo": "q"},
-        {"h_L": "time"},
-        {"time_format": "%Q"},
-        {"time_format": "%d/%m %H:%M"},
-        {"time_format": "%Y-%m-%d %I:%M"},
-        {"time_format": "%s"},
-        {"time_format": "\ud800"},
-    ],
-)
-def test_hostile_declarations_are_refused_in_one_line(given):
-    with pytest.raises(ConfigError) as caught:
-        config(**given)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"h_L": ""}, 'a reach without level is [reach] kind = "river"'),
-        ({"u_Qo": []}, 'or "" where the outflow is not logged'),
-        ({"u_Qo": ["a", "a"]}, "a column occurs twice in u_Qo = ['a', 'a']"),
-        ({"u_Qi": "stage", "h_L": "stage"}, "column 'stage' stands for u_Qi and for h_L"),
+        ({"encoding": "no-such"}, "encoding"), ({"encoding": "rot13"}, "encoding"),
+        ({"separator": ";;"}, "separator"), ({"separator": "\n"}, "separator"),
+        ({"separator": "5"}, "separator"),
+        ({"decimal": ",", "thousands": ","}, "thousands"), ({"skip_rows": 10**9}, "skip_rows"),
+        ({"time_zone": "../../etc/passwd"}, "time_zone"), ({"time_zone": "Mars/Olympus"}, "time_zone"),
+        ({"max_gap": float("nan")}, "max_gap"), ({"colour": "blue"}, "colour"), ({"time": ""}, "time"),
+        ({"u_Qi": []}, "u_Qi"), ({"h_L": ""}, 'a reach without level is [reach] kind = "river"'),
+        ({"h_L": []}, "h_L"), ({"Q_L": ""}, "Q_L"), ({"u_Qo": []}, 'or "" where the outflow is not logged'),
+        ({"u_Qo": ["a", ""]}, "u_Qo"), ({"u_Qo": ["a", "a"]}, "a column occurs twice in u_Qo = ['a', 'a']"),
+        ({"u_Qi": "h_L"}, "h_L"), ({"h_L": "time"}, "time"), ({"u_Qi": "q", "u_Qo": "q"}, "column 'q'"),
+        ({"u_Qi": ["a", "b"], "h_L": "b"}, "column 'b' stands for u_Qi and for h_L"),
         ({"time_format": "%Q"}, "'Q' is a bad directive in format '%Q'"),
+        ({"time_format": "%d/%m %H:%M"}, "time_format"), ({"time_format": "%Y-%m-%d %I:%M"}, "time_format"),
+        ({"time_format": "\ud800"}, "time_format"),
     ],
-)
-def test_a_refused_declaration_says_what_to_declare(given, said):
+)  # fmt: skip
+def test_hostile_declarations_are_refused_in_one_line(given, reason_part):
     with pytest.raises(ConfigError) as caught:
         config(**given)
-    assert said in str(caught.value)
+    assert "\n" not in str(caught.value) and reason_part in str(caught.value)
 
 
 def test_roles_that_the_reach_has_not_may_name_anything():
