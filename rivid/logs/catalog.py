@@ -19,17 +19,11 @@ from rivid.types import ONE_DAY
 
 @dataclass(frozen=True)
 class Part:
-    """The part of one file that is of one day.
+    """The part of one file that is of one day."""
 
-    Attributes
-    ----------
-    path : str
-        Relative to the root, with ``/``.
-    digest : str
-        SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many days.
-    """
-
-    path: str
+    path: str  # relative to the root, with ``/``
+    # SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many
+    # days
     digest: str
 
     @property
@@ -52,30 +46,19 @@ class DaySource:
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is known of a file; stored, so that it is not hashed and opened again.
+    """What is known of a file; stored, so that it is not hashed and opened again."""
 
-    Attributes
-    ----------
-    size, mtime_ns, ctime_ns : int
-        A file whose size, modification time and change time are the same is not hashed again. The change
-        time cannot be set: it finds a file whose modification time was restored.
-    digest : str
-        SHA-256 (hex) of the file.
-    days : tuple of (str, str), or None
-        Of a file of many days: ISO date and digest of each. Empty for a day's file that holds no more
-        than the row at its midnight.
-    settings : str
-        Digest of the settings that this was found with.
-    edges : tuple of str
-        Of `days`, those of which the file holds no more than the row at one of their midnights.
-    """
-
+    # a file whose size, modification time and change time are the same is not hashed again. The change
+    # time cannot be set: it finds a file whose modification time was restored
     size: int
     mtime_ns: int
     ctime_ns: int
-    digest: str
+    digest: str  # SHA-256 (hex) of the file
+    # of a file of many days: ISO date and digest of each. Empty for a day's file that holds no more
+    # than the row at its midnight
     days: tuple[tuple[str, str], ...] | None = None
-    settings: str = ""
+    settings: str = ""  # digest of the settings that this was found with
+    # of `days`, those of which the file holds no more than the row at one of their midnights
     edges: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:

@@ -26,65 +26,31 @@ class ColumnError(UndeclaredError):
 
 
 class Fault(NamedTuple):
-    """What makes a row, or the day of a time, unusable.
+    """What makes a row, or the day of a time, unusable."""
 
-    Attributes
-    ----------
-    at : int
-        Number of usable rows before it, or its time [us].
-    text : str
-        Where it is, what is wrong, and what to do.
-    cut : bool
-        Whether it is the end of a log that is still being written, or was cut off.
-    """
-
-    at: int
-    text: str
-    cut: bool = False
+    at: int  # number of usable rows before it, or its time [us]
+    text: str  # where it is, what is wrong, and what to do
+    cut: bool = False  # whether it is the end of a log that is still being written, or was cut off
 
 
 @dataclass(frozen=True)
 class Columns:
-    """The required columns of a log, in the order of its rows.
+    """The required columns of a log, in the order of its rows."""
 
-    Attributes
-    ----------
-    times : ndarray, (n,)
-        [us]: of UTC where `aware`, else of the local clock.
-    aware : bool
-        Whether the times carry offsets.
-    offset : int or None
-        The one offset of all times [s]; None where they are many, or unaware.
-    numbers : dict of ndarray, (n,)
-        Per column of the log, in its unit; NaN where nothing is measured.
-    lines : ndarray, (n,), or None
-        Line of each row; None where rows are consecutive from `first_line`.
-    bad : list of Fault
-        Rows that cannot be used.
-    dropped : dict of list of int
-        Per kind of row that was left out on purpose: number of usable rows before each.
-    zone : str or None
-        Name of the zone that the log itself states (Parquet can).
-    unit : str
-        "line" or "row", for messages.
-    why : dict of dict
-        Per column: of rows without a number, the status text, or the flag after :data:`FLAG`.
-    flags : Counter
-        Flags for which values were dropped.
-    """
-
-    times: Ints
-    aware: bool
-    offset: int | None
-    numbers: dict[str, Floats]
+    times: Ints  # (n,) [us]: of UTC where `aware`, else of the local clock
+    aware: bool  # whether the times carry offsets
+    offset: int | None  # the one offset of all times [s]; None where they are many, or unaware
+    numbers: dict[str, Floats]  # (n,) per column of the log, in its unit; NaN where nothing is measured
     first_line: int = 1
-    lines: Ints | None = None
-    bad: list[Fault] = field(default_factory=list)
+    lines: Ints | None = None  # (n,) line of each row; None where rows are consecutive from `first_line`
+    bad: list[Fault] = field(default_factory=list)  # rows that cannot be used
+    # per kind of row that was left out on purpose: number of usable rows before each
     dropped: dict[str, list[int]] = field(default_factory=dict)
-    zone: str | None = None
-    unit: str = "line"
+    zone: str | None = None  # name of the zone that the log itself states (Parquet can)
+    unit: str = "line"  # "line" or "row", for messages
+    # per column: of rows without a number, the status text, or the flag after :data:`FLAG`
     why: dict[str, dict[int, str]] = field(default_factory=dict)
-    flags: Counter[str] = field(default_factory=Counter)
+    flags: Counter[str] = field(default_factory=Counter)  # flags for which values were dropped
 
     def place(self, row: int) -> str:
         """Where a row is in its file."""
@@ -93,54 +59,25 @@ class Columns:
 
 @dataclass
 class Table:
-    """A file, read.
+    """A file, read."""
 
-    Attributes
-    ----------
-    parts : list of Columns
-        One of the wide layout, one per tag of the long; empty where no row can be used.
-    lacking : str
-        The reason where `parts` is empty.
-    rows : int
-        Rows of data, usable or not; without headers, comments and empty lines.
-    comments, headers, empty, footers : int
-        Lines that hold no data, and headers beyond the first.
-    others : Counter
-        Rows of tags that are not read.
-    units : dict of str
-        Unit of each source, as the file states it.
-    cells : dict of set, or None
-        Different texts of each column that is not read; None where these are many.
-    name : str
-        File name for messages.
-    digest : str
-        SHA-256 of the file.
-    """
-
-    parts: list[Columns]
-    lacking: str = ""
-    rows: int = 0
-    comments: int = 0
+    parts: list[Columns]  # one of the wide layout, one per tag of the long; empty where no row can be used
+    lacking: str = ""  # the reason where `parts` is empty
+    rows: int = 0  # rows of data, usable or not; without headers, comments and empty lines
+    comments: int = 0  # lines that hold no data, and headers beyond the first
     headers: int = 0
     empty: int = 0
     footers: int = 0
-    others: Counter[str] = field(default_factory=Counter)
-    units: dict[str, str] = field(default_factory=dict)
+    others: Counter[str] = field(default_factory=Counter)  # rows of tags that are not read
+    units: dict[str, str] = field(default_factory=dict)  # unit of each source, as the file states it
+    # different texts of each column that is not read; None where these are many
     cells: dict[str, set[str] | None] = field(default_factory=dict)
-    name: str = ""
-    digest: str = ""
+    name: str = ""  # file name for messages
+    digest: str = ""  # SHA-256 of the file
 
 
 class NumberReader:
-    """Reads numbers in texts exactly as declared.
-
-    Parameters
-    ----------
-    missing : iterable of str
-        Texts of values that are not measured.
-    decimal, thousands : str
-        Marks; an empty `thousands` allows none.
-    """
+    """Reads numbers in texts exactly as declared: texts of `missing` values and marks."""
 
     def __init__(self, missing: Iterable[str], decimal: str = ".", thousands: str = "") -> None:
         self.missing = frozenset(missing)
@@ -191,23 +128,9 @@ def _patterns(decimal: str, thousands: str) -> tuple[re.Pattern[str], re.Pattern
 def check_names(
     names: Sequence[str], spec: Spec, where: str, header: str = "", *, some: bool = False
 ) -> None:
-    """Refuse a log in which a required column is missing or doubled.
+    """Raise ColumnError, with the nearest name, where a required column is missing or doubled.
 
-    Parameters
-    ----------
-    names : sequence of str
-    spec : Spec
-    where : str
-        The header's place, for messages.
-    header : str
-        Its text.
-    some : bool
-        Whether some of the sources, and the flags of these, are enough: others are in another file.
-
-    Raises
-    ------
-    ColumnError
-        Names the nearest column.
+    With `some`, some of the sources and their flags are enough: others are in another file.
     """
     given = spec.input
     wanted = [(column, "time") for column in spec.time]

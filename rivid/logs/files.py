@@ -69,20 +69,9 @@ def shown(name: str) -> str:
 
 
 def read_bytes(path: Path, name: str, limits: Limits) -> tuple[bytes, str]:
-    """The unpacked content of a log and the SHA-256 of its file.
+    """The unpacked content of a log and the SHA-256 of its file; DataError if it is unreadable or too large.
 
-    Parameters
-    ----------
-    path : Path
-    name : str
-        File name for messages.
-    limits : Limits
-
-    Raises
-    ------
-    DataError
-        For a file that is too large, packed or unpacked, or that cannot be read; CutError for one that
-        ends too early.
+    CutError for a packed file that ends too early.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
@@ -121,12 +110,7 @@ def _in_chunks(file: BinaryIO | io.FileIO | gzip.GzipFile, chunk: int, most: int
 
 
 def refuse_size(name: str, size: int, limits: Limits) -> None:
-    """Refuse a file by its size, before it is read.
-
-    Raises
-    ------
-    DataError
-    """
+    """Raise DataError for a file that is too large, before it is read."""
     if size > limits.bytes:
         raise DataError(
             f"{name} is too large for a log: {size / 2**20:.0f} MB (limit {limits.bytes >> 20} MB, unpacked)"
@@ -134,11 +118,6 @@ def refuse_size(name: str, size: int, limits: Limits) -> None:
 
 
 def refuse_rows(name: str, rows: int, limits: Limits) -> None:
-    """Refuse a file by its number of rows, before they are unpacked.
-
-    Raises
-    ------
-    DataError
-    """
+    """Raise DataError for too many rows, before they are unpacked."""
     if rows > limits.rows:
         raise DataError(f"{name} has too many rows for a log: {rows:,} (limit {limits.rows:,})")

@@ -23,23 +23,12 @@ class TrailingGap(DataError):
 
 @dataclass(frozen=True)
 class Grid:
-    """Regular instants of consecutive local days.
+    """Regular instants of consecutive local days."""
 
-    Attributes
-    ----------
-    start, end : int
-        First local midnight and the one after the last day [us UTC].
-    times : ndarray, (N,)
-        ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC].
-    zone : tzinfo
-        For messages.
-    n_days : int
-    """
-
-    start: int
+    start: int  # first local midnight and the one after the last day [us UTC]
     end: int
-    times: Ints
-    zone: dt.tzinfo
+    times: Ints  # (N,) ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC]
+    zone: dt.tzinfo  # for messages
     n_days: int
 
 
@@ -59,26 +48,9 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int 
 def on_grid(
     times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec
 ) -> tuple[Floats, Bools | None]:
-    """One column on the grid.
+    """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged (None: nowhere).
 
-    Parameters
-    ----------
-    times, values : ndarray, (n,)
-        Ascending times [us UTC] and what is there.
-    grid : Grid
-    signal : Signal
-    spec : Spec
-
-    Returns
-    -------
-    samples : ndarray, (N,)
-    filled : ndarray, (N,), or None
-        Where a gap was bridged; None: nowhere.
-
-    Raises
-    ------
-    DataError
-        For a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
+    Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
     if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
@@ -124,12 +96,7 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
 
 
 def refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
-    """Refuse a column whose stamps were moved by T_s where its intervals are others: it decides d.
-
-    Raises
-    ------
-    DataError
-    """
+    """Raise DataError where stamps were moved by T_s but the intervals differ: the shift decides d."""
     usual = int(np.median(np.diff(times))) if len(times) > 2 else signal.spacing
     if abs(usual - signal.spacing) > max(UNLIKE * signal.spacing, spec.tolerance):
         raise DataError(
@@ -144,12 +111,7 @@ def _declare(signal: Signal, usual: int) -> str:
 
 
 def refuse_filled(filled: Bools, series: dict[str, tuple[Ints, Floats]], spec: Spec) -> None:
-    """Refuse a data set of which too much was bridged.
-
-    Raises
-    ------
-    DataError
-    """
+    """Raise DataError for a data set of which too much was bridged."""
     share = float(filled.mean())
     if share <= spec.input.max_filled:
         return

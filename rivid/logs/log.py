@@ -46,35 +46,16 @@ KEPT_FILES, KEPT_ROWS = 40, 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log file, read.
+    """A log file, read."""
 
-    Attributes
-    ----------
-    name : str
-        File name for messages.
-    spec : Spec
-    zone : tzinfo
-        Of the local days.
-    times : ndarray, (n,)
-        Distinct times of its rows, ascending [us UTC].
-    values : dict of ndarray, (n,)
-        Per canonical column, m3/s or m; NaN where nothing is measured.
-    faults : tuple of Fault
-        In order of time.
-    events : dict of ndarray
-        Times [us], ascending, of what was masked, dropped or sorted, per kind.
-    digest : str
-        SHA-256 of the file.
-    """
-
-    name: str
+    name: str  # file name for messages
     spec: Spec
-    zone: dt.tzinfo
-    times: Ints
-    values: dict[str, Floats]
-    faults: tuple[Fault, ...]
-    events: dict[str, Ints]
-    digest: str
+    zone: dt.tzinfo  # of the local days
+    times: Ints  # (n,) distinct times of its rows, ascending [us UTC]
+    values: dict[str, Floats]  # (n,) per canonical column, m3/s or m; NaN where nothing is measured
+    faults: tuple[Fault, ...]  # in order of time
+    events: dict[str, Ints]  # times [us], ascending, of what was masked, dropped or sorted, per kind
+    digest: str  # SHA-256 of the file
 
     @cached_property
     def series(self) -> dict[str, tuple[Ints, Floats]]:
@@ -163,21 +144,10 @@ def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
 
 
 def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
-    """Read a log of one day or of many, or return it as read before.
+    """Read a log of one day or of many, or return it as read before, unless `fresh`.
 
-    Parameters
-    ----------
-    path : Path
-    name : str
-        File name for messages.
-    spec : Spec
-    fresh : bool
-        Read it in any case: within the clock's tick a changed file may look unchanged.
-
-    Raises
-    ------
-    DataError
-        Where nothing of the file can be used; CutError where it ends too early.
+    `fresh` reads in any case: within the clock's tick a changed file may look unchanged. Raises DataError
+    where nothing of the file can be used; CutError where it ends too early.
     """
     try:
         status = path.stat()
@@ -199,23 +169,9 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
 def read_table(path: Path, name: str, spec: Spec, limits: Limits, *, export: bool = False) -> Table:
     """Read a file: text or Parquet, wide or long.
 
-    Parameters
-    ----------
-    path : Path
-    name : str
-        File name for messages.
-    spec : Spec
-    limits : Limits
-    export : bool
-        Whether the columns that are not read matter too, and some of the sources are enough. An export may
-        have any suffix; a log has that of its kind.
-
-    Raises
-    ------
-    UndeclaredError
-        Where it is not as declared; the message gives the key to set.
-    DataError
-        Where nothing of the file can be used; CutError where it ends too early.
+    With `export`, the columns that are not read matter too, some of the sources are enough, and any suffix is
+    allowed. Raises UndeclaredError where the file is not as declared, DataError where nothing of it can be
+    used, CutError where it ends too early.
     """
     content, digest = read_bytes(path, name, limits)
     stem = stem_of(path.name)
@@ -253,13 +209,7 @@ def _read_text(content: bytes, header: Header, spec: Spec, name: str, stem: str,
 
 
 def make_log(table: Table, spec: Spec) -> Log:
-    """Bring the columns of a file to UTC, SI units and order.
-
-    Raises
-    ------
-    DataError
-        Where no row can be used at all, or the zone of local days is not known.
-    """
+    """Bring the columns to UTC, SI units and order; DataError without any row or zone of local days."""
     if not table.parts:
         raise DataError(f"{table.name}, {table.lacking}")
     (columns,) = table.parts
@@ -299,13 +249,7 @@ def make_log(table: Table, spec: Spec) -> Log:
 
 
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
-    """The zone whose midnight begins a day.
-
-    Raises
-    ------
-    UndeclaredError
-        Where neither the log nor the configuration states it.
-    """
+    """The zone whose midnight begins a day; UndeclaredError where neither log nor configuration states it."""
     if spec.input.time_zone:
         return zone_named(spec.input.time_zone)
     example = 'for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles"'
@@ -408,18 +352,7 @@ def may_hold(values: Floats) -> bool:
 
 
 def sentinels_in(values: Floats) -> list[float]:
-    """Well-known sentinels among the values of a column that lie far from all the others.
-
-    Parameters
-    ----------
-    values : ndarray, (n,)
-        Of one day, in the log's unit; NaN where nothing is there.
-
-    Returns
-    -------
-    list of float
-        Ascending.
-    """
+    """Well-known sentinels, ascending, among values (n,) of a day, far from all others; NaN is no value."""
     known = np.isin(values, SENTINELS)
     if not known.any():
         return []
@@ -439,22 +372,7 @@ def _is_far(sentinel: float, others: Floats) -> bool:
 
 
 def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
-    """Days with numbers that can only mean "not measured", and how to declare them.
-
-    Parameters
-    ----------
-    columns : Columns
-    times : ndarray, (n,)
-        Of its rows [us UTC].
-    spec : Spec
-    zone : tzinfo
-        Of the local days.
-
-    Returns
-    -------
-    list of Fault
-        At the first such row of each day.
-    """
+    """A fault for each day with undeclared sentinels, at its first such row; times (n,) [us UTC]."""
     many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
     given, found = spec.input, []
     for source in spec.sources:

@@ -16,58 +16,28 @@ ON_TIME = 0.01
 
 @dataclass(frozen=True)
 class Signal:
-    """One canonical column and the columns of the log it is the sum of.
+    """One canonical column and the columns of the log it is the sum of."""
 
-    Attributes
-    ----------
-    name : str
-        u_Qi, u_Qo, h_L or Q_L.
-    sources : tuple of str
-        Columns of the log.
-    factor : float
-        From the log's unit to m3/s or m.
-    shift : int
-        Subtracted from its times [us]: the interval where the stamp is at its end.
-    spacing : int
-        Expected time between two values [us].
-    held : bool
-        A command holds until the next one; a measured quantity is interpolated.
-    supposed : bool
-        Whether the shift is T_s only because no interval is declared: the log must then come every T_s.
-    hold : int
-        Longest time that a value logged by exception holds [us]; 0: values are logged regularly.
-    """
-
-    name: str
-    sources: tuple[str, ...]
-    factor: float
-    shift: int
-    spacing: int
-    held: bool
+    name: str  # u_Qi, u_Qo, h_L or Q_L
+    sources: tuple[str, ...]  # columns of the log
+    factor: float  # from the log's unit to m3/s or m
+    shift: int  # subtracted from its times [us]: the interval where the stamp is at its end
+    spacing: int  # expected time between two values [us]
+    held: bool  # a command holds until the next one; a measured quantity is interpolated
+    # whether the shift is T_s only because no interval is declared: the log must then come every T_s
     supposed: bool = False
-    hold: int = 0
+    hold: int = 0  # longest time that a value logged by exception holds [us]; 0: values are logged regularly
 
 
 @dataclass(frozen=True)
 class Spec:
-    """All that reading a log needs; equal specifications read a file alike.
-
-    Attributes
-    ----------
-    input : InputConfig
-    signals : tuple of Signal
-    output : str
-        The canonical column of the output, h_L or Q_L.
-    period : float
-        T_s [s].
-    period_set : bool
-        Whether `[reach] sample_time` is declared; for messages only.
-    """
+    """All that reading a log needs; equal specifications read a file alike."""
 
     input: InputConfig
     signals: tuple[Signal, ...]
-    output: str
-    period: float
+    output: str  # the canonical column of the output, h_L or Q_L
+    period: float  # T_s [s]
+    # whether `[reach] sample_time` is declared; for messages only
     period_set: bool = field(default=True, repr=False, compare=False)
 
     def __hash__(self) -> int:
@@ -147,13 +117,7 @@ _last: tuple[Config, Spec] | None = None
 
 
 def spec_of(config: Config) -> Spec:
-    """The specification in `config`. The last one is kept: a batch needs the same one for each day.
-
-    Raises
-    ------
-    ConfigError
-        Where the columns of flags do not match the columns of values.
-    """
+    """The specification in `config`, kept for the next call; ConfigError if flags do not match columns."""
     global _last
     if _last is None or _last[0] is not config:
         _last = (config, _build(config))

@@ -62,13 +62,7 @@ def unmarked_utf16(content: bytes) -> str:
 
 
 def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
-    """The text in UTF-8 without a byte order mark.
-
-    Raises
-    ------
-    DataError
-        Where the bytes are not of the declared encoding, or no text at all.
-    """
+    """The text in UTF-8 without a byte order mark; DataError where it is not of the declared encoding."""
     for start, kind in _NO_TEXT.items():
         if content.startswith(start):
             raise DataError(f"{name} is {kind}")
@@ -88,20 +82,8 @@ def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
 def read_header(content: bytes, spec: Spec, name: str, *, some: bool = False) -> Header:
     """Read the names of the columns: below comments, of one row or several, or as declared.
 
-    Parameters
-    ----------
-    content : bytes
-        In UTF-8.
-    spec : Spec
-    name : str
-        File name for messages.
-    some : bool
-        Whether some of the required columns are enough, as others are in another file.
-
-    Raises
-    ------
-    ColumnError
-        Where a required column is missing or doubled.
+    `content` is UTF-8; with `some`, some of the required columns are enough. Raises ColumnError where one is
+    missing or doubled.
     """
     given = spec.input
     start, line, text = 0, given.skip_rows + 1, ""
@@ -163,26 +145,12 @@ def _end_of_line(content: bytes, start: int) -> int:
 def footer_lines(
     lines: Sequence[str], time_at: Sequence[int], separator: str, time_format: str | None, comment: str = ""
 ) -> list[int]:
-    """Which of the last lines hold no data: averages, "end of report".
+    """Indices, ascending, of the last lines that hold no data: averages, "end of report".
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Split at each line break: the last one is empty where the text ends with one.
-    time_at : sequence of int
-        Cells of the time.
-    separator : str
-    time_format : str or None
-        None is ISO 8601.
-    comment : str
-        Prefix of lines without data; empty for none.
-
-    Returns
-    -------
-    list of int
-        Ascending; without empty lines, rows of empty cells and comments. A line that has a time, or begins
-        like a date, is not one of them; nor is a last line that begins with a digit and has no line break: it
-        may be a damaged row. Empty where there are more than :data:`MOST_FOOTERS`.
+    `lines` are split at each line break (the last one is empty where the text ends with one); `time_at` are
+    the cells of the time. Empty lines, rows of empty cells and comments are left out. A line that has a time,
+    or begins like a date, is no footer; nor is a last line that begins with a digit and has no line break: it
+    may be a damaged row. Empty where there are more than :data:`MOST_FOOTERS`.
     """
     found: list[int] = []
     for at in range(len(lines) - 1, -1, -1):
@@ -229,25 +197,10 @@ def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
 def read_lines(
     content: bytes, header: Header, spec: Spec, name: str, stem: str = "", *, watch: bool = False
 ) -> Table:
-    """Read all lines below the header.
+    """Read all lines below the header of `content` in UTF-8; DataError for bytes that are not text.
 
-    Parameters
-    ----------
-    content : bytes
-        In UTF-8.
-    header : Header
-    spec : Spec
-    name : str
-        File name for messages.
-    stem : str
-        Tag of all rows of the long layout where neither a column nor a line holds it.
-    watch : bool
-        Whether to collect the texts of columns that are not read.
-
-    Raises
-    ------
-    DataError
-        For bytes that are not text.
+    `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
+    collects the texts of columns that are not read.
     """
     rows = RowReader(header.names, spec, stem, watch)
     try:
@@ -290,20 +243,7 @@ class _Rows:
 
 
 class RowReader:
-    """Reads rows one by one.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of the columns.
-    spec : Spec
-    stem : str
-        Tag of all rows of the long layout where neither a column nor a line holds it.
-    watch : bool
-        Whether to collect the texts of columns that are not read.
-    unit : str
-        "line" or "row", for messages.
-    """
+    """Reads rows one by one; `stem`, `watch` as of :func:`read_lines`, `unit` is "line" or "row"."""
 
     def __init__(
         self, names: tuple[str, ...], spec: Spec, stem: str, watch: bool, unit: str = "line"
@@ -502,13 +442,7 @@ class RowReader:
             self.refuse(number, f"{line[-40:]!r} is cut off: the log does not end with a line break", True)
 
     def table(self) -> Table:
-        """All rows as arrays.
-
-        Raises
-        ------
-        DataError
-            For a mix of times with and without offset.
-        """
+        """All rows as arrays; DataError for a mix of times with and without offset."""
         table = self.counts
         table.headers, table.empty = len(self.repeated), len(self.empty)
         table.cells = {self.names[i]: texts for i, texts in self.watched.items()}

@@ -61,22 +61,10 @@ def clock(time: int, zone: dt.tzinfo, with_date: bool = False) -> str:
 
 
 def to_utc(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tuple[int, str]]]:
-    """Times of a local clock as UTC.
+    """UTC (n,) [us] of local times (n,) [us since 1970 on that clock], and the refused rows with reasons.
 
-    Parameters
-    ----------
-    naive : ndarray, (n,)
-        Local times [us since 1970 on that clock], in the order of the log.
-    zone : tzinfo
-    ambiguous : {"error", "first", "second", "order"}
-        What to make of the hour that occurs twice. "order": its second turn begins where the log steps back.
-
-    Returns
-    -------
-    utc : ndarray, (n,)
-        [us].
-    refused : list of (int, str)
-        Rows whose time does not exist, or occurs twice and may not, and why.
+    `ambiguous` states which turn of the hour that occurs twice is meant: "error", "first", "second", or
+    "order": the second turn begins where the log steps back.
     """
     day = naive // _DAY
     days = np.unique(day)
@@ -140,19 +128,10 @@ def clock_turns_back(texts: Iterable[str], time_format: str | None, time_zone: s
 
 
 def read_text(text: str, time_format: str | None) -> tuple[int, int | None] | None:
-    """A time's text as (microseconds, offset).
+    """A time's text as (microseconds, offset [s]); None where it is no such time or in a year of no log.
 
-    Parameters
-    ----------
-    text : str
-    time_format : str or None
-        As of strptime; None for ISO 8601; "unix" or "unix_ms" for seconds or milliseconds of UTC.
-
-    Returns
-    -------
-    (int, int or None) or None
-        With an offset [s]: [us UTC]; without: [us] on the local clock. None where it is no such time, or a
-        year that no log is of. Hour 24:00 is the next day's 00:00.
+    With an offset the time is [us UTC], without (None) [us] on the local clock. `time_format` is that of
+    strptime, None for ISO 8601, "unix" or "unix_ms" for UTC. Hour 24:00 is the next day's 00:00.
     """
     text = text.strip()
     if time_format in UNIX:

@@ -100,17 +100,9 @@ def _names(days: Sequence[Day]) -> tuple[str, ...]:
 
 
 def rows_as_bytes(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo, format: Format) -> bytes:
-    """A log of rows at any times; the same bytes for the same rows.
+    """A log of rows at ascending times (n,) [us UTC] shown in `zone`; equal rows give equal bytes.
 
-    Parameters
-    ----------
-    times : ndarray, (n,)
-        Ascending [us UTC].
-    columns : mapping of str to ndarray, (n,)
-        Some of u_Qi, u_Qo, Q_L [m3/s], h_L [m]; NaN is written as an empty cell or null.
-    zone : tzinfo
-        Of the local clock that the log shows.
-    format : {"csv", "csv.gz", "parquet"}
+    Columns are some of u_Qi, u_Qo, Q_L [m3/s], h_L [m]; NaN is written as an empty cell or null.
     """
     names = [name for name in COLUMNS if name in columns]
     if format == "parquet":

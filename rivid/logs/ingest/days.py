@@ -21,23 +21,12 @@ Origins = list[tuple[Series, Ints]]
 
 @dataclass(frozen=True, eq=False)
 class Canonical:
-    """A canonical column, logged regularly.
-
-    Attributes
-    ----------
-    signal : Signal
-    times : ndarray, (n,)
-        From which the values count [us UTC]: the stamp's shift is subtracted.
-    values : ndarray, (n,)
-        [m3/s] or [m].
-    origins : list of (Series, ndarray)
-        Per source: the row of each value in it.
-    """
+    """A canonical column, logged regularly."""
 
     signal: Signal
-    times: Ints
-    values: Floats
-    origins: Origins
+    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted
+    values: Floats  # (n,) [m3/s] or [m]
+    origins: Origins  # per source: the row of each value in it
 
     @property
     def judged(self) -> Signal:
@@ -58,19 +47,11 @@ class Canonical:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A canonical column whose sources are logged when they change: sampled on the grid, held till then.
-
-    Attributes
-    ----------
-    signal : Signal
-    sources : list of Series
-    period : int
-        T_s [us].
-    """
+    """A canonical column whose sources are logged when they change: sampled on the grid, held till then."""
 
     signal: Signal
     sources: list[Series]
-    period: int
+    period: int  # T_s [us]
 
     @property
     def judged(self) -> Signal:
@@ -148,35 +129,16 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
 
 @dataclass(eq=False)
 class DayLog:
-    """A day, judged.
-
-    Attributes
-    ----------
-    date : date
-    status : str
-        "good", "refused" or "pending".
-    reason : str
-        Why it is not good.
-    times : ndarray, (n,)
-        Of its rows, ascending [us UTC].
-    columns : dict of ndarray, (n,)
-        Canonical columns; NaN where a row has no value of one.
-    origins : list of (Series, ndarray)
-        Rows of the sources that the values come from.
-    unsampled : list of (Series, ndarray)
-        Reports of the day, between its samples or sampled.
-    n_filled : int
-        Samples of the grid that lie in gaps.
-    """
+    """A day, judged."""
 
     date: dt.date
-    times: Ints
-    columns: dict[str, Floats]
-    origins: Origins
-    unsampled: Origins
-    status: str = "good"
-    reason: str = ""
-    n_filled: int = 0
+    times: Ints  # (n,) of its rows, ascending [us UTC]
+    columns: dict[str, Floats]  # (n,) canonical columns; NaN where a row has no value of one
+    origins: Origins  # rows of the sources that the values come from
+    unsampled: Origins  # reports of the day, between its samples or sampled
+    status: str = "good"  # "good", "refused" or "pending"
+    reason: str = ""  # why it is not good
+    n_filled: int = 0  # samples of the grid that lie in gaps
 
     def settle(self, fate: Fate) -> None:
         """Set the fate of the day's values."""
@@ -216,17 +178,7 @@ def dates_of(columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec
 def judge(
     date: dt.date, columns: Sequence[Canonical | Held], gathered: Gathered, spec: Spec, today: dt.date
 ) -> DayLog:
-    """The rows of a day, and whether `rivid run` could use them.
-
-    Parameters
-    ----------
-    date : date
-    columns : sequence of Canonical or Held
-    gathered : Gathered
-    spec : Spec
-    today : date
-        A log of this day, or a later one, may be unfinished.
-    """
+    """The rows of a day and their status for `rivid run`; a log of `today` or later may be unfinished."""
     grid = make_grid(*day_bounds(date, gathered.zone), spec.period, gathered.zone)
     parts = [column.of_day(grid, spec.tolerance) for column in columns]
     times = np.unique(np.concatenate([times for times, _, _ in parts]))

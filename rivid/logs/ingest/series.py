@@ -66,24 +66,12 @@ WORDS = {
 
 @dataclass(eq=False)
 class Series:
-    """A source: a column of the wide layout, a tag of the long.
-
-    Attributes
-    ----------
-    name : str
-    times : ndarray, (n,)
-        Ascending [us UTC]; some may repeat.
-    values : ndarray, (n,)
-        In the source's unit; NaN where the fate is a reason.
-    fates : ndarray, (n,)
-        :class:`Fate`; the caller sets what becomes of the days.
-    unsorted, unreadable : int
-    """
+    """A source: a column of the wide layout, a tag of the long."""
 
     name: str
-    times: Ints
-    values: Floats
-    fates: NDArray[np.int8]
+    times: Ints  # (n,) ascending [us UTC]; some may repeat
+    values: Floats  # (n,) in the source's unit; NaN where the fate is a reason
+    fates: NDArray[np.int8]  # (n,) :class:`Fate`; the caller sets what becomes of the days
     unsorted: int = 0
     unreadable: int = 0
 
@@ -98,15 +86,7 @@ class Gathered:
 
 
 def read_exports(paths: Sequence[Path], spec: Spec) -> list[Table]:
-    """Read all files; what none of them holds is reported before any work.
-
-    Raises
-    ------
-    UndeclaredError
-        Where they are not as declared; the message gives the key to set.
-    DataError
-        Where a file cannot be read.
-    """
+    """Read all files; UndeclaredError, before any work, for what none of them holds or declares."""
     tables = []
     for path in dict.fromkeys(paths):
         table = read_table(path, shown(path.name), spec, MANY, export=True)
@@ -162,13 +142,7 @@ def _refuse_units(table: Table, spec: Spec) -> None:
 
 
 def gather(tables: Sequence[Table], spec: Spec) -> Gathered:
-    """Join the files.
-
-    Raises
-    ------
-    UndeclaredError
-        Where the zone of local days is not known, or differs between files.
-    """
+    """Join the files; UndeclaredError where the zone of local days is unknown or differs between files."""
     zone = _one_zone(tables, spec)
     faults: list[Fault] = []
     pieces: dict[str, list[_Piece]] = {source: [] for source in spec.sources}
@@ -252,24 +226,13 @@ def _place(pieces: list[_Piece], row: int) -> str:
 
 @dataclass(frozen=True)
 class Ledger:
-    """The account of an ingest: values read = values used + values dropped, by reason.
+    """The account of an ingest: values read = values used + values dropped, by reason."""
 
-    Attributes
-    ----------
-    sources : dict of Counter
-        Per source, fates of its values; those of unreadable rows are counted once per source.
-    unsorted : dict of int
-        Per source, values behind a later one, which were sorted and not lost.
-    flags : Counter
-        Flags for which values were dropped.
-    files : list of dict
-        Counts of each file, as JSON holds them.
-    """
-
+    # per source, fates of its values; those of unreadable rows are counted once per source
     sources: dict[str, Counter[Fate]]
-    unsorted: dict[str, int]
-    flags: Counter[str]
-    files: list[dict[str, Any]]
+    unsorted: dict[str, int]  # per source, values behind a later one, which were sorted and not lost
+    flags: Counter[str]  # flags for which values were dropped
+    files: list[dict[str, Any]]  # counts of each file, as JSON holds them
 
     @property
     def reasons(self) -> list[Fate]:

@@ -254,13 +254,7 @@ def run_config_of(out: Path) -> Path:
 
 
 def config_for_logs(config: Config) -> str:
-    """A configuration, as TOML, for the logs made of exports: `[input]` keeps nothing of the exports' files.
-
-    Raises
-    ------
-    ConfigError
-        Where the rest of the configuration does not agree with that `[input]`.
-    """
+    """TOML for the written logs: `[input]` without the exports' keys; ConfigError if the rest disagrees."""
     raw = config.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     given = raw.pop("input", {})
     own = {key: given[key] for key in KEPT if key in given}

@@ -63,16 +63,7 @@ Questions = list[tuple[str, str]]
 
 
 def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> bool:
-    """Whether a column that is not read may flag doubtful values.
-
-    Parameters
-    ----------
-    column : str
-    texts : set of str, or None
-        Its different cells; None where these are many.
-    read : set of str
-        The columns of values.
-    """
+    """Whether a column outside `read` may hold flags; `texts` are its different cells, None for many."""
     if texts is None or texts <= {""} or is_unit_column(column):
         return False
     low = column.lower()
@@ -98,31 +89,15 @@ def _is_number(text: str) -> bool:
 
 @dataclass(frozen=True)
 class ColumnGuess:
-    """A column of numbers.
-
-    Attributes
-    ----------
-    name : str
-    role : str
-        u_Qi, u_Qo, h_L, "flow" for another discharge, or empty.
-    unit : str
-        As in `[input.units]`; empty where the log does not state it.
-    sentinels : tuple of float
-    texts : tuple of str
-        Texts of cells that hold no number.
-    every : int
-        Rows from one value to the next, usually.
-    sure : bool
-        Whether the name leaves no doubt that it is an inflow, or an outflow.
-    """
+    """A column of numbers."""
 
     name: str
-    role: str
-    unit: str
+    role: str  # u_Qi, u_Qo, h_L, "flow" for another discharge, or empty
+    unit: str  # as in `[input.units]`; empty where the log does not state it
     sentinels: tuple[float, ...]
-    texts: tuple[str, ...]
-    every: int
-    sure: bool = False
+    texts: tuple[str, ...]  # texts of cells that hold no number
+    every: int  # rows from one value to the next, usually
+    sure: bool = False  # whether the name leaves no doubt that it is an inflow, or an outflow
 
 
 def guess_marks(columns: Sequence[Sequence[str]]) -> tuple[str, str, str]:
@@ -202,27 +177,13 @@ NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Tagged:
-    """A table of the long layout.
+    """A table of the long layout."""
 
-    Attributes
-    ----------
-    tag : str
-        Column of the tags; empty where lines or the file's name hold them.
-    value : str
-        Column of the values.
-    cells : dict of list of str
-        Values by tag.
-    units : dict of str
-        By tag, where the file states them.
-    steps : dict of list of int
-        Between the values of each tag [us].
-    """
-
-    tag: str
-    value: str
-    cells: dict[str, list[str]]
-    units: dict[str, str]
-    steps: dict[str, list[int]]
+    tag: str  # column of the tags; empty where lines or the file's name hold them
+    value: str  # column of the values
+    cells: dict[str, list[str]]  # values by tag
+    units: dict[str, str]  # by tag, where the file states them
+    steps: dict[str, list[int]]  # between the values of each tag [us]
 
     def usual(self, tag: str) -> int:
         """The median step of a tag [us]; 0 where there is none."""
@@ -237,15 +198,7 @@ class Tagged:
 
 
 def by_tag(layout: Layout, time: TimeLayout, file: str) -> Tagged | None:
-    """The tags of a long table; None for a wide one.
-
-    Parameters
-    ----------
-    layout : Layout
-    time : TimeLayout
-    file : str
-        Its name: the tag of a table with one column that is called like a value.
-    """
+    """The tags of a long table; None for a wide one. `file` names the tag if no column does."""
     value_at = _value_column(layout, time)
     if value_at is None:
         return None
@@ -309,31 +262,15 @@ OFFSETS = {
 
 @dataclass(frozen=True)
 class Flags:
-    """Columns of flags and zones.
+    """Columns of flags and zones."""
 
-    Attributes
-    ----------
-    owned : dict of str
-        Column of flags by the column it belongs to.
-    of_row : str
-        The one column of flags for the whole row; may be empty.
-    good : list of str
-        Flags that are taken as good.
-    counted : str
-        All flags, with counts.
-    zone_column : str
-    zones : dict of str
-        Offset by zone.
-    doubtful : list of str
-        Columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored.
-    """
-
-    owned: dict[str, str] = field(default_factory=dict)
-    of_row: str = ""
-    good: list[str] = field(default_factory=list)
-    counted: str = ""
+    owned: dict[str, str] = field(default_factory=dict)  # column of flags by the column it belongs to
+    of_row: str = ""  # the one column of flags for the whole row; may be empty
+    good: list[str] = field(default_factory=list)  # flags that are taken as good
+    counted: str = ""  # all flags, with counts
     zone_column: str = ""
-    zones: dict[str, str] = field(default_factory=dict)
+    zones: dict[str, str] = field(default_factory=dict)  # offset by zone
+    # columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored
     doubtful: list[str] = field(default_factory=list)
 
     @property
@@ -343,15 +280,7 @@ class Flags:
 
 
 def find_flags(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Flags:
-    """Find flags and zones.
-
-    Parameters
-    ----------
-    layout : Layout
-    time : TimeLayout
-    tagged : Tagged or None
-        Of the long layout.
-    """
+    """Find columns of flags and zones."""
     values = {tagged.tag, tagged.value} if tagged else set()
     names = [n for i, n in enumerate(layout.names) if n and i not in time.columns and n not in values]
     cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
@@ -417,13 +346,9 @@ Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
-    """Which column is which; several columns of one site that leave or enter the reach are summed.
+    """Assign columns to roles; several of one site that leave or enter the reach are summed.
 
-    Parameters
-    ----------
-    columns : list of ColumnGuess
-    questions : Questions
-        Gets what names do not determine.
+    Appends to `questions` what the names do not determine.
     """
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
     levels = [c for c in columns if c.role == "h_L"]

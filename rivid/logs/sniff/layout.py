@@ -34,75 +34,35 @@ LONGEST_JUMP = 20 * 86_400 * 1_000_000
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is laid out.
-
-    Attributes
-    ----------
-    encoding, separator : str
-    skip_rows, unit_rows : int
-        Lines before the header, and after it before the data.
-    names, units : tuple of str
-        The header, and the first row of units; empty texts without one.
-    rows : list of list of str
-        Cells of the data.
-    comment : str
-        Prefix of lines without data; empty for none.
-    header_rows : int
-        Rows whose cells together make the names.
-    repeated : bool
-        Whether the header is repeated among the data.
-    blocks : list of str
-        The tag of each row of a ZRXP file, of which also:
-    zone : str
-        Zone of its clock, where stated.
-    missing : tuple of float
-        Numbers of values that are not measured.
-    block_units : dict of str
-        Units by tag.
-    """
+    """How a text file is laid out."""
 
     encoding: str
     separator: str
-    skip_rows: int
+    skip_rows: int  # lines before the header, and after it before the data
     unit_rows: int
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the header, and the first row of units; empty texts without one
     units: tuple[str, ...]
-    rows: list[list[str]]
-    comment: str = ""
-    header_rows: int = 1
-    repeated: bool = False
-    blocks: list[str] = field(default_factory=list)
-    zone: str = ""
-    missing: tuple[float, ...] = ()
-    block_units: dict[str, str] = field(default_factory=dict)
+    rows: list[list[str]]  # cells of the data
+    comment: str = ""  # prefix of lines without data; empty for none
+    header_rows: int = 1  # rows whose cells together make the names
+    repeated: bool = False  # whether the header is repeated among the data
+    blocks: list[str] = field(default_factory=list)  # the tag of each row of a ZRXP file, of which also:
+    zone: str = ""  # zone of its clock, where stated
+    missing: tuple[float, ...] = ()  # numbers of values that are not measured
+    block_units: dict[str, str] = field(default_factory=dict)  # units by tag
 
 
 @dataclass(frozen=True)
 class TimeLayout:
-    """Which columns hold the time, and in which format.
+    """Which columns hold the time, and in which format."""
 
-    Attributes
-    ----------
-    columns : tuple of int
-        One, or two: date and clock.
-    time_format : str or None
-        None is ISO 8601.
-    zoned : bool
-        Whether the times carry UTC offsets.
-    steps : list of int
-        Between rows [us].
-    others : tuple of str
-        Formats that mean other times and fit as well; then `time_format` is not decided.
-    doubt : str
-        The question that these leave; empty for none.
-    """
-
-    columns: tuple[int, ...]
-    time_format: str | None
-    zoned: bool
-    steps: list[int]
+    columns: tuple[int, ...]  # one, or two: date and clock
+    time_format: str | None  # none is ISO 8601
+    zoned: bool  # whether the times carry UTC offsets
+    steps: list[int]  # between rows [us]
+    # formats that mean other times and fit as well; then `time_format` is not decided
     others: tuple[str, ...] = ()
-    doubt: str = ""
+    doubt: str = ""  # the question that these leave; empty for none
 
 
 def guess_encoding(content: bytes) -> str:
@@ -123,13 +83,7 @@ def guess_encoding(content: bytes) -> str:
 
 
 def guess_layout(content: bytes, name: str) -> Layout:
-    """Lay out a text file.
-
-    Raises
-    ------
-    DataError
-        Where it is no table with a header.
-    """
+    """Lay out a text file; DataError where it is no table with a header."""
     encoding = guess_encoding(content)
     lines = LINE.split(content.decode(encoding, "replace").lstrip("\ufeff"))
     if zrxp := _zrxp(lines, encoding):
