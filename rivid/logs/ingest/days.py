@@ -9,7 +9,7 @@ import numpy as np
 from rivid.errors import DataError
 from rivid.logs.columns import Fault
 from rivid.logs.grid import Grid, TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
-from rivid.logs.ingest.series import Fate, Gathered, Series
+from rivid.logs.ingest.series import Gathered, Series, ValueStatus
 from rivid.logs.log import days_of
 from rivid.logs.spec import MICRO, Signal, Spec
 from rivid.logs.times import day_bounds
@@ -93,12 +93,12 @@ class Held:
 
 def _reports(series: Series) -> tuple[Ints, Ints]:
     """Reports in order of time: a flag, sentinel or status ends what was held before."""
-    rows = np.flatnonzero((series.fates != Fate.DUPLICATE) & (series.fates != Fate.TIME))
+    rows = np.flatnonzero((series.statuses != ValueStatus.DUPLICATE) & (series.statuses != ValueStatus.TIME))
     return series.times[rows], rows
 
 
 def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
-    """The canonical columns; fates of values that lack a partner in every sum are set."""
+    """The canonical columns; statuses of values that lack a partner in every sum are set."""
     matched = {name: np.zeros(len(s.times), bool) for name, s in series.items()}
     columns: list[Canonical | Held] = []
     for signal in spec.signals:
@@ -108,7 +108,7 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
             for part in parts:
                 matched[part.name][:] = True
             continue
-        rows = [np.flatnonzero(part.fates == Fate.USED) for part in parts]
+        rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
         common = parts[0].times[rows[0]]
         for part, there in zip(parts[1:], rows[1:], strict=True):
             common = np.intersect1d(common, part.times[there], assume_unique=True)
@@ -122,8 +122,8 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical | Held]:
         origins = list(zip(parts, kept, strict=True))
         columns.append(Canonical(signal, common - signal.shift, values, origins))
     for name, found in matched.items():
-        alone = ~found & (series[name].fates == Fate.USED)
-        series[name].fates[alone] = Fate.UNMATCHED
+        alone = ~found & (series[name].statuses == ValueStatus.USED)
+        series[name].statuses[alone] = ValueStatus.UNMATCHED
     return columns
 
 
@@ -140,13 +140,13 @@ class DayLog:
     reason: str = ""  # why it is not good
     n_filled: int = 0  # samples of the grid that lie in gaps
 
-    def settle(self, fate: Fate) -> None:
-        """Set the fate of the day's values."""
+    def settle(self, status: ValueStatus) -> None:
+        """Set the status of the day's values."""
         for series, rows in self.unsampled:
-            series.fates[rows[series.fates[rows] == Fate.OUTSIDE]] = Fate.BETWEEN
+            series.statuses[rows[series.statuses[rows] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
         for series, rows in self.origins:
-            series.fates[rows[series.fates[rows] != Fate.USED]] = (
-                fate  # one held into a second day stays used
+            series.statuses[rows[series.statuses[rows] != ValueStatus.USED]] = (
+                status  # one held into a second day stays used
             )
 
 

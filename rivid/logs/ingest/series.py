@@ -24,10 +24,10 @@ from rivid.types import Floats, Ints
 EMPTY = frozenset(InputConfig().missing)
 """Marks that no system writes for a state of its instruments."""
 _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
-"""A source in one file: name of the file, its columns, and the source's times [us UTC], values and fates."""
+"""A source in one file: file name, columns, times [us UTC], values and statuses."""
 
 
-class Fate(IntEnum):
+class ValueStatus(IntEnum):
     """What became of a value."""
 
     USED = 0
@@ -47,19 +47,19 @@ class Fate(IntEnum):
 
 
 WORDS = {
-    Fate.MISSING: "missing",
-    Fate.STATUS: "status text",
-    Fate.FLAG: "flag",
-    Fate.SENTINEL: "sentinel",
-    Fate.TIME: "ambiguous or impossible time",
-    Fate.DUPLICATE: "duplicate",
-    Fate.UNMATCHED: "part of a sum missing",
-    Fate.BETWEEN: "between samples",
-    Fate.REFUSED: "refused day",
-    Fate.PENDING: "unfinished day",
-    Fate.OUTSIDE: "not asked for",
-    Fate.STANDING: "other log in place",
-    Fate.UNREADABLE: "unreadable row",
+    ValueStatus.MISSING: "missing",
+    ValueStatus.STATUS: "status text",
+    ValueStatus.FLAG: "flag",
+    ValueStatus.SENTINEL: "sentinel",
+    ValueStatus.TIME: "ambiguous or impossible time",
+    ValueStatus.DUPLICATE: "duplicate",
+    ValueStatus.UNMATCHED: "part of a sum missing",
+    ValueStatus.BETWEEN: "between samples",
+    ValueStatus.REFUSED: "refused day",
+    ValueStatus.PENDING: "unfinished day",
+    ValueStatus.OUTSIDE: "not asked for",
+    ValueStatus.STANDING: "other log in place",
+    ValueStatus.UNREADABLE: "unreadable row",
 }
 """Reasons for values that are not used, as the table and the JSON name them."""
 
@@ -70,8 +70,8 @@ class Series:
 
     name: str
     times: Ints  # (n,) ascending [us UTC]; some may repeat
-    values: Floats  # (n,) in the source's unit; NaN where the fate is a reason
-    fates: NDArray[np.int8]  # (n,) :class:`Fate`; the caller sets what becomes of the days
+    values: Floats  # (n,) in the source's unit; NaN where the status is a reason
+    statuses: NDArray[np.int8]  # (n,) :class:`ValueStatus`; the caller sets what becomes of the days
     unsorted: int = 0
     unreadable: int = 0
 
@@ -158,7 +158,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> Gathered:
             faults += [Fault(*fault) for fault in dated]
             for name in columns.numbers:
                 piece = _piece(name, columns, times, table.name, spec)
-                piece[-1][rows] = Fate.TIME
+                piece[-1][rows] = ValueStatus.TIME
                 pieces[name].append(piece)
     series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
     return Gathered(zone, series, sorted(faults))
@@ -177,12 +177,18 @@ def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
 
 def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _Piece:
     values = columns.numbers[name]
-    fates = np.where(np.isfinite(values), Fate.USED, Fate.MISSING).astype(np.int8)
+    statuses = np.where(np.isfinite(values), ValueStatus.USED, ValueStatus.MISSING).astype(np.int8)
     for row, text in columns.why.get(name, {}).items():
-        fates[row] = Fate.FLAG if text.startswith(FLAG) else Fate.MISSING if text in EMPTY else Fate.STATUS
+        statuses[row] = (
+            ValueStatus.FLAG
+            if text.startswith(FLAG)
+            else ValueStatus.MISSING
+            if text in EMPTY
+            else ValueStatus.STATUS
+        )
     if spec.input.sentinels:
-        fates[np.isin(values, spec.input.sentinels)] = Fate.SENTINEL
-    return file, columns, times, np.where(fates == Fate.USED, values, np.nan), fates
+        statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
+    return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
 
 
 def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
@@ -198,12 +204,12 @@ def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[
 
 
 def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
-    _, all_columns, all_times, all_values, all_fates = zip(*pieces, strict=True)
-    times, values, fates = map(np.concatenate, (all_times, all_values, all_fates))
+    _, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    times, values, statuses = map(np.concatenate, (all_times, all_values, all_statuses))
     unsorted = sum(int((part < np.maximum.accumulate(part)).sum()) for part in all_times)
     order = np.argsort(times, kind="stable")
-    times, values, fates = times[order], values[order], fates[order]
-    there = np.flatnonzero(fates == Fate.USED)
+    times, values, statuses = times[order], values[order], statuses[order]
+    there = np.flatnonzero(statuses == ValueStatus.USED)
     again = np.flatnonzero(np.diff(times[there]) == 0) + 1
     for at in again.tolist():
         old, new = there[at - 1], there[at]
@@ -211,9 +217,9 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
             text = logged_twice(name, int(times[new]), zone, values[old], values[new])
             places = [_place(pieces, int(order[i])) for i in (new, old)]
             faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
-    fates[there[again]] = Fate.DUPLICATE
+    statuses[there[again]] = ValueStatus.DUPLICATE
     unreadable = sum(len(columns.bad) for columns in all_columns)
-    return Series(name, times, values, fates, unsorted, unreadable)
+    return Series(name, times, values, statuses, unsorted, unreadable)
 
 
 def _place(pieces: list[_Piece], row: int) -> str:
@@ -228,25 +234,25 @@ def _place(pieces: list[_Piece], row: int) -> str:
 class Ledger:
     """The account of an ingest: values read = values used + values dropped, by reason."""
 
-    # per source, fates of its values; those of unreadable rows are counted once per source
-    sources: dict[str, Counter[Fate]]
+    # per source, statuses of its values; those of unreadable rows are counted once per source
+    sources: dict[str, Counter[ValueStatus]]
     unsorted: dict[str, int]  # per source, values behind a later one, which were sorted and not lost
     flags: Counter[str]  # flags for which values were dropped
     files: list[dict[str, Any]]  # counts of each file, as JSON holds them
 
     @property
-    def reasons(self) -> list[Fate]:
+    def reasons(self) -> list[ValueStatus]:
         """Reasons that occur, in their order."""
-        return [fate for fate in WORDS if any(entry[fate] for entry in self.sources.values())]
+        return [status for status in WORDS if any(entry[status] for entry in self.sources.values())]
 
     def to_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         sources = {}
         for name, entry in self.sources.items():
-            dropped = {WORDS[fate]: entry[fate] for fate in WORDS if entry[fate]}
+            dropped = {WORDS[status]: entry[status] for status in WORDS if entry[status]}
             sources[name] = {
                 "read": entry.total(),
-                "used": entry[Fate.USED],
+                "used": entry[ValueStatus.USED],
                 "dropped": dropped,
                 "sorted": self.unsorted[name],
             }
@@ -258,8 +264,10 @@ class Ledger:
         widths = [max(len(name), 9) for name in names]
         yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
         rows: list[tuple[str, list[int]]] = [("read", [entry.total() for entry in self.sources.values()])]
-        rows += [(WORDS[fate], [entry[fate] for entry in self.sources.values()]) for fate in self.reasons]
-        rows.append(("used", [entry[Fate.USED] for entry in self.sources.values()]))
+        rows += [
+            (WORDS[status], [entry[status] for entry in self.sources.values()]) for status in self.reasons
+        ]
+        rows.append(("used", [entry[ValueStatus.USED] for entry in self.sources.values()]))
         if any(self.unsorted.values()):
             rows.append(("out of order, sorted", list(self.unsorted.values())))
         for word, counts in rows:
@@ -267,12 +275,14 @@ class Ledger:
 
 
 def ledger_of(tables: Sequence[Table], gathered: Gathered) -> Ledger:
-    """The account of the files, once the fates of all values are set."""
+    """The account of the files, once the statuses of all values are set."""
     sources = {}
     for name, series in gathered.series.items():
-        kinds, counts = np.unique(series.fates, return_counts=True)
-        entry = Counter({Fate(k): int(n) for k, n in zip(kinds.tolist(), counts.tolist(), strict=True)})
-        entry[Fate.UNREADABLE] += series.unreadable
+        kinds, counts = np.unique(series.statuses, return_counts=True)
+        entry = Counter(
+            {ValueStatus(k): int(n) for k, n in zip(kinds.tolist(), counts.tolist(), strict=True)}
+        )
+        entry[ValueStatus.UNREADABLE] += series.unreadable
         sources[name] = +entry
     flags: Counter[str] = Counter()
     files = []

@@ -17,7 +17,7 @@ from rivid.errors import ConfigError, NoDataError
 from rivid.logs.columns import Table, UndeclaredError
 from rivid.logs.files import SUFFIXES, is_day_file, shown, suffix_of
 from rivid.logs.ingest.days import DayLog, canonical, dates_of, judge
-from rivid.logs.ingest.series import Fate, Gathered, Ledger, gather, ledger_of, read_exports
+from rivid.logs.ingest.series import Gathered, Ledger, ValueStatus, gather, ledger_of, read_exports
 from rivid.logs.spec import spec_of
 from rivid.logs.write import Format, rows_as_bytes
 
@@ -144,7 +144,7 @@ def ingest(
         raise ConfigError(f"{error}{more}") from None
     columns = canonical(gathered.series, spec)
     for series in gathered.series.values():
-        series.fates[series.fates == Fate.USED] = Fate.OUTSIDE
+        series.statuses[series.statuses == ValueStatus.USED] = ValueStatus.OUTSIDE
     dates = [d for d in dates_of(columns, gathered, spec) if (first or d) <= d <= (last or d)]
     today = today or dt.datetime.now(gathered.zone).date()
     if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
@@ -169,9 +169,9 @@ def ingest(
 def _finish(
     day: DayLog, gathered: Gathered, out: Path, format: Format, *, force: bool, dry_run: bool
 ) -> DayResult:
-    """Write a good day, and set the fate of its values."""
+    """Write a good day, and set the status of its values."""
     if day.status != "good":
-        day.settle(Fate.REFUSED if day.status == "refused" else Fate.PENDING)
+        day.settle(ValueStatus.REFUSED if day.status == "refused" else ValueStatus.PENDING)
         return DayResult(day.date, day.status, day.reason)
     data, count = _bytes_of(day, gathered, format)
     path = out / f"{day.date}.{format}"
@@ -187,7 +187,7 @@ def _finish(
         reason = f"{name} is there and differs: --force writes it again"
         if name != path.name:
             reason = f"{name} is there already: take it away, or choose its --format"
-    day.settle(Fate.STANDING if status == "differs" else Fate.USED)
+    day.settle(ValueStatus.STANDING if status == "differs" else ValueStatus.USED)
     return DayResult(day.date, status, reason, name, count, day.n_filled)
 
 

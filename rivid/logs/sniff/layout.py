@@ -38,15 +38,15 @@ class Layout:
 
     encoding: str
     separator: str
-    skip_rows: int  # lines before the header, and after it before the data
-    unit_rows: int
-    names: tuple[str, ...]  # the header, and the first row of units; empty texts without one
-    units: tuple[str, ...]
+    skip_rows: int  # lines before the header
+    unit_rows: int  # lines between the header and the data
+    names: tuple[str, ...]  # the header
+    units: tuple[str, ...]  # the first row of units; empty texts without one
     rows: list[list[str]]  # cells of the data
     comment: str = ""  # prefix of lines without data; empty for none
     header_rows: int = 1  # rows whose cells together make the names
     repeated: bool = False  # whether the header is repeated among the data
-    blocks: list[str] = field(default_factory=list)  # the tag of each row of a ZRXP file, of which also:
+    blocks: list[str] = field(default_factory=list)  # the tag of each row of a ZRXP file
     zone: str = ""  # zone of its clock, where stated
     missing: tuple[float, ...] = ()  # numbers of values that are not measured
     block_units: dict[str, str] = field(default_factory=dict)  # units by tag
@@ -57,7 +57,7 @@ class TimeLayout:
     """Which columns hold the time, and in which format."""
 
     columns: tuple[int, ...]  # one, or two: date and clock
-    time_format: str | None  # none is ISO 8601
+    time_format: str | None  # None is ISO 8601
     zoned: bool  # whether the times carry UTC offsets
     steps: list[int]  # between rows [us]
     # formats that mean other times and fit as well; then `time_format` is not decided
