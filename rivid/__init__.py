@@ -7,54 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "Config": "config",
-    "Day": "api.day",
-    "DelayEstimate": "api.estimate",
-    "DelayProbabilities": "api.estimate",
-    "DiagnosisResult": "api.diagnosis",
-    "JmapSettings": "core.settings",
-    "RividError": "errors",
-    "SimulatedSeason": "api.season",
-    "diagnose": "api.diagnosis",
-    "jmap": "api.estimate",
-    "load_config": "config",
-    "load_delays": "results.read",
-    "load_results": "results.read",
-    "load_scenario": "simulation.scenario",
-    "map_fir": "core.fir",
-    "ml": "core.fir",
-    "posterior": "api.estimate",
-    "propose_delays": "core.hydraulics",
-    "read_day": "api.day",
-    "simulate": "api.season",
-    "travel_bounds": "core.hydraulics",
-}
-
 __all__ = [
-    "Config",
-    "Day",
-    "DelayEstimate",
-    "DelayProbabilities",
-    "DiagnosisResult",
-    "JmapSettings",
-    "RividError",
-    "SimulatedSeason",
-    "__version__",
-    "diagnose",
-    "jmap",
-    "load_config",
-    "load_delays",
-    "load_results",
-    "load_scenario",
-    "map_fir",
-    "ml",
-    "posterior",
-    "propose_delays",
-    "read_day",
-    "simulate",
-    "travel_bounds",
-]
+    "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult", "JmapSettings", "RividError",
+    "SimulatedSeason", "__version__", "diagnose", "jmap", "load_config", "load_delays", "load_results",
+    "load_scenario", "map_fir", "ml", "posterior", "propose_delays", "read_day", "simulate", "travel_bounds",
+]  # fmt: skip
+
+_MODULES = {
+    "api.day": ("Day", "read_day"),
+    "api.diagnosis": ("DiagnosisResult", "diagnose"),
+    "api.estimate": ("DelayEstimate", "DelayProbabilities", "jmap", "posterior"),
+    "api.season": ("SimulatedSeason", "simulate"),
+    "config": ("Config", "load_config"),
+    "core.fir": ("map_fir", "ml"),
+    "core.hydraulics": ("propose_delays", "travel_bounds"),
+    "core.settings": ("JmapSettings",),
+    "errors": ("RividError",),
+    "results.read": ("load_delays", "load_results"),
+    "simulation.scenario": ("load_scenario",),
+}
 
 if TYPE_CHECKING:
     from rivid.api.day import Day, read_day
@@ -73,11 +44,12 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     from importlib import import_module
 
-    if name not in _HOME:
-        raise AttributeError(f"module 'rivid' has no attribute {name!r}")
-    value = getattr(import_module(f"rivid.{_HOME[name]}"), name)
-    globals()[name] = value  # before a submodule of the same name can take its place
-    return value
+    for module, names in _MODULES.items():
+        if name in names:
+            value = getattr(import_module(f"rivid.{module}"), name)
+            globals()[name] = value  # before a submodule of the same name can take its place
+            return value
+    raise AttributeError(f"module 'rivid' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

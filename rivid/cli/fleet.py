@@ -114,13 +114,7 @@ def _report(
 def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
     """Print the counts of fleet.json and name the reaches to look at.
 
-    Parameters
-    ----------
-    summary : dict
-        fleet.json.
-    computed : int or None
-        Data sets estimated by this command; None for one that estimates nothing.
-    out : Path
+    `computed` data sets were estimated by this command; None for one that estimates nothing.
     """
     now = "" if computed is None else f", {computed:,} estimated now"
     click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")

@@ -13,7 +13,7 @@ from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.estimators import ESTIMATORS
 from rivid.report.summary import SPREAD_OUT, facts
-from rivid.results.passage import FEW, has_t50, passage
+from rivid.results.days import FEW, has_t50, passage
 from rivid.results.read import EstimatorResults, Results, brief_results
 from rivid.results.tables import finite
 from rivid.run.plan import Options

@@ -26,20 +26,8 @@ OWN = ("fleet.html", "fleet.csv", "fleet.parquet", "fleet.json")
 class Reach:
     """One reach of a fleet, its configuration not yet validated.
 
-    Attributes
-    ----------
-    name : str
-        Of its directory; letters, digits, dot, underscore and hyphen.
-    data_dir : Path
-        Its logs.
-    raw : dict
-        Its TOML, own keys over shared ones.
-    source : str
-        File of the configuration, for messages.
-    fault : str
-        Why it cannot be run; empty if it can.
-    fault_code : int
-        Exit code of `fault`.
+    `name` is that of its directory of logs, `raw` its TOML, own keys over shared ones, and `source` the file
+    of it, for messages. `fault` is why it cannot be run, or empty; `fault_code` its exit code.
     """
 
     name: str
@@ -50,13 +38,7 @@ class Reach:
     fault_code: int = 0
 
     def config(self) -> "Config":
-        """The validated configuration.
-
-        Raises
-        ------
-        ConfigError
-            In one line.
-        """
+        """The validated configuration; ConfigError or NoDataError, in one line, where there is none."""
         from rivid.config import Config, parse
 
         if self.fault:
@@ -85,21 +67,9 @@ def find_fleet(
 
     DATA_DIR is a fleet's where it holds directories of logs and no log itself, or where `configs` is a
     directory: then each reach has the keys of ``<reach>.toml`` there over those of ``defaults.toml``. A file
-    is shared by all reaches.
-
-    Parameters
-    ----------
-    data_dir : Path
-    configs : Path, optional
-    estimators : sequence of str
-        Replace the configured ones.
-    beside : callable, optional
-        Returns the configuration in the directory of a reach's logs, or None; its keys replace shared ones.
-        A ConfigError of it becomes the fault of that reach.
-
-    Returns
-    -------
-    list of Reach, or None
+    is shared by all reaches. `estimators` replace the configured ones. `beside` returns the configuration in
+    the directory of a reach's logs, or None; its keys replace shared ones, and a ConfigError of it becomes
+    the fault of that reach.
 
     Raises
     ------

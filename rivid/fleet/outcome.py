@@ -40,20 +40,10 @@ MOST_FAILURES = 5
 
 @dataclass(frozen=True)
 class Band:
-    """The band of a reach over a year, and the last week; of the days that the data decide.
+    """The band of a reach over the year before its last week, and the week; of the days that the data decide.
 
-    Attributes
-    ----------
-    low, high : float
-        Ends of the band, which holds 90 % of the days [samples].
-    median : float
-        Of the year before the last week [samples].
-    week_median : float
-        Of the last week [samples]; NaN without an answered day.
-    days : int
-        Answered days of the last week.
-    above, below : int
-        Those of them above and below the band.
+    90 % of the days lie between `low` and `high`; these and the medians are in samples. Of the answered
+    `days` of the last week, `above` and `below` lie outside; `week_median` is NaN without any.
     """
 
     low: float
@@ -68,17 +58,8 @@ class Band:
 def band(days: Ints, values: Floats) -> Band | None:
     """Return the band of the year before the last week, and where the week lies.
 
-    Parameters
-    ----------
-    days : ndarray of int, shape (n,)
-        Day numbers, ascending, of all days with a row.
-    values : ndarray, shape (n,)
-        Delay or t50 [samples]; NaN where the data give none.
-
-    Returns
-    -------
-    Band or None
-        None where the year before has fewer than :data:`FEWEST` answered days.
+    `days` are day numbers, ascending, of all days with a row; `values` are delays or t50 [samples], NaN
+    where the data give none. None where the year before has fewer than :data:`FEWEST` answered days.
     """
     if not len(days):
         return None
@@ -105,34 +86,15 @@ def band(days: Ints, values: Floats) -> Band | None:
 class Outcome:
     """The outcome of the run of one reach.
 
-    Attributes
-    ----------
-    reach : str
-    code : int
-        Exit code of `rivid run` of this reach alone.
-    error : str
-        Why it could not be run; empty otherwise.
-    data_sets, computed, dropped : int
-        Data sets of its logs; those estimated in its last run; those of earlier runs whose logs are gone.
-    failures, new_failures, bad_files : int
-        Days that failed; those of them reported for the first time; files that are no logs.
-    content : str
-        Digest of the results: it changes with them.
-    first, last : str
-        ISO dates of the record.
-    estimator, quantity : str
-        Estimator and quantity of the band: delay or t50.
-    sample_time : float
-        T_s [s].
-    answered_week, days_week : int
-        Days of its last week with an answer, and with a row at all.
-    band : Band, or None
-    moved : bool, or None
-        Whether the delay has moved in the last week: :func:`rivid.report.summary.trend`; None without a test.
-    change : float
-        Median of the last week less that of the weeks before [samples]; 0 without a test.
-    recent : list of (date, message)
-        Failed days of its last week.
+    `code` is the exit code of `rivid run` of this reach alone, `error` why it could not be run, or empty. Of
+    its `data_sets`, `computed` were estimated in its last run; `dropped` of earlier runs have no logs any
+    more. `new_failures` of the `failures` are reported for the first time; `bad_files` are no logs.
+    `content` is a digest of the results, `first` and `last` are ISO dates of the record. `estimator` and
+    `quantity` (delay or t50) are those of the band, `sample_time` is T_s [s]. Of the `days_week` days of its
+    last week with a row, `answered_week` have an answer. `moved` is whether the delay has moved in the last
+    week, by :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week
+    less that of the weeks before [samples], 0 without a test. `recent` are failed days of its last week and
+    their messages.
     """
 
     reach: str
@@ -191,8 +153,8 @@ def worst(codes: Iterable[int]) -> int:
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
     from rivid.report.summary import last_week, leading
+    from rivid.results.days import day_numbers
     from rivid.results.read import brief_results
-    from rivid.results.selection import day_numbers
 
     results = brief_results(summary.rows, config)
     recent, lead = last_week(results), leading(results)

@@ -13,89 +13,59 @@ from rivid.atomic import write_text
 from rivid.fleet.outcome import FEWEST, Outcome, worst
 from rivid.report.page import write_page
 from rivid.report.summary import LEVEL
-from rivid.results.tables import safe_for_spreadsheets, write_csv, write_parquet
+from rivid.results.tables import (
+    FLAG,
+    NUMBER,
+    TEXT,
+    WHOLE,
+    described,
+    safe_for_spreadsheets,
+    write_csv,
+    write_parquet,
+)
 
 SCHEMA_VERSION = 1
 
 SILENT_AFTER = 2
 """A reach is silent where its last log is so many days older than the fleet's latest, or more."""
 
-FLEET = pa.schema(
+FLEET, MEANINGS = described(
     [
-        ("reach", pa.string()),
-        ("code", pa.int64()),
-        ("error", pa.string()),
-        ("data_sets", pa.int64()),
-        ("failures", pa.int64()),
-        ("bad_files", pa.int64()),
-        ("first", pa.string()),
-        ("last", pa.string()),
-        ("estimator", pa.string()),
-        ("quantity", pa.string()),
-        ("sample_time_s", pa.float64()),
-        ("answered_last_week", pa.int64()),
-        ("days_last_week", pa.int64()),
-        ("median", pa.float64()),
-        ("band_low", pa.float64()),
-        ("band_high", pa.float64()),
-        ("median_last_week", pa.float64()),
-        ("above_last_week", pa.int64()),
-        ("below_last_week", pa.int64()),
-        ("left_band", pa.bool_()),
+        ("reach", TEXT, "", "its name: that of its directory of logs"),
+        ("code", WHOLE, "", "exit code that its run alone would have"),
+        ("error", TEXT, "", "why it could not be run; empty otherwise"),
+        ("data_sets", WHOLE, "", "data sets of its logs"),
+        ("failures", WHOLE, "", "of these, that failed"),
+        ("bad_files", WHOLE, "", "files that are no logs"),
+        ("first", TEXT, "", "first day of its record"),
+        ("last", TEXT, "", "last day of its record"),
+        ("estimator", TEXT, "", "estimator of the band"),
+        ("quantity", TEXT, "", "`delay`, or `t50` of a river"),
+        ("sample_time_s", NUMBER, "s", "T_s"),
+        ("answered_last_week", WHOLE, "days", "of the last seven, with an answer"),
+        ("days_last_week", WHOLE, "days", "of the last seven, with a row"),
+        ("median", NUMBER, "samples", "of the 365 days before the last week"),
+        ("band_low", NUMBER, "samples", "below it lies a twentieth of that year's days"),
+        ("band_high", NUMBER, "samples", "above it lies a twentieth"),
+        ("median_last_week", NUMBER, "samples", "of the last seven days"),
+        ("above_last_week", WHOLE, "days", "of the last seven above the band"),
+        ("below_last_week", WHOLE, "days", "of the last seven below the band"),
+        (
+            "left_band",
+            FLAG,
+            "",
+            "the delay has moved in the last week, by the test of the report; empty without a test",
+        ),
     ]
 )
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
-MEANINGS: dict[str, tuple[str, str]] = {
-    "reach": ("", "its name: that of its directory of logs"),
-    "code": ("", "exit code that its run alone would have"),
-    "error": ("", "why it could not be run; empty otherwise"),
-    "data_sets": ("", "data sets of its logs"),
-    "failures": ("", "of these, that failed"),
-    "bad_files": ("", "files that are no logs"),
-    "first": ("", "first day of its record"),
-    "last": ("", "last day of its record"),
-    "estimator": ("", "estimator of the band"),
-    "quantity": ("", "`delay`, or `t50` of a river"),
-    "sample_time_s": ("s", "T_s"),
-    "answered_last_week": ("days", "of the last seven, with an answer"),
-    "days_last_week": ("days", "of the last seven, with a row"),
-    "median": ("samples", "of the 365 days before the last week"),
-    "band_low": ("samples", "below it lies a twentieth of that year's days"),
-    "band_high": ("samples", "above it lies a twentieth"),
-    "median_last_week": ("samples", "of the last seven days"),
-    "above_last_week": ("days", "of the last seven above the band"),
-    "below_last_week": ("days", "of the last seven below the band"),
-    "left_band": (
-        "",
-        "the delay has moved in the last week, by the test of the report; empty without a test",
-    ),
-}
-"""Unit and meaning of each column of :data:`FLEET`."""
-
 
 def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, Any]:
-    """Write the files of the fleet.
+    """Write the files of the fleet of that name and return the content of fleet.json.
 
-    Parameters
-    ----------
-    out : Path
-        OUT of the fleet.
-    outcomes : sequence of Outcome
-        Of all reaches.
-    name : str
-        Name of the fleet on the page.
-
-    Returns
-    -------
-    dict
-        fleet.json: the exit code, counts, and the names of the reaches to look at: `failing`, `left_band`
-        (moved in the last week), `silent`, `changed`.
-
-    Raises
-    ------
-    RividError
-        Where a file cannot be written.
+    It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
+    the last week), `silent`, `changed`. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = _before(out)

@@ -31,26 +31,10 @@ def run_fleet(
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Iterator[Outcome]:
-    """Run every reach and store its outcome.
+    """Run every reach into OUT/<reach>, store its outcome, and yield it as the reach finishes.
 
-    Parameters
-    ----------
-    data_dir : Path
-    reaches : sequence of Reach
-        From :func:`rivid.fleet.layout.find_fleet`.
-    out : Path
-        OUT of the fleet; results of a reach go to OUT/<reach>.
-    options : Options
-        With a shard, every N-th reach is run, whole.
-    progress : callable, optional
-        As in :func:`rivid.run.run.run`; it counts reaches.
-    engine : Engine, optional
-        By default as many processes as there are cores, and reaches to run.
-
-    Yields
-    ------
-    Outcome
-        Of each reach, as it finishes.
+    With a shard, every N-th reach is run, whole. `progress` counts reaches. The default engine has as many
+    processes as there are cores, and reaches to run.
 
     Raises
     ------
@@ -108,22 +92,9 @@ def _run(reaches: Sequence[Reach], root: Path, options: Options, engine: Engine)
 def run_reach(
     reach: Reach, root: Path, options: Options, may_decline: bool = False, engine: Engine | None = None
 ) -> Outcome | None:
-    """Run one reach; any error becomes part of its outcome.
+    """Run one reach into root/<reach>, by default in this process; any error becomes part of its outcome.
 
-    Parameters
-    ----------
-    reach : Reach
-    root : Path
-        OUT of the fleet.
-    options : Options
-    may_decline : bool
-        Return None for a reach of more than :data:`SHARED_ABOVE` new days: it is to be shared out.
-    engine : Engine, optional
-        By default this process.
-
-    Returns
-    -------
-    Outcome or None
+    With `may_decline`, None for a reach of more than :data:`SHARED_ABOVE` new days: it is to be shared out.
     """
     out = root / reach.name
     if may_decline:
@@ -146,13 +117,7 @@ def run_reach(
 
 
 def fleet_of(out: Path) -> list[Outcome]:
-    """All outcomes stored under OUT, by reach.
-
-    Raises
-    ------
-    NoDataError
-        If there is none.
-    """
+    """All outcomes stored under OUT, by reach; NoDataError if there is none."""
     outcomes = kept(out)
     if not outcomes:
         raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from rivid.estimators import ESTIMATORS
-from rivid.results.passage import CLEAR, Thirds
+from rivid.results.days import CLEAR, Thirds
 from rivid.text import duration, output_words
 
 

@@ -13,9 +13,8 @@ from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.plots import captions, estimates, style
 from rivid.plots.style import FigureFile
-from rivid.results.passage import has_t50, leading_response, thirds
+from rivid.results.days import day_numbers, estimates_delay, found, has_t50, leading_response, thirds
 from rivid.results.read import EstimatorResults, Results
-from rivid.results.selection import day_numbers, estimates_delay, found
 from rivid.text import (
     count,
     day_range,

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
-from rivid.results.passage import has_t50, thirds
+from rivid.results.days import candidates, day_numbers, found, has_t50, kinds, rayleigh, thirds
 from rivid.results.read import EstimatorResults, Results
-from rivid.results.selection import candidates, day_numbers, found, kinds, rayleigh
 from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
@@ -47,7 +46,7 @@ MARKS: dict[str, dict[str, Any]] = {
     "degenerate": {"marker": "x", "color": style.GREY},
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
-"""Mark of a day by the class of its delay (:func:`rivid.results.selection.kinds`)."""
+"""Mark of a day by the class of its delay (:func:`rivid.results.days.kinds`)."""
 
 
 def _class_label(kind: str, e: EstimatorResults, days: int, counted: bool) -> str:

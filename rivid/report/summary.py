@@ -13,9 +13,18 @@ from typing import Any
 import numpy as np
 
 from rivid.estimators import ESTIMATORS
-from rivid.results.passage import has_t50, leading_response, passage
+from rivid.results.days import (
+    candidates,
+    day_numbers,
+    decided,
+    estimates_delay,
+    found,
+    has_t50,
+    leading_response,
+    passage,
+    rayleigh,
+)
 from rivid.results.read import EstimatorResults, Results
-from rivid.results.selection import candidates, day_numbers, decided, estimates_delay, found, rayleigh
 from rivid.text import NO_ANSWER
 from rivid.types import Bools, Floats, Ints
 

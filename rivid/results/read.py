@@ -21,45 +21,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EstimatorResults:
-    """Results of one estimator for every day, in date order; NaN where it has none.
+    """Results of one estimator by day, in date order: n rows, failed days included; NaN where it has none.
 
-    Attributes
-    ----------
-    estimator : str
-        Its name, "jmap" for example.
-    dates : list of datetime.date
-        One per row, n of them, failed days included.
-    status : list of str
-        ok, unidentifiable, degenerate, pending or failed, n of them.
-    messages : list of str
-        Reason of the status and remarks; empty where there are none.
-    delay : ndarray, shape (n,)
-        Delay d [samples].
-    at_bound, prior_only : ndarray of bool, shape (n,)
-        The delay is d_min or d_max; the prior, not the data, decides it.
-    t50 : ndarray, shape (n,)
-        Rivers only: lag by which half of a step has arrived [samples], from the FIR.
-    fir : ndarray, shape (n, M)
-        Impulse response [output unit per m3/s]; M is 0 where the estimator has none.
-    candidates : ndarray, shape (K,)
-        The delays tried [samples]; empty where the estimator has none.
-    criterion : ndarray, shape (n, K)
-        The criterion of each candidate; of CUSUM its g at lag d + 1, large after a change; of an estimator
-        with probabilities these, p(d | y).
-    alpha, noise_sd, roughness_sd, condition : ndarray, shape (n,)
-        The row's columns of the same name in delays.csv.
-    mean_inflow : ndarray, shape (n,)
-        Mean inflow of the data set [m3/s].
-    bound_gravity_s, bound_kinematic_s : ndarray, shape (n,)
-        Bounds (5) of the travel time [s].
-    probability : ndarray, shape (n,), or None
-        Probability of the most probable delay; None where the estimator gives none on any day.
-    delay_low, delay_high : ndarray, shape (n,), or None
-        Ends of the smallest set of delays that holds 90 % [samples].
-    fir_sd : ndarray, shape (n, M), or None
-        Standard deviation of `fir`.
-    travel_s : ndarray, shape (n,), or None
-        Travel time with its fraction of a sample [s]; None where the estimator gives d only.
+    `delay`, `delay_low`, `delay_high` (smallest set of delays that holds 90 %) and `t50` (of rivers: lag by
+    which half of a step has arrived, from the FIR) are in samples, `travel_s` (with a fraction of a sample)
+    and the bounds (5) of the travel time in seconds, `mean_inflow` in m3/s. `fir`, shape (n, M), and its
+    standard deviation `fir_sd` are in the output unit per m3/s; M is 0 without impulse responses.
+    `candidates`, shape (K,), are the delays tried [samples] and `criterion`, shape (n, K), the criterion of
+    each: of CUSUM its g at lag d + 1, large after a change; of posteriors p(d | y). `status` is ok,
+    unidentifiable, degenerate, pending or failed; `messages` are its reasons and remarks, or empty. The
+    other attributes are the columns of the same name in delays.csv. Attributes that may be None are None
+    where the estimator gives no such value on any day.
     """
 
     estimator: str
@@ -96,21 +68,10 @@ class EstimatorResults:
 class Results:
     """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration.
 
-    Attributes
-    ----------
-    reach : str
-        Name of the reach.
-    sample_time : float
-        T_s [s].
-    output_unit : str
-        m for a pool (level), m3/s for a river (discharge).
-    delay_scale : float
-        sigma_d in use [samples], the mode of the Rayleigh prior.
-    estimators : list of EstimatorResults
-        In the order of the configuration.
-    assumed : tuple of str
-        Keys of the reach's geometry that are not configured: the bounds (5) are NaN then, because they would
-        be those of another reach.
+    `sample_time` is T_s [s]; `output_unit` is m for a pool (level), m3/s for a river (discharge);
+    `delay_scale` is sigma_d in use [samples], the mode of the Rayleigh prior. `assumed` are the keys of the
+    reach's geometry that are not configured: the bounds (5) are NaN then, because they would be those of
+    another reach.
     """
 
     reach: str
@@ -153,14 +114,9 @@ def load_results(out: Path | str) -> Results:
 
 
 def brief_results(rows: "pa.Table", config: "Config") -> Results:
-    """Return the results of the rows that a run keeps in memory: without responses, curves and other columns.
+    """Return the results of the rows that a run keeps in memory (columns :data:`rivid.results.store.SHORT`).
 
-    Parameters
-    ----------
-    rows : pyarrow.Table
-        Columns :data:`rivid.results.store.SHORT`; absent columns are NaN or empty in the results.
-    config : Config
-        Of the run.
+    Responses, curves and other columns are NaN or empty.
     """
     import pyarrow as pa
 
@@ -199,6 +155,10 @@ def _record(out: Path) -> dict[str, Any]:
     return run
 
 
+SAME_NAME = ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s", "bound_kinematic_s")
+"""Attributes of :class:`EstimatorResults` that have the name of their column."""
+
+
 def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
     import pyarrow as pa
 
@@ -211,7 +171,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
         if assumed:
             columns |= {f"bound_{wave}_s": np.full(len(rows), None) for wave in ("gravity", "kinematic")}
-        sure = _given(columns["probability"])
+        sure = _given(_floats(columns["probability"]))
         dates: list[dt.date] = rows["date"].to_pylist()
         days = rows["date"].cast(pa.int32()).to_numpy()
         estimators.append(
@@ -228,22 +188,12 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
                 candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
                 criterion=curve[1],
                 probability=sure,
-                travel_s=None if sure is None else _given(columns["delay_s"]),
-                delay_low=_given(columns["delay_low"]),
-                delay_high=_given(columns["delay_high"]),
-                fir_sd=_spread(fir, name, days),
-                **{
-                    key: _floats(columns[column])
-                    for key, column in {
-                        "alpha": "alpha",
-                        "noise_sd": "noise_sd",
-                        "roughness_sd": "roughness_sd",
-                        "condition": "condition",
-                        "mean_inflow": "mean_inflow_m3s",
-                        "bound_gravity_s": "bound_gravity_s",
-                        "bound_kinematic_s": "bound_kinematic_s",
-                    }.items()
-                },
+                travel_s=None if sure is None else _given(_floats(columns["delay_s"])),
+                delay_low=_given(_floats(columns["delay_low"])),
+                delay_high=_given(_floats(columns["delay_high"])),
+                fir_sd=_given(_matrix(fir, name, days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
+                mean_inflow=_floats(columns["mean_inflow_m3s"]),
+                **{key: _floats(columns[key]) for key in SAME_NAME},
             )
         )
     return Results(
@@ -257,17 +207,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
 
 
 def load_delays(out: Path | str) -> "pd.DataFrame":
-    """Read delays.parquet as a pandas DataFrame.
-
-    Parameters
-    ----------
-    out : Path or str
-        OUT of a run.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The columns of delays.csv, a row per day and estimator; `date` as timestamps.
+    """Read delays.parquet of `out` as a DataFrame: a row per day and estimator, `date` as timestamps.
 
     Raises
     ------
@@ -297,18 +237,9 @@ def _bools(column: NDArray[np.generic]) -> Bools:
     return np.array([bool(v) for v in column], bool)
 
 
-def _given(column: NDArray[np.generic]) -> Floats | None:
-    """A column of numbers; None where it is empty."""
-    values = _floats(column)
+def _given(values: Floats) -> Floats | None:
+    """Numbers; None where all are missing."""
     return values if np.isfinite(values).any() else None
-
-
-def _spread(table: "pa.Table", estimator: str, days: NDArray[np.int32]) -> Floats | None:
-    """Standard deviations of an estimator's responses, where the table has them."""
-    if "sd" not in table.column_names:
-        return None
-    sd = _matrix(table, estimator, days, "lag", "sd")[1]
-    return sd if np.isfinite(sd).any() else None
 
 
 def _matrix(

@@ -18,7 +18,18 @@ from rivid.core.law import DelayLaw, delay_law
 from rivid.core.season import season
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.results.tables import finite, to_table, write_csv, write_parquet
+from rivid.results.tables import (
+    DATE,
+    FLAG,
+    NUMBER,
+    TEXT,
+    WHOLE,
+    described,
+    finite,
+    to_table,
+    write_csv,
+    write_parquet,
+)
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000
@@ -27,29 +38,12 @@ LONGEST = 40_000
 
 @dataclass(frozen=True)
 class SeasonDays:
-    """Results of `posterior` for each calendar day from the first to the last complete one.
+    """Results of `posterior` for each of the n calendar days from the first to the last complete one.
 
-    Attributes
-    ----------
-    reach : str
-    sample_time : float
-        T_s [s].
-    river : bool
-        The delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
-    window : int
-        Days of a data set.
-    dates : list of datetime.date
-        n of them, without gaps.
-    candidates : ndarray of int, shape (D,)
-        The delays [samples].
-    probability : ndarray, shape (n, D)
-        p(d | y) of the day alone; NaN where the day has none.
-    delay : ndarray, shape (n,)
-        Delay of the day alone [samples]; NaN without one.
-    travel : ndarray, shape (n,)
-        Travel time of the day alone [s].
-    discharge : ndarray, shape (n,)
-        Mean inflow of its data set [m3/s]; NaN where it is not known, or not positive.
+    `river`: the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
+    `window` is the days of a data set, `candidates`, shape (D,), the delays [samples]. Of the day alone, NaN
+    where it has none: `probability`, shape (n, D), is p(d | y), `delay` in samples, `travel` the travel time
+    [s], `discharge` the mean inflow of its data set [m3/s], if positive. `sample_time` is T_s [s].
     """
 
     reach: str
@@ -79,14 +73,7 @@ class SeasonDays:
 
 
 def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
-    """The days of a finished run.
-
-    Parameters
-    ----------
-    out : Path
-        OUT of `rivid run`.
-    record : mapping
-        Its run.json.
+    """The days of a finished run into `out`; `record` is its run.json.
 
     Raises
     ------
@@ -152,24 +139,13 @@ DIRECTIONS = {False: "forward", True: "both"}
 
 @dataclass(frozen=True)
 class Joined:
-    """Results of posterior-season for n days.
+    """Results of posterior-season for n days; `direction` is "forward" or "both".
 
-    Attributes
-    ----------
-    direction : str
-        "forward" or "both".
-    probability : ndarray, shape (n, D)
-        p(d | days).
-    delay, travel : ndarray, shape (n,)
-        Delay [samples] and travel time [s]; NaN where no delay is probable enough.
-    sure : ndarray, shape (n,)
-        Probability of the most probable delay, of a river of its rounded t50.
-    low, high : ndarray, shape (n,)
-        Ends of the smallest set of delays that holds 90 % [samples].
-    observed : ndarray of bool, shape (n,)
-        The day alone has probabilities.
-    related : float
-        Probability, after the last day, that the delays of consecutive days are related.
+    `probability`, shape (n, D), is p(d | days); `delay` [samples] and `travel` time [s] are NaN where no
+    delay is probable enough. `sure` is the probability of the most probable delay, of a river of its rounded
+    t50; `low` and `high` [samples] are the ends of the smallest set of delays that holds 90 %. `observed`:
+    the day alone has probabilities. `related` is the probability, after the last day, that the delays of
+    consecutive days are related.
     """
 
     direction: str
@@ -186,15 +162,7 @@ class Joined:
 def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     """Estimate posterior-season from the days of a run.
 
-    Parameters
-    ----------
-    days : SeasonDays
-    both_ways : bool
-        False: a day uses the days before it only, so that no result changes when days are added.
-
-    Returns
-    -------
-    Joined
+    Without `both_ways` a day uses the days before it only, so that no result changes when days are added.
 
     Raises
     ------
@@ -255,62 +223,42 @@ def law_of(days: SeasonDays) -> DelayLaw:
 
 NAME = "posterior-season"
 
-SCHEMA = pa.schema(
+SCHEMA, MEANINGS = described(
     [
-        ("date", pa.date32()),
-        ("reach", pa.string()),
-        ("estimator", pa.string()),
-        ("delay_samples", pa.float64()),
-        ("delay_s", pa.float64()),
-        ("probability", pa.float64()),
-        ("delay_low", pa.float64()),
-        ("delay_high", pa.float64()),
-        ("observed", pa.bool_()),
-        ("direction", pa.string()),
+        ("date", DATE, "", "the calendar day, with a log or without"),
+        ("reach", TEXT, "", "its name"),
+        ("estimator", TEXT, "", f"`{NAME}`"),
+        (
+            "delay_samples",
+            NUMBER,
+            "samples",
+            "most probable delay, the days joined; empty where it is not probable enough",
+        ),
+        ("delay_s", NUMBER, "s", "the travel time, of a river t50"),
+        ("probability", NUMBER, "", "probability of this delay"),
+        ("delay_low", NUMBER, "samples", "shortest delay of the 90 % set"),
+        ("delay_high", NUMBER, "samples", "longest delay of the 90 % set"),
+        ("observed", FLAG, "", "the day alone has probabilities"),
+        ("direction", TEXT, "", "`forward`: from the days before; `both`: from all days"),
     ]
 )
 """season.csv and season.parquet: a row per calendar day."""
 
-MEANINGS: dict[str, tuple[str, str]] = {
-    "date": ("", "the calendar day, with a log or without"),
-    "reach": ("", "its name"),
-    "estimator": ("", f"`{NAME}`"),
-    "delay_samples": (
-        "samples",
-        "most probable delay, the days joined; empty where it is not probable enough",
-    ),
-    "delay_s": ("s", "the travel time, of a river t50"),
-    "probability": ("", "probability of this delay"),
-    "delay_low": ("samples", "shortest delay of the 90 % set"),
-    "delay_high": ("samples", "longest delay of the 90 % set"),
-    "observed": ("", "the day alone has probabilities"),
-    "direction": ("", "`forward`: from the days before; `both`: from all days"),
-}
-"""Unit and meaning of each column of :data:`SCHEMA`."""
-
-LAW_SCHEMA = pa.schema(
+LAW_SCHEMA, LAW_MEANINGS = described(
     [
-        *((f"{name}_m3s", pa.float64()) for name in ("discharge_low", "discharge_high", "discharge")),
-        *((f"{name}_s", pa.float64()) for name in ("delay", "delay_low", "delay_high")),
-        *((f"{name}_s", pa.float64()) for name in ("day_low", "day_high", "observed")),
-        ("n", pa.int64()),
+        ("discharge_low_m3s", NUMBER, "m3/s", "lower edge of the class"),
+        ("discharge_high_m3s", NUMBER, "m3/s", "upper edge of the class"),
+        ("discharge_m3s", NUMBER, "m3/s", "median discharge of its days"),
+        ("delay_s", NUMBER, "s", "travel time by the law; of a river t50"),
+        ("delay_low_s", NUMBER, "s", "lower end of the law's 90 % interval"),
+        ("delay_high_s", NUMBER, "s", "upper end of it"),
+        ("day_low_s", NUMBER, "s", "lower end of the 90 % interval of a single day"),
+        ("day_high_s", NUMBER, "s", "upper end of it"),
+        ("observed_s", NUMBER, "s", "median travel time of the days alone"),
+        ("n", WHOLE, "days", "in the class"),
     ]
 )
 """delay_law.csv: a row per class of discharge."""
-
-LAW_MEANINGS: dict[str, tuple[str, str]] = {
-    "discharge_low_m3s": ("m3/s", "lower edge of the class"),
-    "discharge_high_m3s": ("m3/s", "upper edge of the class"),
-    "discharge_m3s": ("m3/s", "median discharge of its days"),
-    "delay_s": ("s", "travel time by the law; of a river t50"),
-    "delay_low_s": ("s", "lower end of the law's 90 % interval"),
-    "delay_high_s": ("s", "upper end of it"),
-    "day_low_s": ("s", "lower end of the 90 % interval of a single day"),
-    "day_high_s": ("s", "upper end of it"),
-    "observed_s": ("s", "median travel time of the days alone"),
-    "n": ("days", "in the class"),
-}
-"""Unit and meaning of each column of :data:`LAW_SCHEMA`."""
 
 
 def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> None:

@@ -66,15 +66,9 @@ SHORT = (
 class Rows:
     """Rows of segments.
 
-    Attributes
-    ----------
-    table : pyarrow.Table
-        Columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has one), and
-        `unit` and `row`: where the whole row is.
-    units : tuple of (Path, int)
-        Files and their row groups.
-    kept : pyarrow.Table, or None
-        All columns of these rows, in their order, where they are few.
+    `table` has the columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has
+    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups. `kept` holds
+    all columns of these rows, in their order, where they are few.
     """
 
     table: pa.Table
@@ -234,13 +228,7 @@ def _short(whole: pa.Table, unit: int) -> pa.Table:
 
 
 class Store:
-    """Holds OUT for one run: ``with Store(out) as store``.
-
-    Parameters
-    ----------
-    out : Path
-    shard : str
-        Name of the shard; empty for a whole run.
+    """Holds OUT for one run, or for the shard of that name: ``with Store(out) as store``.
 
     Raises
     ------

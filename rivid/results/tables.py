@@ -22,72 +22,75 @@ from rivid.atomic import replacing
 SCHEMA_VERSION = 1
 """Version of the results contract; a reader refuses a newer one."""
 
-DELAYS = pa.schema(
+
+def described(
+    columns: Sequence[tuple[str, pa.DataType, str, str]],
+) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
+    """The schema of columns (name, type, unit, meaning), and unit and meaning of each."""
+    schema = pa.schema([(name, kind) for name, kind, _, _ in columns])
+    return schema, {name: (unit, meaning) for name, _, unit, meaning in columns}
+
+
+DATE, TEXT, NUMBER, WHOLE, FLAG = pa.date32(), pa.string(), pa.float64(), pa.int64(), pa.bool_()
+
+DELAYS, MEANINGS = described(
     [
-        ("date", pa.date32()),
-        ("reach", pa.string()),
-        ("estimator", pa.string()),
-        ("status", pa.string()),
-        ("delay_samples", pa.float64()),
-        ("delay_s", pa.float64()),
-        ("at_bound", pa.bool_()),
-        ("prior_only", pa.bool_()),
-        ("probability", pa.float64()),
-        ("delay_low", pa.float64()),
-        ("delay_high", pa.float64()),
-        ("t50_samples", pa.float64()),
-        ("alpha", pa.float64()),
-        ("noise_sd", pa.float64()),
-        ("roughness_sd", pa.float64()),
-        ("output_unit", pa.string()),
-        ("criterion", pa.float64()),
-        ("iterations", pa.int64()),
-        ("condition", pa.float64()),
-        ("n_samples", pa.int64()),
-        ("n_filled", pa.int64()),
-        ("mean_inflow_m3s", pa.float64()),
-        ("mean_level_m", pa.float64()),
-        ("froude", pa.float64()),
-        ("bound_gravity_s", pa.float64()),
-        ("bound_kinematic_s", pa.float64()),
-        ("message", pa.string()),
+        ("date", DATE, "", "the day; of a data set of several days, the last"),
+        ("reach", TEXT, "", "name of the reach"),
+        ("estimator", TEXT, "", "its name"),
+        (
+            "status",
+            TEXT,
+            "",
+            "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`",
+        ),
+        ("delay_samples", NUMBER, "samples", "the delay d; the level first moves at sample d + 1"),
+        (
+            "delay_s",
+            NUMBER,
+            "s",
+            "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s",
+        ),
+        ("at_bound", FLAG, "", "the delay is the shortest or longest tried, or lies outside"),
+        (
+            "prior_only",
+            FLAG,
+            "",
+            "the data do not single this delay out; empty where the estimator cannot decide that",
+        ),
+        ("probability", NUMBER, "", "`posterior`: that the likeliest delay is right"),
+        (
+            "delay_low",
+            NUMBER,
+            "samples",
+            "`posterior`: shortest of the fewest delays that together hold 90 %",
+        ),
+        ("delay_high", NUMBER, "samples", "`posterior`: longest of them"),
+        ("t50_samples", NUMBER, "samples", "rivers: the lag by which half of a step has arrived"),
+        ("alpha", NUMBER, "(m3/s)^2", "regularisation weight, noise over roughness variance"),
+        ("noise_sd", NUMBER, "output unit", "sigma_w, standard deviation of the noise"),
+        ("roughness_sd", NUMBER, "output unit per m3/s", "sigma_hD, of the response's second differences"),
+        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
+        ("criterion", NUMBER, "", "the least criterion: that of the delay"),
+        ("iterations", WHOLE, "", "rounds of Table VI; 0 where there are none"),
+        ("condition", NUMBER, "", "condition number of U'U; the paper's days have 2e4 to 1e5"),
+        ("n_samples", WHOLE, "samples", "of the data set"),
+        ("n_filled", WHOLE, "samples", "of these, that bridge a gap"),
+        ("mean_inflow_m3s", NUMBER, "m3/s", "mean inflow"),
+        ("mean_level_m", NUMBER, "m", "mean level; empty for a river"),
+        ("froude", NUMBER, "", "Froude number (6) at the mean inflow"),
+        ("bound_gravity_s", NUMBER, "s", "travel time of a gravity wave (5): the fastest"),
+        ("bound_kinematic_s", NUMBER, "s", "travel time of a kinematic wave (5): the slowest"),
+        ("message", TEXT, "", "why there is no answer, and remarks on the day"),
     ]
 )
-"""A row per day and estimator: delays.csv and delays.parquet."""
+"""A row per day and estimator: delays.csv and delays.parquet; units and meanings, in Markdown."""
 
-MEANINGS: dict[str, tuple[str, str]] = {
-    "date": ("", "the day; of a data set of several days, the last"),
-    "reach": ("", "name of the reach"),
-    "estimator": ("", "its name"),
-    "status": ("", "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`"),
-    "delay_samples": ("samples", "the delay d; the level first moves at sample d + 1"),
-    "delay_s": ("s", "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s"),
-    "at_bound": ("", "the delay is the shortest or longest tried, or lies outside"),
-    "prior_only": ("", "the data do not single this delay out; empty where the estimator cannot decide that"),
-    "probability": ("", "`posterior`: that the likeliest delay is right"),
-    "delay_low": ("samples", "`posterior`: shortest of the fewest delays that together hold 90 %"),
-    "delay_high": ("samples", "`posterior`: longest of them"),
-    "t50_samples": ("samples", "rivers: the lag by which half of a step has arrived"),
-    "alpha": ("(m3/s)^2", "regularisation weight, noise over roughness variance"),
-    "noise_sd": ("output unit", "sigma_w, standard deviation of the noise"),
-    "roughness_sd": ("output unit per m3/s", "sigma_hD, of the response's second differences"),
-    "output_unit": ("", "`m` for a level, `m3/s` for a discharge"),
-    "criterion": ("", "the least criterion: that of the delay"),
-    "iterations": ("", "rounds of Table VI; 0 where there are none"),
-    "condition": ("", "condition number of U'U; the paper's days have 2e4 to 1e5"),
-    "n_samples": ("samples", "of the data set"),
-    "n_filled": ("samples", "of these, that bridge a gap"),
-    "mean_inflow_m3s": ("m3/s", "mean inflow"),
-    "mean_level_m": ("m", "mean level; empty for a river"),
-    "froude": ("", "Froude number (6) at the mean inflow"),
-    "bound_gravity_s": ("s", "travel time of a gravity wave (5): the fastest"),
-    "bound_kinematic_s": ("s", "travel time of a kinematic wave (5): the slowest"),
-    "message": ("", "why there is no answer, and remarks on the day"),
+MEANINGS |= {
     "lag": ("samples", "fir.parquet: from 0"),
     "value": ("output unit per m3/s", "fir.parquet: the impulse response at this lag"),
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
 }
-"""Unit and meaning of each column of the :data:`TABLES`; in Markdown."""
 
 SEGMENT = pa.schema(
     [
@@ -152,15 +155,8 @@ def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)
 def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool) -> None:
     """Write the :data:`TABLES`, each atomically; posterior.parquet has the rows with probabilities.
 
-    Parameters
-    ----------
-    chunks : iterable of pyarrow.Table
-        Rows of schema :data:`SEGMENT` in the order of the tables; each chunk becomes a row group of
-        delays.parquet.
-    out : Path
-        OUT.
-    spread : bool
-        fir.parquet has a column `sd`, the standard deviation of the response.
+    `chunks` are rows of schema :data:`SEGMENT` in the order of the tables; each becomes a row group of
+    delays.parquet. With `spread`, fir.parquet has a column `sd`, the standard deviation of the response.
     """
     with ExitStack() as files:
         delays, fir, criterion, posterior = (

@@ -9,7 +9,7 @@ alone and failed.
 import datetime as dt
 from collections import defaultdict
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
 from typing import Any
@@ -56,59 +56,30 @@ class Batch:
     windows: tuple[Window, ...]
     now: dt.date | dt.datetime
 
-    def halves(self) -> tuple["Batch", "Batch"]:
-        """The same windows in two batches."""
-        middle = len(self.windows) // 2
-        return (
-            Batch(self.root, self.config, self.windows[:middle], self.now),
-            Batch(self.root, self.config, self.windows[middle:], self.now),
-        )
-
 
 def estimate_batch(batch: Batch) -> pa.Table:
-    """Read and estimate every window of a batch.
-
-    Parameters
-    ----------
-    batch : Batch
-
-    Returns
-    -------
-    pyarrow.Table
-        Of schema :data:`rivid.results.tables.SEGMENT`: a row for every window and estimator.
-    """
+    """Read and estimate every window of a batch: a row of schema SEGMENT per window and estimator."""
     config = batch.config
     answers: dict[str, list[Row]] = {}
+    names = config.run.estimators
     alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
     for window in batch.windows:
         try:
             data = _read(batch, window)
-        except PendingError as error:
-            answers[window.key] = [_unread(window, config, name, "pending", error) for name in _names(config)]
         except DataError as error:
-            answers[window.key] = [_unread(window, config, name, "failed", error) for name in _names(config)]
+            status = "pending" if isinstance(error, PendingError) else "failed"
+            answers[window.key] = [_unread(window, config, name, status, error) for name in names]
         else:
             alike[len(data.inflow), data.outflow is None].append((window, data))
     with threadpool_limits(1):
         for group in alike.values():
             for window, rows in _estimate(group, config):
                 answers[window.key] = rows
-    rows = [row for window in batch.windows for row in answers[window.key]]
+    return _table([row for window in batch.windows for row in answers[window.key]])
+
+
+def _table(rows: list[Row]) -> pa.Table:
     return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
-
-
-def failed_batch(batch: Batch, reason: str) -> pa.Table:
-    """The rows of a batch that cannot be estimated at all."""
-    rows = [
-        _unread(window, batch.config, name, "failed", DataError(reason))
-        for window in batch.windows
-        for name in _names(batch.config)
-    ]
-    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
-
-
-def _names(config: Config) -> list[str]:
-    return [str(name) for name in config.run.estimators]
 
 
 def _read(batch: Batch, window: Window) -> DataSet:
@@ -216,21 +187,16 @@ def _row(
                 row["t50_samples"] = float(half_time(answer.fir[i : i + 1])[0])
     if status != "unidentifiable" or np.isfinite(_at(answer.probability, i)):
         if answer.candidates is not None and answer.curve is not None:
-            row |= _search(answer, answer.candidates, answer.curve, i, delay)
+            row |= {
+                "at_bound": delay in (answer.candidates[0], answer.candidates[-1]),
+                "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
+                "criterion": None if answer.criterion is None else float(np.min(answer.criterion[i])),
+                "first_candidate": int(answer.candidates[0]),
+                "curve": answer.curve[i],
+            }
     if answer.outside is not None and answer.outside[i]:
         row["at_bound"] = True
     return row
-
-
-def _search(answer: Answer, candidates: NDArray[np.intp], curve: Floats, i: int, delay: float) -> Row:
-    """Columns of a search over candidate delays."""
-    return {
-        "at_bound": delay in (candidates[0], candidates[-1]),
-        "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
-        "criterion": None if answer.criterion is None else float(np.min(answer.criterion[i])),
-        "first_candidate": int(candidates[0]),
-        "curve": curve[i],
-    }
 
 
 def _at(values: Floats | None, i: int) -> float:
@@ -267,17 +233,9 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
 
 
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
-    """Estimate batches and write their segments.
+    """Estimate batches as workers become free and write their segments, in a directory that all workers see.
 
-    Parameters
-    ----------
-    batches : iterable of Batch
-        Consumed as workers become free.
-    segments : Path
-        Directory of the segments; every worker of the engine must see it.
-    engine : Engine
-    done : callable
-        Called with the number of windows of each batch that is finished.
+    `done` is called with the number of windows of each batch that is finished.
 
     Raises
     ------
@@ -316,9 +274,12 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
         done(len(batch.windows))
     except engine.died:
         if len(batch.windows) == 1:
-            reason = "the worker process died on this day (out of memory?)"
-            write_segment(segments, failed_batch(batch, reason))
+            (window,), config = batch.windows, batch.config
+            reason = DataError("the worker process died on this day (out of memory?)")
+            rows = [_unread(window, config, name, "failed", reason) for name in config.run.estimators]
+            write_segment(segments, _table(rows))
             done(1)
             return
-        for half in batch.halves():
-            _alone(half, segments, engine, done)
+        middle = len(batch.windows) // 2
+        for windows in (batch.windows[:middle], batch.windows[middle:]):
+            _alone(replace(batch, windows=windows), segments, engine, done)

@@ -50,13 +50,9 @@ _one_at_a_time = threading.Lock()
 class Dask:
     """Workers of a Dask cluster: ``with Dask() as engine``; it starts with the first task.
 
-    Parameters
-    ----------
-    scheduler : str, optional
-        Address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler file, ending in
-        ``.json``. Without: a cluster on this machine, gone when the block ends.
-    workers : int
-        Worker processes of the cluster on this machine, of one thread each.
+    `scheduler` is the address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler
+    file, ending in ``.json``. Without: a cluster on this machine of `workers` processes of one thread each,
+    gone when the block ends.
 
     Raises
     ------

@@ -19,16 +19,9 @@ _read: "tuple[Path, Results] | None" = None
 
 
 def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Path]:
-    """Draw all figures with an engine's workers, then the report; return the files written.
+    """Draw all figures with an engine's workers, which see OUT, then the report; return the files written.
 
-    Parameters
-    ----------
-    engine : Engine
-        Its workers see OUT.
-    out : Path
-        OUT, with its tables and run.json written.
-    summary : mapping
-        run.json, for the report.
+    The tables and run.json of OUT are written; `summary` is the latter, for the report.
 
     Raises
     ------

@@ -38,13 +38,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> "Shard":
-        """Read I/N.
-
-        Raises
-        ------
-        ConfigError
-            If it is not two whole numbers with 1 <= I <= N.
-        """
+        """Read I/N; ConfigError if it is not two whole numbers with 1 <= I <= N."""
         first, slash, second = text.partition("/")
         if slash and first.isascii() and first.isdigit() and second.isascii() and second.isdigit():
             if 1 <= int(first[:9]) <= int(second[:9]) <= MOST and len(first + second) < 19:
@@ -73,26 +67,12 @@ class Shard:
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run beyond its configuration.
+    """Options of a run beyond its configuration; of `first` to `last`, both included, days are estimated.
 
-    Parameters
-    ----------
-    workers : int, optional
-        Worker processes; by default as many as pay off.
-    first, last : datetime.date, optional
-        The days to estimate.
-    force : bool
-        Estimate again data sets that are done already.
-    verify : bool
-        Hash every file, also where its size and times are unchanged.
-    figures : bool
-        Draw figures and report.
-    today : datetime.date, optional
-        Use instead of today's date.
-    shard : Shard, optional
-        Estimate this part of the days only, and leave tables and figures to the run that follows.
-    most_new : int, optional
-        Refuse a run with more new days than this.
+    `workers`: by default as many as pay off. `force` estimates again data sets that are done already,
+    `verify` hashes every file, also where its size and times are unchanged. `figures` draws figures and
+    report. `today` replaces today's date. With `shard`, this part of the days is estimated only, and tables
+    and figures are left to the run that follows. More than `most_new` new days are refused.
     """
 
     workers: int | None = None
@@ -125,17 +105,7 @@ class Plan:
 def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str, Any] | None = None) -> Plan:
     """Find the days of DATA_DIR and make windows of them.
 
-    Parameters
-    ----------
-    data_dir : Path
-    config : Config
-    options : Options
-    known : dict, optional
-        Files seen by the last finished run, to avoid hashing them.
-
-    Returns
-    -------
-    Plan
+    `known` are the files seen by the last finished run, to avoid hashing them.
 
     Raises
     ------

@@ -39,31 +39,14 @@ class TooManyError(RividError):
 class Summary:
     """Counts and short rows of a run.
 
-    Attributes
-    ----------
-    out : Path
-    rows : pyarrow.Table
-        All rows of OUT in their order, or those of the shard: columns :data:`rivid.results.store.SHORT`, and
-        `message` where a day failed.
-    windows : int
-        Data sets of DATA_DIR.
-    computed_keys, asked_keys : set of str
-        Keys of the data sets estimated in this run, and of those selected by its options.
-    reused : int
-        Data sets taken over from earlier runs.
-    dropped : int
-        Data sets of earlier runs whose logs are gone: OUT mirrors DATA_DIR.
-    failures, new_failures : int
-        Days that failed; those of them that no finished run has reported.
-    counts : dict
-        Rows per estimator and status.
-    bad_files, new_bad_files : list of (path, reason)
-        Files that are no logs; those of them that no finished run has reported.
-    damaged : list of str
-        Segments that were damaged and dropped.
-    unasked : list of str
-        Estimators of the run before that are no longer configured: their rows leave the tables.
-    seconds : float
+    `rows` are all rows of OUT in their order, or those of the shard: columns
+    :data:`rivid.results.store.SHORT`, and `message` where a day failed. `windows` data sets are in DATA_DIR;
+    `computed_keys` of them were estimated in this run, `asked_keys` were selected by its options, `reused`
+    were taken over from earlier runs; `dropped` of earlier runs have no logs any more, as OUT mirrors
+    DATA_DIR. `counts` has the rows per estimator and status. `new_failures` and `new_bad_files` are those of
+    `failures` (days) and `bad_files` (path, reason) that no finished run has reported. `damaged` segments
+    were dropped. `unasked` estimators of the run before are no longer configured: their rows leave the
+    tables.
     """
 
     out: Path
@@ -110,17 +93,12 @@ def run(
         Directories of the logs and of the results.
     config : Config
     options : Options
-        With a shard, its days are estimated and stored, and nothing else of OUT is changed: a run without
-        shard makes the tables.
+        With a shard, its days are estimated and stored, and nothing else of OUT is changed.
     progress : callable, optional
-        ``progress(total)`` returns a context manager; its value is called with each number of finished days.
+        ``progress(total)`` returns a context; its value is called with each number of finished days.
     engine : Engine, optional
-        Executes batches; by default as many processes as pay off. Processes draw too; for a cluster,
-        processes of this machine do.
-
-    Returns
-    -------
-    Summary
+        Executes batches; by default as many processes as pay off. Figures are drawn by processes of this
+        machine, also where a cluster estimates.
 
     Raises
     ------

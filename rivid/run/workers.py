@@ -12,7 +12,7 @@ Three measures are specific to worker processes:
 - pyarrow does not import pandas (:func:`without_pandas`), which takes 0.3 s of processor time (median of 9
   runs on a week of logs).
 
-Disabling and freezing the garbage collector during the imports saved less than 0.05 s and is not done.
+Disabling or freezing the garbage collector is not done: it made no difference in processor time.
 """
 
 import os
@@ -46,7 +46,7 @@ IN_FLIGHT = 2
 
 
 class Engine(Protocol):
-    """Executes tasks.
+    """Executes tasks, `slots` at a time.
 
     A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then starts new
     workers. Any other exception is raised by the task itself.
@@ -97,11 +97,7 @@ class Here:
 class Processes:
     """Worker processes of this machine: ``with Processes(4) as engine``; they end with the block.
 
-    Parameters
-    ----------
-    workers : int
-    modules : sequence of str
-        Modules that are imported once for all workers.
+    `modules` are imported once for all workers.
     """
 
     died: tuple[type[BaseException], ...] = (BrokenExecutor,)
@@ -156,21 +152,9 @@ def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractCont
 
 
 def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:
-    """Execute tasks, :data:`IN_FLIGHT` per worker at a time, and yield them as they finish.
+    """Execute tasks (function, argument, ...), :data:`IN_FLIGHT` per worker, and yield them as they finish.
 
-    Parameters
-    ----------
-    tasks : iterable of (function, argument, ...)
-        Consumed as workers become free.
-    engine : Engine
-
-    Yields
-    ------
-    task : tuple
-    result
-        None where it was lost.
-    lost : bool
-        A worker died during the task, perhaps because of it.
+    Yields the task, its result, and whether it was lost: a worker died during it, perhaps because of it.
     """
     coming, under_way = iter(tasks), dict[Future[Any], tuple[Any, ...]]()
     while True:

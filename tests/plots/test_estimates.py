@@ -7,8 +7,17 @@ import pytest
 from scipy import stats
 
 from rivid.plots import estimates, style
-from rivid.results.passage import leading_response, passage, thirds
-from rivid.results.selection import candidates, day_numbers, estimates_delay, found, kinds, rayleigh
+from rivid.results.days import (
+    candidates,
+    day_numbers,
+    estimates_delay,
+    found,
+    kinds,
+    leading_response,
+    passage,
+    rayleigh,
+    thirds,
+)
 from tests.plots.synthetic import (
     ORDER,
     dates_of,
