@@ -1,4 +1,4 @@
-"""Full disks, limits of file sizes, places not to be written: one line, nothing partial, no success."""
+"""Full disks, limits of file sizes, places not to be written: an error of one line, nothing partial."""
 
 import os
 import resource
@@ -52,7 +52,7 @@ def one_line(done, *words):
     return done.stderr
 
 
-@pytest.mark.parametrize("size", [0, 500, 9_000, 40_000])
+@pytest.mark.parametrize("size", [0, 9_000, 40_000])
 def test_a_file_size_limit_anywhere(season, tmp_path, tried, size):
     data, whole = season
     out = tmp_path / "out"
@@ -90,7 +90,7 @@ exit $code
 """
 
 
-@pytest.mark.parametrize("left", [0, 20_000, 60_000])
+@pytest.mark.parametrize("left", [0, 20_000])
 def test_a_full_disk(season, tmp_path, tried, may_mount, left):
     data, whole = season
     words = [*WORDS, "run", str(data), "--no-figures", "--quiet"]
@@ -117,46 +117,34 @@ def test_a_full_disk(season, tmp_path, tried, may_mount, left):
 READ_ONLY = 'mount -t tmpfs -o ro tmpfs "$1" && shift && exec "$@"'
 
 
-@pytest.mark.parametrize("where", ["", "below"])
-def test_out_on_a_read_only_disk_is_told_before_any_work(season, tmp_path, tried, may_mount, where):
-    data, _ = season
+def test_out_on_a_read_only_disk_is_refused_before_any_work(season, tmp_path, tried, may_mount):
     place = tmp_path / "disk"
     place.mkdir()
-    words = [*WORDS, "run", str(data), "--out", str(place / where)]
+    words = [*WORDS, "run", str(season[0]), "--out", str(place / "below")]
     if may_mount:
         words, what = [*MOUNT, "sh", "-c", READ_ONLY, "sh", str(place), *words], "OUT on a read-only mount"
     elif os.getuid() != 0:
         place.chmod(0o500)
         what = "OUT in a directory without the right to write (no mount is allowed here)"
     else:
-        words[-1], what = "/sys/" + (where or "rivid"), "OUT in sysfs (no mount is allowed here)"
+        words[-1], what = "/sys/rivid", "OUT in sysfs (no mount is allowed here)"
     done = subprocess.run(words, capture_output=True, text=True)
     one_line(done, "cannot write to", "choose another --out")
     tried(what)
 
 
-@pytest.mark.parametrize("place", ["a file", "below a file", "a device"])
-def test_out_that_can_be_no_directory(season, tmp_path, tried, place):
+def test_out_that_can_be_no_directory(season, tmp_path, tried):
     (tmp_path / "file").write_text("kept")
-    out = {"a file": tmp_path / "file", "below a file": tmp_path / "file" / "out", "a device": "/dev/full"}
-    one_line(command("run", season[0], "--out", out[place]), "cannot write to")
+    for place in (tmp_path / "file", tmp_path / "file" / "out", "/dev/full"):
+        one_line(command("run", season[0], "--out", place), "cannot write to")
     assert (tmp_path / "file").read_text() == "kept"
-    tried(f"OUT is {place}")
+    tried("OUT is a file, below a file, a device", 3)
 
 
-@pytest.mark.parametrize(
-    "words", [("check",), ("run", "--no-figures"), ("run", "--json"), ("effects",), ("sniff",)]
-)
-def test_a_full_standard_output(season, tmp_path, tried, words):
-    data, _ = season
-    name, *more = words
-    of = {"check": [data], "run": [data, "--out", tmp_path / "out"], "sniff": [data / "2008-03-10.csv"]}
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [*WORDS, name, *map(str, of.get(name, ())), *more],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-    one_line(done, "No space left on device")
-    tried("/dev/full as standard output")
+def test_a_full_standard_output(season, tmp_path, tried):
+    data, out = str(season[0]), str(tmp_path / "out")
+    for words in (["check", data], ["run", data, "--out", out, "--no-figures"], ["effects"]):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([*WORDS, *words], stdout=full, stderr=subprocess.PIPE, text=True)
+        one_line(done, "No space left on device")
+    tried("/dev/full as standard output", 3)

@@ -1,4 +1,4 @@
-"""An upgrade keeps old results readable; results of a newer version are told and left alone."""
+"""An upgrade keeps old results readable; results of a newer version are refused and left alone."""
 
 import json
 import shutil
@@ -56,7 +56,7 @@ def newer(data, tmp_path):
     return out
 
 
-def test_newer_results_are_told_and_left_alone(newer, data, tried):
+def test_newer_results_are_refused_and_left_alone(newer, data, tried):
     before = {path: path.read_bytes() for path in newer.rglob("*") if path.is_file()}
     commands = (["run", data, "--out", newer], ["figures", newer], ["season", newer])
     for words in commands:
@@ -73,28 +73,24 @@ def test_newer_results_are_told_and_left_alone(newer, data, tried):
     tried("results of a newer schema: run, figures, season, load_results, load_delays", len(commands) + 2)
 
 
-@pytest.mark.parametrize(
-    "content", ["", "{", "[]", "null", "{}", '{"estimators": 3}', '{"schema_version": "x"}']
-)
-def test_a_damaged_record_is_one_line_for_readers_and_no_obstacle_for_a_run(data, tmp_path, tried, content):
+def test_damaged_results_are_refused_by_readers_and_replaced_by_a_run(data, tmp_path, tried):
     out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
-    (out / "run.json").write_text(content)
-    with pytest.raises(RividError, match="run"):
-        load_results(out)
     words = ("--estimator", "jmap", "--estimator", "posterior", "--no-figures")
+    contents = ("", "{", "[]", "null", "{}", '{"estimators": 3}', '{"schema_version": "x"}')
+    for content in contents:
+        (out / "run.json").write_text(content)
+        with pytest.raises(RividError, match="run"):
+            load_results(out)
     assert rivid("run", data, "--out", out, *words)[0] == 0
     assert load_results(out).estimators[0].delay.tolist() == [7, 7, 7]
-    tried(f"run.json holds {content or 'nothing'}")
-
-
-@pytest.mark.parametrize("name", TABLES[1:4])
-def test_a_table_without_a_column_is_one_line(tmp_path, tried, name):
-    out = shutil.copytree(KEPT / str(SCHEMA_VERSION), tmp_path / "out")
-    table = pq.read_table(out / name)
-    pq.write_table(table.drop_columns(table.column_names[-2:]), out / name)
-    with pytest.raises(RividError, match="run again"):
-        load_results(out)
-    tried(f"{name} without its last columns")
+    for name in TABLES[1:4]:
+        table = pq.read_table(out / name)
+        pq.write_table(table.drop_columns(table.column_names[-2:]), out / name)
+        with pytest.raises(RividError, match="run again"):
+            load_results(out)
+        assert rivid("run", data, "--out", out, *words)[0] == 0
+    tried("run.json that is empty, no JSON or lacks keys", len(contents))
+    tried("a table without its last columns", 3)
 
 
 def test_segments_with_other_columns_are_dropped_and_their_days_done_again(data, tmp_path, tried):
@@ -103,13 +99,10 @@ def test_segments_with_other_columns_are_dropped_and_their_days_done_again(data,
     before = bytes_of(out)
     (path,) = (out / ".rivid" / "segments").glob("*.parquet")
     table = pq.read_table(path)
-    for k, other in enumerate(
-        (table.drop_columns("fir_sd"), table.append_column("more", pa.nulls(len(table))))
-    ):
+    for other in (table.drop_columns("fir_sd"), table.append_column("more", pa.nulls(len(table)))):
         pq.write_table(other, path)
         code, said = rivid("run", data, "--out", out, "--no-figures")
         assert code == 0 and "3 estimated now" in said
         assert bytes_of(out) == before
         (path,) = (out / ".rivid" / "segments").glob("*.parquet")
-        assert len(load_results(out).estimators) == 1, k
     tried("a segment with a column less, or one more", 2)

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM in the middle of a run: its code, soon, nobody left, and what was done is kept."""
+"""SIGINT and SIGTERM in the middle of a run: it ends soon, with its workers, and keeps what was done."""
 
 import datetime as dt
 import os
@@ -47,16 +47,10 @@ def interrupt(season, tmp_path, n, seed):
     return came
 
 
-def test_signals_in_the_middle_of_a_run(season, tmp_path, tried):
-    came = interrupt(season, tmp_path, 3, seed=3)
-    assert came >= 1
-    tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
-
-
-@pytest.mark.long
-def test_many_signals_in_the_middle_of_a_run(season, tmp_path, tried):
-    came = interrupt(season, tmp_path, 40, seed=4)
-    assert came >= 20
+@pytest.mark.parametrize(("n", "least", "seed"), [(2, 1, 3), pytest.param(40, 20, 4, marks=pytest.mark.long)])
+def test_signals_in_the_middle_of_a_run(season, tmp_path, tried, n, least, seed):
+    came = interrupt(season, tmp_path, n, seed)
+    assert came >= least
     tried("SIGINT or SIGTERM at a random moment, two workers; then again", came)
 
 
@@ -83,10 +77,10 @@ def test_a_signal_is_not_lost_while_file_after_file_is_refused(tmp_path, tried):
         tried("a signal while 2,000 files with a header only are refused")
 
 
-@pytest.mark.parametrize("done", [1, 3, 5])
-def test_what_was_done_before_a_signal_is_kept(season, tmp_path, monkeypatch, tried, done):
+def test_what_was_done_before_a_signal_is_kept(season, tmp_path, monkeypatch, tried):
     data, whole = season
     monkeypatch.setattr(running, "BATCH_DAYS", 10)
+    done = 3
     estimate, left = running.run_batches, done
 
     def interrupted(batches, segments, engine, said):
@@ -108,4 +102,4 @@ def test_what_was_done_before_a_signal_is_kept(season, tmp_path, monkeypatch, tr
         assert code == 1
     assert len(kept(tmp_path / "out")) >= 10 * done
     assert resume(data, tmp_path / "out") == whole
-    tried("SIGINT after so many of six batches; then again")
+    tried("SIGINT after three of six batches; then again")

@@ -22,24 +22,16 @@ def configs(tmp_path, **texts):
     return folder
 
 
-def names(reaches):
-    return [reach.name for reach in reaches]
-
-
-def test_directories_of_logs_are_reaches_and_others_are_not(data):
+def test_directories_of_logs_are_reaches_unless_the_directory_has_logs_of_its_own(data):
     (data / "notes").mkdir()
     (data / "notes" / "read.me").write_text("x")
     (data / ".hidden").mkdir()
     (data / ".hidden" / "2008-03-10.csv").write_text("x")
-    assert names(find_fleet(data, None)) == ["lower-2", "upper"]
-
-
-def test_a_directory_with_logs_of_its_own_is_a_single_reach(data):
+    assert [reach.name for reach in find_fleet(data, None)] == ["lower-2", "upper"]
+    for place in ("upper", "upper/2008-03-10.csv", "nowhere"):
+        assert find_fleet(data / place, None) is None
     write_days(data, 1)
     assert find_fleet(data, None) is None
-    assert find_fleet(data / "upper", None) is None
-    assert find_fleet(data / "upper" / "2008-03-10.csv", None) is None
-    assert find_fleet(data / "nowhere", None) is None
 
 
 def test_own_keys_stand_over_shared_ones(data, tmp_path):
@@ -49,35 +41,29 @@ def test_own_keys_stand_over_shared_ones(data, tmp_path):
         upper="[reach]\nlength = 9000\n",
     )
     lower, upper = (reach.config() for reach in find_fleet(data, folder))
-    assert (upper.reach.name, upper.reach.length, upper.reach.width, upper.jmap.sigma_d) == (
-        "upper",
-        9000,
-        50,
-        5,
-    )
+    assert (upper.reach.name, upper.reach.length, upper.reach.width) == ("upper", 9000, 50)
+    assert upper.jmap.sigma_d == 5
     assert (lower.reach.name, lower.reach.length) == ("lower-2", 5000)
 
 
-def test_a_file_is_shared_by_all_and_estimators_are_taken_from_the_command(data, tmp_path):
+def test_a_file_is_shared_by_all_and_refused_once(data, tmp_path):
     path = tmp_path / "all.toml"
     path.write_text("[jmap]\nsigma_d = 9\n[run]\nestimators = ['ml']\n")
     found = [reach.config() for reach in find_fleet(data, path, ["map"])]
     assert [(c.jmap.sigma_d, c.run.estimators) for c in found] == [(9, ["map"])] * 2
-
-
-def test_what_all_share_is_refused_once(data, tmp_path):
-    path = tmp_path / "all.toml"
     path.write_text("[jmap]\nsigma = 9\n")
     with pytest.raises(ConfigError, match="sigma"):
         find_fleet(data, path)
 
 
-@pytest.mark.parametrize("name", ["a b", "é", "x" * 81, "a\nb", "fleet.html"])
-def test_an_odd_name_costs_only_its_reach(data, name):
-    write_days(data / name, 1)
+def test_an_invalid_name_fails_only_its_reach(data):
+    names = ("a b", "é", "x" * 81, "a\nb", "fleet.html")
+    for name in names:
+        write_days(data / name, 1)
     found = {reach.name: reach for reach in find_fleet(data, None)}
-    with pytest.raises(ConfigError, match="cannot name a reach"):
-        found[name].config()
+    for name in names:
+        with pytest.raises(ConfigError, match="cannot name a reach"):
+            found[name].config()
     assert found["upper"].config().reach.name == "upper"
 
 
@@ -91,27 +77,25 @@ def test_a_link_that_leads_out_is_refused_and_one_that_stays_is_not(data, tmp_pa
     assert found["again"].config().reach.name == "again"
 
 
-def test_a_configuration_without_directory_has_no_data(data, tmp_path):
-    folder = configs(tmp_path, upper="", middle="")
+def test_a_configuration_without_directory_or_a_fleet_without_reach_has_no_data(data, tmp_path):
+    folder = configs(tmp_path, upper="", middle="", defaults="")
     found = {reach.name: reach for reach in find_fleet(data, folder)}
     with pytest.raises(NoDataError, match="middle"):
         found["middle"].config()
     assert sorted(found) == ["lower-2", "middle", "upper"]
+    for name in ("upper", "middle"):
+        (folder / f"{name}.toml").unlink()
+    (tmp_path / "empty").mkdir()
+    for place in ("empty", "nowhere"):
+        with pytest.raises(NoDataError):
+            find_fleet(tmp_path / place, folder)
 
 
-def test_a_reach_is_not_called_otherwise_than_its_directory(data, tmp_path):
+def test_a_reach_has_the_name_of_its_directory(data, tmp_path):
     folder = configs(tmp_path, upper="[reach]\nname = 'other'\n", lower_2="not toml")
     for reach, words in zip(find_fleet(data, folder), ("not valid TOML", "names the reach"), strict=True):
         with pytest.raises(ConfigError, match=words):
             reach.config()
-
-
-def test_configurations_of_a_fleet_and_no_reach_is_no_data(tmp_path):
-    folder = configs(tmp_path, defaults="")
-    (tmp_path / "empty").mkdir()
-    for data in (tmp_path / "empty", tmp_path / "nowhere"):
-        with pytest.raises(NoDataError):
-            find_fleet(data, folder)
 
 
 def test_merging_changes_neither_side():

@@ -19,7 +19,7 @@ from rivid.run.batch import work
 from rivid.run.dask import Dask
 from rivid.run.run import Options, run
 from tests.daily import write_days
-from tests.faults.processes import family, remaining, start
+from tests.faults.processes import family, remaining, start, wait_until
 from tests.run.test_run import bytes_of
 from tests.run.test_workers import DEADLY
 
@@ -42,29 +42,22 @@ def season(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """A standing scheduler with one worker of two threads, as somebody else started it; gives its file."""
+    """The file of a standing scheduler with one worker of two threads, which this process did not start."""
     folder = tmp_path_factory.mktemp("scheduler")
     file = folder / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
-    running = [
-        subprocess.Popen(
-            [*dask, "scheduler", "--scheduler-file", file, "--port", "0", "--no-dashboard"], **quiet
-        ),
-        subprocess.Popen(
-            [*dask, "worker", "--scheduler-file", file, "--nthreads", "2", "--no-dashboard"], **quiet
-        ),
-    ]
-    for _ in range(300):
-        if file.exists():
-            break
-        time.sleep(0.1)
+    running = []
+    for words in (["scheduler", "--port", "0"], ["worker", "--nthreads", "2"]):
+        words = [sys.executable, "-m", "dask", *words, "--scheduler-file", file, "--no-dashboard"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+        running.append(subprocess.Popen(words, **quiet))
+    assert wait_until(file.exists, 30)
     yield file
     for process in running[::-1]:
         process.terminate()
         process.wait(timeout=20)
 
 
+@pytest.mark.long
 def test_workers_of_this_machine_write_the_same_tables(season, tmp_path):
     data, whole = season
     done = command("run", data, "--out", tmp_path, "--engine", "dask", "--workers", 2, "--no-figures")
@@ -81,13 +74,14 @@ def test_a_standing_scheduler_writes_the_same_tables_and_stays(season, scheduler
         assert bytes_of(tmp_path / place) == whole
 
 
-def test_a_finished_run_asks_no_scheduler(season, tmp_path):
+def test_a_finished_run_contacts_no_scheduler(season, tmp_path):
     data, _ = season
     run(data, tmp_path, Config(), TABLES_ONLY)
     with Dask("tcp://127.0.0.1:1") as engine:
         assert run(data, tmp_path, Config(), TABLES_ONLY, engine=engine).computed == 0
 
 
+@pytest.mark.long
 def test_a_fleet_has_the_same_tables(season, scheduler, tmp_path):
     data, _ = season
     for name in ("alpha", "beta"):
@@ -130,41 +124,43 @@ def words_of(process):
         return []
 
 
+LONG = pytest.mark.long
+
+
 @pytest.mark.parametrize(
-    "who",
-    [
-        pytest.param("worker", marks=pytest.mark.long),
-        "parent",
-        pytest.param("interrupt", marks=pytest.mark.long),
-    ],
+    "victim", [pytest.param("worker", marks=LONG), "parent", pytest.param("interrupt", marks=LONG)]
 )
-def test_whoever_is_killed_at_the_start_nothing_is_lost(who, season, tmp_path):
+def test_a_kill_at_the_start_loses_nothing(victim, season, tmp_path):
     data, whole = season
     words = ["run", data, "--out", tmp_path, "--engine", "dask", "--workers", 2, "--no-figures"]
     child = start(*words)
     while child.poll() is None and len(workers_of(child)) < 2:
         time.sleep(0.02)
     everyone = family(child)
-    victim = {"worker": workers_of(child)[0], "parent": child, "interrupt": child}[who]
-    victim.send_signal(signal.SIGINT if who == "interrupt" else signal.SIGKILL)
+    process = workers_of(child)[0] if victim == "worker" else child
+    process.send_signal(signal.SIGINT if victim == "interrupt" else signal.SIGKILL)
     child.communicate(timeout=60)
-    if who != "worker":
+    if victim != "worker":
         assert not remaining(everyone)  # within 2 s
-        assert child.returncode == (130 if who == "interrupt" else -signal.SIGKILL)
+        assert child.returncode == (130 if victim == "interrupt" else -signal.SIGKILL)
         assert command(*words).returncode == 0
     assert bytes_of(tmp_path) == whole
 
 
 @pytest.mark.long
-def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
+def test_killed_workers_cost_nothing_and_few_batches_are_under_way(season, tmp_path, monkeypatch):
     data, whole = season
     monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)
-    killed = []
+    killed, under_way, most = [], set(), 0
     with Dask(workers=2) as engine:
         submit = engine.submit
 
         def deadly(task, *arguments):
+            nonlocal most
             future = submit(task, *arguments)
+            under_way.add(future)
+            future.add_done_callback(under_way.discard)
+            most = max(most, len(under_way))
             if len(killed) < 3 and task is work:
                 at_work = [p for p in psutil.Process().children() if "spawn_main" in " ".join(words_of(p))]
                 for process in [p for p in at_work if p.pid not in killed][:1]:
@@ -174,29 +170,8 @@ def test_workers_killed_at_work_cost_nothing(season, tmp_path, monkeypatch):
 
         monkeypatch.setattr(engine, "submit", deadly)
         run(data, tmp_path, Config(), TABLES_ONLY, engine=engine)
-    assert len(killed) >= 2
+    assert len(killed) >= 2 and 2 <= most <= 2 * 2
     assert bytes_of(tmp_path) == whole
-
-
-@pytest.mark.long
-def test_few_batches_are_under_way_however_many_there_are(season, tmp_path, monkeypatch):
-    data, _ = season
-    monkeypatch.setattr("rivid.run.run.BATCH_DAYS", 2)
-    under_way, most = set(), 0
-    with Dask(workers=2) as engine:
-        submit = engine.submit
-
-        def counted(task, *arguments):
-            nonlocal most
-            future = submit(task, *arguments)
-            under_way.add(future)
-            future.add_done_callback(under_way.discard)
-            most = max(most, len(under_way))
-            return future
-
-        monkeypatch.setattr(engine, "submit", counted)
-        run(data, tmp_path, Config(), TABLES_ONLY, engine=engine)
-    assert 2 <= most <= 2 * 2
 
 
 def test_a_worker_that_does_not_see_the_logs_fails_no_day(season, tmp_path, monkeypatch):
@@ -219,21 +194,15 @@ def test_a_worker_that_does_not_see_the_logs_fails_no_day(season, tmp_path, monk
     assert not (tmp_path / "delays.csv").exists()
 
 
-def test_a_worker_of_another_rivid_is_told():
+def test_clusters_that_cannot_be_used_are_refused(season, tmp_path, monkeypatch):
     with pytest.raises(RividError, match=r"worker has rivid .*this command is rivid 9.9"):
         cluster._execute("9.9", False, abs, 1)
-
-
-def test_a_scheduler_that_is_not_there_is_said_in_one_line(season, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     with pytest.raises(RividError, match="no Dask scheduler answers at tcp://127.0.0.1:1 "):
         with Dask("tcp://127.0.0.1:1") as engine:
             run(season[0], tmp_path, Config(), TABLES_ONLY, engine=engine)
     with pytest.raises(ConfigError, match="no scheduler file nowhere.json: start"):
         Dask("nowhere.json")
-
-
-def test_without_dask_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"pip install 'rivid\[dask\]'"):
         Dask()

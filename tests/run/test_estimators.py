@@ -96,15 +96,18 @@ def all_of_them(logs, tmp_path_factory):
 @pytest.mark.parametrize(("name", "water"), [("direct", open_loop), ("indirect", regulated)])
 def test_the_searches_find_every_delay_of_their_own_model(name, water):
     search = estimator(name)
-    for seed in range(4):
+    for seed in range(2):
         answer = search.estimate(deviations([water(d, seed) for d in range(1, 16)]))
         assert answer.delay.tolist() == list(range(1, 16))
         assert (answer.status == "ok").all()
         assert (answer.noise_variance < 1e-18).all(), "the model is exact: nothing is left over"
+    days = deviations([open_loop(20, seed) for seed in range(5)])
+    assert (estimator("direct").estimate(days).delay == 15).all(), "the longest candidate"
+    assert (estimator("direct", search={"d_max": 25}).estimate(days).delay == 20).all()
 
 
 @pytest.mark.parametrize(("name", "water"), [("direct", open_loop), ("indirect", regulated)])
-def test_they_find_it_from_the_logs_and_say_when_it_lies_at_an_edge(name, water, tmp_path):
+def test_delays_found_from_logs_are_marked_at_the_edges_of_the_search(name, water, tmp_path):
     delays = [1, 2, 5, 7, 11, 14, 15]
     data = write(tmp_path / "data", [water(d, 9) for d in delays])
     out = tmp_path / "out"
@@ -114,21 +117,14 @@ def test_they_find_it_from_the_logs_and_say_when_it_lies_at_an_edge(name, water,
     assert [float(r["delay_s"]) for r in rows] == [133.0 * d for d in delays]
     assert [r["status"] for r in rows] == ["ok"] * 7
     assert [r["at_bound"] for r in rows] == ["true", *["false"] * 5, "true"]
-    assert rows[0]["message"] == "d = 1 is the shortest delay tried: the true one may be shorter"
-    assert rows[-1]["message"] == "d = 15 is the longest delay tried: the true one may be longer"
-    assert {r["message"] for r in rows[1:-1]} == {""}
+    assert [len(r["message"]) > 0 for r in rows] == [True, *[False] * 5, True]
+    assert "shortest" in rows[0]["message"] and "longest" in rows[-1]["message"]
     for column in ("prior_only", "alpha", "roughness_sd", "condition", "t50_samples", "probability"):
         assert {r[column] for r in rows} == {""}, column
     assert pq.read_table(out / "fir.parquet").num_rows == 0
     curve = pq.read_table(out / "criterion.parquet").to_pandas().pivot(index="date", columns="delay_samples")
     assert curve["criterion"].idxmin(axis=1).tolist() == delays
     assert [float(r["criterion"]) for r in rows] == curve["criterion"].min(axis=1).tolist()
-
-
-def test_a_delay_beyond_the_candidates_is_an_answer_at_the_edge():
-    days = deviations([open_loop(20, seed) for seed in range(5)])
-    assert (estimator("direct").estimate(days).delay == 15).all()
-    assert (estimator("direct", search={"d_max": 25}).estimate(days).delay == 20).all()
 
 
 @pytest.mark.parametrize(("name", "fit"), [("cusum-ml", ml), ("cusum-map", map_fir)])
@@ -219,14 +215,7 @@ def test_a_registered_estimator_runs_from_logs_to_report(logs, tmp_path):
         parse({"run": {"estimators": ["moves"]}}, Config)
 
 
-def test_every_estimator_has_rows(all_of_them):
-    out, said = all_of_them
-    assert [r["estimator"] for r in rows_of(out)] == list(ESTIMATORS) * 6
-    assert all(f"  {name} " in said for name in ESTIMATORS)
-    assert [line for line in said.splitlines() if len(line) > 80 and not line.startswith("delays: ")] == []
-
-
-def test_figures_and_report_do_without_what_an_estimator_lacks(logs, tmp_path):
+def test_figures_and_report_leave_out_what_an_estimator_lacks(logs, tmp_path):
     out, shown = tmp_path / "out", ("direct", "cusum-ml", "ml")
     assert rivid("run", logs, "--out", out, *(w for name in shown for w in ("--estimator", name)))[0] == 0
     names = {p.stem for p in (out / "figures").iterdir()}
@@ -236,20 +225,18 @@ def test_figures_and_report_do_without_what_an_estimator_lacks(logs, tmp_path):
             assert (f"{kind}_{name}" in names) == (name != "ml")
     page = (out / "report.html").read_text(encoding="utf-8")
     assert all(f"<code>{name}</code>" in page for name in shown)
-    assert "there, the step is where its mean is found to change" in page
-    assert "the data alone say the same" not in page, "none of these can tell"
 
 
-def test_the_bytes_do_not_depend_on_the_batches_a_day_sits_in(logs, all_of_them, tmp_path):
-    whole, out = all_of_them[0], tmp_path / "out"
+def test_every_estimator_has_rows_and_the_same_bytes_in_any_batches(logs, all_of_them, tmp_path):
+    (whole, said), out = all_of_them, tmp_path / "out"
+    assert [r["estimator"] for r in rows_of(whole)] == list(ESTIMATORS) * 6
+    assert all(f"  {name} " in said for name in ESTIMATORS)
+    assert [line for line in said.splitlines() if len(line) > 80 and not line.startswith("delays: ")] == []
     words = [word for name in ESTIMATORS for word in ("--estimator", name)]
-    for last in ("2008-03-10", "2008-03-12", "2008-03-20"):
+    for last in ("2008-03-11", "2008-03-20"):
         rivid("run", logs, "--out", out, "--no-figures", "--to", last, *words)
     assert bytes_of(out) == bytes_of(whole)
-
-
-def test_results_without_an_impulse_response_come_back_without_one(all_of_them):
-    by_name = {e.estimator: e for e in load_results(all_of_them[0]).estimators}
+    by_name = {e.estimator: e for e in load_results(whole).estimators}
     for name in ("direct", "indirect"):
         assert by_name[name].fir.shape == (6, 0)
         assert by_name[name].candidates.tolist() == list(range(1, 16))
@@ -257,7 +244,7 @@ def test_results_without_an_impulse_response_come_back_without_one(all_of_them):
     assert by_name["cusum-ml"].fir.shape == (6, 30)
 
 
-def test_a_still_level_and_an_outflow_that_copies_the_inflow_are_told(tmp_path):
+def test_a_still_level_and_an_outflow_that_copies_the_inflow_are_unidentifiable(tmp_path):
     u, o, h = open_loop(5, 1)
     level, copy = np.full(650, 118.0), np.r_[np.full(5, u[0]), u[:-5]]
     data = write(tmp_path / "data", [(u, o, h), (u, o, level), (u, copy, h), (u, np.full(650, 300.0), h)])
@@ -279,9 +266,7 @@ def test_a_day_too_short_for_the_longest_delay_fails_and_names_the_key(tmp_path,
     jmap_rows, direct = load_results(tmp_path / "out").estimators
     assert jmap_rows.status == ["ok"] * 6 and direct.status == ["failed"] * 6
     assert "650 samples are too few for d_max = 700: lower [search] d_max" in direct.messages[0]
-    assert said.count(" failed: 650 samples") == 1 and "(6 days)" in said, (
-        "days that fail alike are told once, though their first estimator is well"
-    )
+    assert said.count(" failed: 650 samples") == 1 and "(6 days)" in said
 
 
 @pytest.mark.parametrize(
@@ -301,22 +286,14 @@ def test_what_cannot_be_estimated_is_refused_before_any_work(text, words, tmp_pa
     assert all(word in said for word in words), said
 
 
-def test_the_command_line_is_refused_as_the_configuration_is(tmp_path, logs):
-    config = tmp_path / "c.toml"
-    config.write_text('[input]\nu_Qo = ""\n')
-    words = ("run", logs, "--out", tmp_path / "out", "--config", config, "--no-figures")
-    assert rivid(*words, "--estimator", "direct")[0] == 2
-    assert rivid(*words, "--estimator", "indirect")[0] == 0
-
-
-def test_a_table_that_nothing_works_with_does_not_undo_what_is_done(tmp_path, logs):
+def test_settings_of_an_estimator_that_is_not_run_repeat_nothing(tmp_path, logs):
     data, config = shutil.copytree(logs, tmp_path / "data"), tmp_path / "c.toml"
     words = ("run", data, "--out", tmp_path / "out", "--no-figures", "--config", config)
-    config.write_text("")
-    assert "6 estimated now" in rivid(*words)[1]
-    config.write_text("[cusum]\nthreshold = 3.0\n[search]\nd_max = 20\n")
-    assert "0 estimated now" in rivid(*words)[1]
-    config.write_text("[cusum]\nthreshold = 3.0\n[run]\nestimators = ['cusum-ml']\n")
-    assert "6 estimated now" in rivid(*words)[1]
-    config.write_text("[cusum]\nthreshold = 4.0\n[run]\nestimators = ['cusum-ml']\n")
-    assert "6 estimated now" in rivid(*words)[1]
+    for n, text in (
+        (6, ""),
+        (0, "[cusum]\nthreshold = 3.0\n[search]\nd_max = 20\n"),
+        (6, "[cusum]\nthreshold = 3.0\n[run]\nestimators = ['cusum-ml']\n"),
+        (6, "[cusum]\nthreshold = 4.0\n[run]\nestimators = ['cusum-ml']\n"),
+    ):
+        config.write_text(text)
+        assert f"{n} estimated now" in rivid(*words)[1]

@@ -46,7 +46,7 @@ def logs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def both(logs, tmp_path_factory):
-    """A run of posterior beside jmap, and what the core says of the same days."""
+    """OUT of a run of posterior and jmap, and the core's result of the same days."""
     out = tmp_path_factory.mktemp("both") / "out"
     assert rivid("run", logs, "--out", out, "--no-figures", *ASKED, "--estimator", "jmap")[0] == 0
     days = [a_day(FIRST + dt.timedelta(days=k)) for k in range(N_DAYS)]
@@ -82,35 +82,21 @@ def test_the_set_is_the_smallest_that_holds_nine_tenths(both):
         assert not row["delay_samples"] or min(held) <= float(row["delay_samples"]) <= max(held)
 
 
-def test_probabilities_have_a_table_and_stand_in_the_criterions(both):
+def test_probabilities_and_the_spread_of_responses_have_their_tables(both):
     out, core = both
+    ok = core.status == "ok"
     table = pq.read_table(out / "posterior.parquet").to_pandas()
     assert list(table.columns) == ["date", "reach", "estimator", "delay_samples", "probability"]
     assert set(table["estimator"]) == {"posterior"}
     wide = table.pivot(index="date", columns="delay_samples", values="probability")
     np.testing.assert_array_equal(wide.to_numpy(), core.probability)
     np.testing.assert_allclose(wide.sum(axis=1), 1.0, rtol=1e-12)
-    curve = pq.read_table(out / "criterion.parquet").to_pandas()
-    curve = curve[curve["estimator"] == "posterior"]
-    np.testing.assert_array_equal(curve["criterion"], table["probability"])
-
-
-def test_a_response_has_its_spread_and_jmaps_has_none(both):
-    out, core = both
     fir = pq.read_table(out / "fir.parquet").to_pandas()
-    ok = core.status == "ok"
-    mine, jmaps = (fir[fir["estimator"] == name] for name in ("posterior", "jmap"))
-    np.testing.assert_array_equal(mine["sd"].to_numpy().reshape(-1, 30), core.fir_sd[ok])
-    np.testing.assert_array_equal(mine["value"].to_numpy().reshape(-1, 30), core.fir[ok])
-    assert jmaps["sd"].isna().all() and jmaps["value"].notna().all()
-
-
-def test_results_come_back_as_they_were(both):
-    out, core = both
+    assert fir[fir["estimator"] == "jmap"]["sd"].isna().all()
     found, jmap = load_results(out).estimators
-    ok = core.status == "ok"
     np.testing.assert_array_equal(found.criterion, core.probability)
     np.testing.assert_array_equal(found.probability, core.right)
+    np.testing.assert_array_equal(found.fir[ok], core.fir[ok])
     np.testing.assert_array_equal(found.fir_sd[ok], core.fir_sd[ok])
     assert np.isnan(found.fir_sd[~ok]).all()
     assert (jmap.probability, jmap.delay_low, jmap.delay_high, jmap.fir_sd) == (None,) * 4
@@ -137,8 +123,7 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     assert [r["status"] for r in rows] == ["unidentifiable"] * 3 + ["ok"]
     assert [r["at_bound"] for r in rows] == ["true"] * 3 + ["false"]
     assert [r["delay_samples"] + r["delay_s"] + r["probability"] for r in rows[:3]] == [""] * 3
-    assert rows[0]["message"] == "the delay is longer than d_max = 15: raise [jmap] d_max"
-    assert rows[2]["message"] == "the delay is shorter than d_min = 4: lower [posterior] d_min"
+    assert "d_max = 15" in rows[0]["message"] and "d_min = 4" in rows[2]["message"]
     assert rows[3]["delay_samples"] == "7"
     assert "outside the delays tried on 3 days" in said
     config.write_text("[posterior]\nd_max = 25\n")
@@ -146,29 +131,27 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     assert [r["delay_samples"] for r in rows_of(tmp_path / "out")] == [str(d) for d in planted]
 
 
-def test_days_that_do_not_move_and_days_unsure_say_so(tmp_path):
+def test_days_without_motion_or_front_are_unidentifiable(tmp_path):
     u, o, h = noisy(open_loop(6, 1), 1)
     rest, chance = np.full(650, 300.0), 118.0 + np.random.default_rng(5).normal(size=650)
     data = write(tmp_path / "data", [(u, o, h), (u, o, np.full(650, 118.0)), (rest, o, h), (u, o, chance)])
-    assert rivid("run", data, "--out", tmp_path / "out", *ASKED)[0] == 0
+    assert rivid("run", data, "--out", tmp_path / "out", *ASKED, "--no-figures")[0] == 0
     rows = rows_of(tmp_path / "out")
     assert [r["status"] for r in rows] == ["ok"] + ["unidentifiable"] * 3
     assert "level does not move" in rows[1]["message"] and "inflow does not move" in rows[2]["message"]
-    assert rows[3]["message"] == "no front of the inflow is seen in the level"
+    assert "no front" in rows[3]["message"]
     assert {r["probability"] for r in rows[1:]} == {""}
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Unidentifiable on 1 day: no front of the inflow is seen in the level." in page
 
 
-def test_a_day_that_is_not_sure_enough_keeps_its_probabilities(logs, tmp_path):
+def test_a_day_below_answer_above_keeps_its_probabilities(logs, tmp_path):
     config = tmp_path / "c.toml"
     config.write_text("[posterior]\nanswer_above = 1.0\n")
-    rivid("run", logs, "--out", tmp_path / "out", "--config", config, *ASKED)
+    rivid("run", logs, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
     rows = rows_of(tmp_path / "out")
     unsure = [r for r in rows if r["status"] == "unidentifiable"]
     assert unsure
     for row in unsure:
-        assert row["message"] == "no delay is right with a probability of 1 ([posterior] answer_above)"
+        assert "answer_above" in row["message"]
         assert float(row["probability"]) < 1 and row["delay_low"] and not row["delay_samples"]
     assert pq.read_table(tmp_path / "out" / "posterior.parquet").num_rows == 15 * N_DAYS
 
@@ -231,13 +214,9 @@ def test_a_river_has_the_probability_of_its_t50(tmp_path):
     assert core.t50[0] == pytest.approx(4.5, abs=0.7)  # half has come between lags 4 and 5
 
 
-def test_its_settings_undo_only_its_own_work(logs, tmp_path):
+def test_settings_of_posterior_repeat_only_its_own_work(logs, tmp_path):
     config = tmp_path / "c.toml"
-    words = ("run", logs, "--out", tmp_path / "out", "--no-figures", "--config", config)
-    config.write_text("")
-    assert f"{N_DAYS} estimated now" in rivid(*words)[1]
-    config.write_text("[posterior]\nanswer_above = 0.9\n")
-    assert "0 estimated now" in rivid(*words)[1]
-    assert f"{N_DAYS} estimated now" in rivid(*words, *ASKED)[1]
-    config.write_text("[posterior]\nanswer_above = 0.8\n")
-    assert f"{N_DAYS} estimated now" in rivid(*words, *ASKED)[1]
+    words = ("run", logs, "--out", tmp_path / "out", "--no-figures", "--to", "2008-03-13", "--config", config)
+    for n, text, more in ((4, "", ()), (0, "0.9", ()), (4, "0.9", ASKED), (4, "0.8", ASKED)):
+        config.write_text(f"[posterior]\nanswer_above = {text}\n" if text else "")
+        assert f"{n} estimated now" in rivid(*words, *more)[1]

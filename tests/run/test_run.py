@@ -1,6 +1,7 @@
-"""`rivid run`, end to end: the contract, exit codes, and the same bytes whatever the way."""
+"""`rivid run`, end to end: the contract, exit codes, and the same bytes in any order of work."""
 
 import csv
+import datetime as dt
 import json
 import os
 import shutil
@@ -15,7 +16,7 @@ from rivid.cli import cli
 from rivid.errors import NoDataError
 from rivid.results.read import load_delays, load_results
 from rivid.results.tables import DELAYS
-from tests.daily import text_of, write_days
+from tests.daily import write_days
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 
@@ -54,21 +55,26 @@ def data(logs, tmp_path):
     return shutil.copytree(logs, tmp_path / "data")
 
 
-def test_a_run_writes_the_contract(data, tmp_path):
-    out = tmp_path / "out"
-    code, said = rivid("run", data, "--out", out, "--estimator", "jmap", "--estimator", "ml")
+@pytest.fixture(scope="module")
+def finished(logs, tmp_path_factory):
+    """OUT of a run of jmap and ml, its output, and the bytes of its tables."""
+    out = tmp_path_factory.mktemp("finished") / "out"
+    code, said = rivid("run", logs, "--out", out, "--estimator", "jmap", "--estimator", "ml", "--workers", 1)
     assert code == 0
+    return out, said, bytes_of(out)
+
+
+def test_a_run_writes_the_contract(finished):
+    out, said, _ = finished
     assert "report.html" in said
     with open(out / "delays.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == DELAYS.names
-    assert [(r["date"], r["estimator"]) for r in rows[:3]] == [
-        ("2008-03-10", "jmap"),
-        ("2008-03-10", "ml"),
-        ("2008-03-11", "jmap"),
+    assert list(rows[0]) == DELAYS.names and len(rows) == 24 and {r["status"] for r in rows} == {"ok"}
+    assert [(r["date"][8:], r["estimator"]) for r in rows[:3]] == [
+        ("10", "jmap"),
+        ("10", "ml"),
+        ("11", "jmap"),
     ]
-    assert len(rows) == 24
-    assert {r["status"] for r in rows} == {"ok"}
     jmap = [r for r in rows if r["estimator"] == "jmap"]
     assert all(float(r["delay_s"]) == 133 * float(r["delay_samples"]) for r in jmap)
     assert all(r["n_samples"] == "650" and r["output_unit"] == "m" for r in jmap)
@@ -84,22 +90,14 @@ def test_a_run_writes_the_contract(data, tmp_path):
     assert record["counts"] == {"jmap": {"ok": 12}, "ml": {"ok": 12}}
 
 
-def test_results_come_back_as_they_were_written(data, tmp_path):
-    rivid("run", data, "--out", tmp_path / "out", "--no-figures")
-    results = load_results(tmp_path / "out")
-    (jmap,) = results.estimators
-    assert jmap.fir.shape == (12, 30)
-    assert jmap.criterion.shape == (12, 15)
+def test_results_are_read_as_arrays_and_as_a_data_frame(finished, tmp_path):
+    jmap, _ = load_results(finished[0]).estimators
+    assert jmap.fir.shape == (12, 30) and jmap.criterion.shape == (12, 15)
     assert jmap.candidates.tolist() == list(range(1, 16))
     assert (jmap.candidates[jmap.criterion.argmin(axis=1)] == jmap.delay).all()
-
-
-def test_delays_come_as_a_data_frame(data, tmp_path):
-    rivid("run", data, "--out", tmp_path / "out", "--no-figures")
-    frame = load_delays(tmp_path / "out")
-    assert list(frame.columns) == DELAYS.names
-    assert frame["date"].dt.month.eq(3).all()
-    assert frame["delay_samples"].between(1, 15).all()
+    frame = load_delays(finished[0])
+    assert list(frame.columns) == DELAYS.names and frame["date"].dt.month.eq(3).all()
+    assert frame["delay_samples"].dropna().between(1, 15).all()
     assert str(frame["prior_only"].dtype) == "boolean"
     with pytest.raises(NoDataError, match="rivid run"):
         load_delays(tmp_path)
@@ -114,52 +112,46 @@ def test_the_bytes_do_not_depend_on_workers_batches_or_interruptions(data, tmp_p
     assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two") == bytes_of(tmp_path / "bits")
 
 
-def test_a_second_run_does_nothing_and_a_changed_day_is_done_again(data, tmp_path):
+def test_only_what_is_new_is_estimated_and_the_report_follows_the_tables(data, tmp_path):
     out = tmp_path / "out"
-    rivid("run", data, "--out", out)
-    stamp = {p: p.stat().st_mtime_ns for p in (out / "delays.csv", out / "report.html")}
-    code, said = rivid("run", data, "--out", out)
-    assert code == 0 and "0 estimated now" in said
-    assert {p: p.stat().st_mtime_ns for p in stamp} == stamp
-
-    day = data / "2008-03-13.csv"
-    day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
-    write_days(data, 1, first=__import__("datetime").date(2008, 3, 22))
-    code, said = rivid("run", data, "--out", out)
-    assert code == 0 and "13 data sets, 2 estimated now, 11 done before" in said
-
-
-def test_a_report_never_speaks_of_older_tables(data, tmp_path):
-    out = tmp_path / "out"
-    rivid("run", data, "--out", out, "--to", "2008-03-12")
+    code, said = rivid("run", data, "--out", out, "--dry-run")
+    assert code == 0 and "12 to estimate" in said and not out.exists()
+    assert (
+        "3 estimated now" in rivid("run", data, "--out", out, "--from", "2008-03-12", "--to", "2008-03-14")[1]
+    )
     assert "2008-03-20" not in (out / "report.html").read_text()
     rivid("run", data, "--out", out, "--no-figures")
     assert not (out / "report.html").exists()
-    code, said = rivid("run", data, "--out", out)
-    assert code == 0 and "0 estimated now" in said
-    assert (out / "report.html").exists()
+    assert "0 estimated now" in rivid("run", data, "--out", out)[1]
+    stamp = {p: p.stat().st_mtime_ns for p in (out / "delays.csv", out / "report.html")}
+    assert "0 estimated now" in rivid("run", data, "--out", out)[1]
+    assert {p: p.stat().st_mtime_ns for p in stamp} == stamp
+    day = data / "2008-03-13.csv"
+    day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
+    write_days(data, 1, first=dt.date(2008, 3, 22))
+    code, said = rivid("run", data, "--out", out, "--no-figures", "--json")
+    lines = [json.loads(line) for line in said.splitlines()]
+    assert code == 0 and len(lines) == 14
+    assert [line["date"] for line in lines[:-1] if line["computed"]] == ["2008-03-13", "2008-03-22"]
+    whole = lines[-1]["summary"]
+    assert (whole["data_sets"], whole["computed"], whole["reused"]) == (13, 2, 11)
 
 
-def test_touching_a_file_computes_nothing_and_changing_settings_computes_all(data, tmp_path):
-    out = tmp_path / "out"
-    rivid("run", data, "--out", out, "--no-figures")
-    for path in data.iterdir():
-        os.utime(path, (1, 1))
-    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
-    config = tmp_path / "c.toml"
-    config.write_text("[jmap]\nsigma_d = 9\n")
-    assert "12 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--config", config)[1]
-
-
-def test_a_change_is_found_where_size_and_modification_time_are_restored(data, tmp_path):
-    out, day = tmp_path / "out", data / "2008-03-13.csv"
-    rivid("run", data, "--out", out, "--no-figures")
+def test_a_file_is_read_again_where_its_content_may_have_changed(data, tmp_path):
+    out, day, config = tmp_path / "out", data / "2008-03-13.csv", tmp_path / "c.toml"
+    words = ("run", data, "--out", out, "--no-figures")
+    rivid(*words)
     was = day.stat()
     day.write_text(day.read_text().replace(",118.", ",119."), encoding="utf-8")
     os.utime(day, ns=(was.st_atime_ns, was.st_mtime_ns))
     assert day.stat().st_size == was.st_size
-    assert "1 estimated now" in rivid("run", data, "--out", out, "--no-figures")[1]
-    assert "0 estimated now" in rivid("run", data, "--out", out, "--no-figures", "--verify")[1]
+    assert "1 estimated now" in rivid(*words)[1]
+    assert "0 estimated now" in rivid(*words, "--verify")[1]
+    for path in data.iterdir():
+        os.utime(path, (1, 1))
+    assert "0 estimated now" in rivid(*words)[1]
+    config.write_text("[jmap]\nsigma_d = 9\n")
+    assert "12 estimated now" in rivid(*words, "--config", config)[1]
 
 
 def test_a_bad_day_is_a_row_with_its_reason_and_nothing_else_is_lost(data, tmp_path):
@@ -183,12 +175,9 @@ def test_all_days_failing_still_give_tables_and_a_report(tmp_path):
     assert rivid("run", data, "--out", out)[0] == 3
     assert load_results(out).estimators[0].status == ["failed"] * 3
     assert (out / "report.html").exists()
-
-
-def test_one_day_alone(tmp_path):
-    write_days(tmp_path / "data", 1)
-    assert rivid("run", tmp_path / "data", "--out", tmp_path / "out")[0] == 0
-    assert load_results(tmp_path / "out").estimators[0].status == ["ok"]
+    write_days(data / "one", 1)
+    assert rivid("run", data / "one", "--out", tmp_path / "one")[0] == 0
+    assert load_results(tmp_path / "one").estimators[0].status == ["ok"]
 
 
 def test_a_constant_inflow_is_unidentifiable(data, tmp_path):
@@ -256,26 +245,6 @@ def test_the_terminal_says_the_main_numbers_in_80_columns(data, tmp_path):
     assert all(len(line) <= 80 for line in lines if "failed:" not in line and not line.startswith("delays: "))
 
 
-def test_json_lines(data, tmp_path):
-    code, said = rivid("run", data, "--out", tmp_path / "out", "--json", "--no-figures")
-    lines = [json.loads(line) for line in said.splitlines()]
-    assert code == 0
-    assert len(lines) == 13
-    assert lines[0]["date"] == "2008-03-10" and lines[0]["computed"] is True
-    assert lines[-1]["summary"]["computed"] == 12
-
-
-def test_dry_run_touches_nothing(data, tmp_path):
-    code, said = rivid("run", data, "--out", tmp_path / "out", "--dry-run")
-    assert code == 0 and "12 to estimate" in said
-    assert not (tmp_path / "out").exists()
-
-
-def test_from_and_to_choose_what_is_estimated(data, tmp_path):
-    words = ("--from", "2008-03-12", "--to", "2008-03-14", "--no-figures")
-    assert "3 estimated now" in rivid("run", data, "--out", tmp_path / "out", *words)[1]
-
-
 def test_nothing_to_work_on_is_exit_10(tmp_path):
     (tmp_path / "empty").mkdir()
     assert rivid("run", tmp_path / "empty", "--out", tmp_path / "out")[0] == 10
@@ -318,9 +287,3 @@ def test_an_appended_day_in_a_file_of_many_days_is_the_only_new_one(tmp_path):
     rivid("run", tmp_path / "days", "--out", tmp_path / "single", "--no-figures")
     a, b = (load_results(x).estimators[0] for x in (out, tmp_path / "single"))
     assert (a.fir == b.fir).all()
-
-
-def test_the_text_of_a_day_is_the_same_each_time():
-    import datetime as dt
-
-    assert text_of(dt.date(2008, 3, 10)) == text_of(dt.date(2008, 3, 10))

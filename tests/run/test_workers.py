@@ -1,10 +1,10 @@
-"""What happens when a worker dies or the parent is killed."""
+"""Workers: death of one, progress, figures and imports."""
 
 import os
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import psutil
@@ -29,18 +29,17 @@ batch.read_window = deadly
 
 
 def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch):
-    # a worker imports the module DEADLY by way of PYTHONSTARTUP's cousin: a sitecustomize on its path
     (tmp_path / "site").mkdir()
-    (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)
+    (tmp_path / "site" / "sitecustomize.py").write_text(DEADLY)  # workers import it
     write_days(tmp_path / "data", 9)
     words = [
         sys.executable,
         "-m",
         "rivid",
         "run",
-        str(tmp_path / "data"),
+        tmp_path / "data",
         "--out",
-        str(tmp_path / "out"),
+        tmp_path / "out",
         "--no-figures",
     ]
     path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
@@ -56,17 +55,8 @@ def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch
 def test_progress_counts_every_day(tmp_path):
     write_days(tmp_path / "data", 5)
     seen = []
-
-    class Bar:
-        def __enter__(self):
-            return seen.append
-
-        def __exit__(self, *_):
-            return None
-
-    summary = run(
-        tmp_path / "data", tmp_path / "out", Config(), Options(workers=2, figures=False), lambda n: Bar()
-    )
+    options = Options(workers=2, figures=False)
+    summary = run(tmp_path / "data", tmp_path / "out", Config(), options, lambda n: nullcontext(seen.append))
     assert summary.computed == sum(seen) == 5
 
 
@@ -83,23 +73,18 @@ def test_one_worker_draws_in_the_process_itself(tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_pages_are_the_same_whoever_draws(tmp_path):
+def test_figures_are_the_same_bytes_with_one_worker_or_two(tmp_path):
     write_days(tmp_path / "data", 4)
-    config = Config()
     for number in (1, 2):
-        run(tmp_path / "data", tmp_path / str(number), config, Options(workers=number))
-    figures = sorted(p.name for p in (tmp_path / "1" / "figures").iterdir())
-    assert len(figures) == 5
-    for name in figures:
-        assert (tmp_path / "1" / "figures" / name).read_bytes() == (
-            tmp_path / "2" / "figures" / name
-        ).read_bytes()
+        run(tmp_path / "data", tmp_path / str(number), Config(), Options(workers=number))
+    one, two = ({p.name: p.read_bytes() for p in (tmp_path / n / "figures").iterdir()} for n in "12")
+    assert len(one) == 5 and one == two
 
 
-@pytest.mark.parametrize("engine", ["processes", "dask"])
-def test_what_lies_in_the_current_directory_is_never_imported(engine, tmp_path):
+@pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.long)])
+def test_nothing_is_imported_from_the_current_directory(engine, tmp_path):
     write_days(tmp_path / "data", 4)
-    (tmp_path / "here" / "rivid").mkdir(parents=True)  # a clone, where one stands
+    (tmp_path / "here" / "rivid").mkdir(parents=True)
     for name in ("numpy", "pyarrow", "rivid/batch", "sitecustomize"):
         (tmp_path / "here" / f"{name}.py").write_text(f"open({str(tmp_path / 'taken')!r}, 'w')\n")
     rivid = Path(sys.executable).with_name("rivid")
