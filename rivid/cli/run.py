@@ -206,13 +206,13 @@ def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, 
 def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") -> int:
     from rivid.results.store import read_rows
     from rivid.run.plan import make_plan
+    from rivid.run.run import missing
 
     planned = make_plan(data_dir, settings, options)
     rows, _ = read_rows(out / ".rivid" / "segments")
-    done = set(rows.table["key"].to_pylist())
-    new = [window for window in planned.asked if window.key not in done]
+    new = missing(planned.asked, rows)
     click.echo(
-        f"{len(planned.windows)} data sets in all, {len(planned.asked)} asked for, {len(new)} to estimate"
+        f"{len(planned.windows)} data sets in all, {len(planned.asked)} selected, {len(new)} to estimate"
     )
     click.echo(f"estimators: {', '.join(settings.run.estimators)}; results would go to {out}")
     for window in new[:5]:

@@ -142,16 +142,12 @@ def _record(out: Path) -> dict[str, Any]:
     """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
     import json
 
-    from rivid.results.tables import SCHEMA_VERSION
+    from rivid.results.tables import refuse_newer
 
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     if not isinstance(run, dict):
         raise ValueError("run.json is not a JSON object")
-    if run["schema_version"] > SCHEMA_VERSION:
-        raise RividError(
-            f"{out} was written by a newer rivid (schema {run['schema_version']}, this one knows "
-            f"{SCHEMA_VERSION}): upgrade rivid"
-        )
+    refuse_newer(run, out)
     return run
 
 

@@ -15,8 +15,7 @@ import pyarrow as pa
 from rivid import __version__
 from rivid.atomic import write_text
 from rivid.config import Config
-from rivid.errors import RividError
-from rivid.results.tables import SCHEMA_VERSION
+from rivid.results.tables import SCHEMA_VERSION, refuse_newer
 
 NAME = "run.json"
 
@@ -35,11 +34,7 @@ def last(out: Path) -> dict[str, Any]:
         return {}
     if not isinstance(record, dict) or not isinstance(record.get("schema_version", 0), int):
         return {}
-    if record.get("schema_version", 0) > SCHEMA_VERSION:
-        raise RividError(
-            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
-            f"{SCHEMA_VERSION}): upgrade rivid, or give another --out"
-        )
+    refuse_newer({"schema_version": 0} | record, out)
     return record
 
 

@@ -97,7 +97,9 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         )
     try:
         delays, posterior = (
-            _own(pq.read_table(out / f"{name}.parquet", page_checksum_verification=True))
+            pq.read_table(out / f"{name}.parquet", page_checksum_verification=True).filter(
+                pc.equal(pc.field("estimator"), "posterior")
+            )
             for name in ("delays", "posterior")
         )
     except (OSError, ValueError) as error:
@@ -128,13 +130,6 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         probability=probability, delay=delay, travel=travel,
         discharge=np.where(discharge > 0.0, discharge, np.nan),
     )  # fmt: skip
-
-
-def _own(table: pa.Table) -> pa.Table:
-    return table.filter(pc.equal(table["estimator"], "posterior"))
-
-
-DIRECTIONS = {False: "forward", True: "both"}
 
 
 @dataclass(frozen=True)
@@ -198,7 +193,8 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     travel = np.where(own, days.travel, np.where(np.isfinite(delay), middle * days.sample_time, np.nan))
     low = days.candidates[np.argmax(in_set, axis=1)].astype(float)
     high = days.candidates[::-1][np.argmax(in_set[:, ::-1], axis=1)].astype(float)
-    return Joined(DIRECTIONS[both_ways], p, delay, travel, sure, low, high, observed, related)
+    direction = "both" if both_ways else "forward"
+    return Joined(direction, p, delay, travel, sure, low, high, observed, related)
 
 
 def _river_answer(days: SeasonDays, p: Floats, t50: Floats) -> tuple[Floats, Floats]:

@@ -48,17 +48,9 @@ CHUNK = 8192
 """Rows in memory at a time, and rows of a row group."""
 
 SHORT = (
-    "key",
-    "date",
-    "estimator",
-    "status",
-    "delay_samples",
-    "delay_s",
-    "t50_samples",
-    "prior_only",
-    "probability",
-    "at_bound",
-)
+    "key", "date", "estimator", "status", "delay_samples", "delay_s", "t50_samples", "prior_only",
+    "probability", "at_bound",
+)  # fmt: skip
 """Columns in memory of all rows; of the messages, those of failed days."""
 
 

@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from rivid.atomic import replacing
+from rivid.errors import RividError
 
 SCHEMA_VERSION = 1
 """Version of the results contract; a reader refuses a newer one."""
@@ -32,6 +33,16 @@ def described(
 
 
 DATE, TEXT, NUMBER, WHOLE, FLAG = pa.date32(), pa.string(), pa.float64(), pa.int64(), pa.bool_()
+
+
+def refuse_newer(record: dict[str, Any], out: Path) -> None:
+    """Raise RividError where a newer rivid wrote this run.json of OUT: its tables may differ."""
+    if record["schema_version"] > SCHEMA_VERSION:
+        raise RividError(
+            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
+            f"{SCHEMA_VERSION}): upgrade rivid, or give another OUT"
+        )
+
 
 DELAYS, MEANINGS = described(
     [

@@ -3,6 +3,7 @@
 import datetime as dt
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,10 +40,9 @@ class Shard:
     @classmethod
     def parse(cls, text: str) -> "Shard":
         """Read I/N; ConfigError if it is not two whole numbers with 1 <= I <= N."""
-        first, slash, second = text.partition("/")
-        if slash and first.isascii() and first.isdigit() and second.isascii() and second.isdigit():
-            if 1 <= int(first[:9]) <= int(second[:9]) <= MOST and len(first + second) < 19:
-                return cls(int(first), int(second))
+        parts = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
+        if parts and 1 <= int(parts[1]) <= int(parts[2]) <= MOST:
+            return cls(int(parts[1]), int(parts[2]))
         raise ConfigError(
             f"--shard {text}: expected I/N with 1 <= I <= N <= {MOST:,}, for example 3/16; "
             "a job array that counts from 0 adds 1"

@@ -115,7 +115,7 @@ def run(
         if options.force:
             store.forget([w.key for w in planned.asked])
         kept = store.read()
-        new = _missing(planned.asked, kept)
+        new = missing(planned.asked, kept)
         if options.most_new is not None and len(new) > options.most_new:
             raise TooManyError(f"{len(new)} new days in {data_dir}: expected {options.most_new} or fewer")
         if new:
@@ -148,7 +148,7 @@ def run(
     return summary
 
 
-def _missing(asked: list[Window], kept: Rows) -> list[Window]:
+def missing(asked: list[Window], kept: Rows) -> list[Window]:
     """The windows that no segment holds."""
     keys = pa.array([window.key for window in asked], pa.string())
     done = pc.is_in(keys, value_set=kept.table["key"].combine_chunks())
