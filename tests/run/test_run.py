@@ -200,7 +200,9 @@ def test_too_few_samples_for_the_fir_fail_the_day(tmp_path):
     config = tmp_path / "c.toml"
     config.write_text("[reach]\nsample_time = 3600\n[input]\nmax_gap = 7200\n")
     write_days(tmp_path / "data", 2)
-    assert rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--config", config)[0] == 3
+    assert (
+        rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--config", config, "--no-figures")[0] == 3
+    )
     (jmap,) = load_results(tmp_path / "out").estimators
     assert "24 samples are too few" in jmap.messages[0]
 
@@ -256,8 +258,7 @@ def test_a_config_that_contradicts_itself_is_exit_2_in_one_line(data, tmp_path):
     config.write_text("[jmap]\nd_max = 40\n")
     code, said = rivid("run", data, "--config", config, "--out", tmp_path / "out")
     assert code == 2 and "order >= 43" in said
-    done = command("run", data, "--config", config, "--out", tmp_path / "out")
-    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert len(said.splitlines()) == 1
 
 
 def test_a_damaged_segment_is_found_and_its_days_are_done_again(data, tmp_path):
