@@ -7,30 +7,11 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 
-from rivid.estimators import ESTIMATORS
-
 HOURS_FROM = 7200
 """Durations from here on [s] are given in hours."""
 
 NO_ANSWER = ("failed", "unidentifiable", "pending")
 """Statuses of days without an answer, the gravest first."""
-
-
-def no_jump(name: str) -> str:
-    """Return the caption of every figure of a river's jump delay."""
-    method = ESTIMATORS[name].method
-    return f"The {method} looks for a jump; a dispersive river has none, so t50 says more than d."
-
-
-def trust(kind: str, name: str) -> str:
-    """Return the legend of a class of days; an estimator without a check of the data has one class of delays.
-
-    Examples
-    --------
-    >>> trust("data decide", "jmap"), trust("data decide", "direct"), trust("at a bound", "direct")
-    ('data decide', 'delay', 'at a bound')
-    """
-    return "delay" if kind == "data decide" and ESTIMATORS[name].unchecked else kind
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis, from plain arrays and words.
+"""Figures of a diagnosis.
 
 Before and after have one colour each in all of them: vermilion without the named effects, blue with them.
 """
@@ -15,6 +15,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
+from rivid.diagnosis.answer import Evidence
+from rivid.diagnosis.result import LoopDay
 from rivid.plots import captions, style
 from rivid.plots.style import FigureFile
 from rivid.text import count, day_range, shorten
@@ -62,28 +64,13 @@ Row = tuple[str, Sequence[float], bool]
 
 
 def draw_gap(
-    folder: Path, *, rows: Sequence[Row], hours: Sequence[float], floor: Sequence[float] | None, unit: str,
+    folder: Path, rows: Sequence[Row], hours: Sequence[float], floor: Sequence[float] | None, unit: str,
     days: int,
 ) -> FigureFile:  # fmt: skip
-    """Draw diagnosis_gap.png: a panel for each horizon, a bar for each simulation.
+    """Draw diagnosis_gap.png: a panel for each horizon [h], a bar for each simulation.
 
-    Parameters
-    ----------
-    folder : Path
-    rows : sequence of Row
-        The first is without any effect.
-    hours : sequence of float
-        Horizons [h], as many as each row has errors.
-    floor : sequence of float or None
-        Error from weather and gauge noise alone, where it is known.
-    unit : str
-        Of the errors.
-    days : int
-        Number of days kept apart.
-
-    Returns
-    -------
-    FigureFile
+    The first row is without any effect; `floor` is the error from weather and gauge noise alone, and `days`
+    the number of days kept apart. Errors are in `unit`.
     """
     title, events = "The gap on the days kept apart", any(described for _, _, described in rows)
     figure, panels = style.sheet(
@@ -102,18 +89,7 @@ def draw_gap(
 def errors_ahead(ax: Axes, rows: Sequence[Row], i: int, floor: float | None) -> Axes:
     """The errors of simulations at horizon `i` as horizontal bars, the first at the top.
 
-    Parameters
-    ----------
-    ax : Axes
-    rows : sequence of Row
-    i : int
-        Number of the horizon.
-    floor : float or None
-        Error that no simulation can avoid, where it is known.
-
-    Returns
-    -------
-    Axes
+    `floor` is the error that no simulation can avoid, where it is known.
     """
     ax.spines["left"].set_color(style.LIGHT)
     y = np.arange(len(rows), dtype=float)[::-1]
@@ -150,27 +126,11 @@ def _digits(value: float) -> str:
 # The unexplained inflow by hour and date
 
 
-def draw_map(
-    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, before: Floats, after: Floats | None
-) -> FigureFile:
-    """Draw diagnosis_map.png.
-
-    Parameters
-    ----------
-    folder : Path
-    dates : sequence of datetime.date, length days
-    hour : ndarray, shape (days, n)
-        Hour of the day of each sample [h].
-    used : ndarray of bool, shape (days, n)
-        Valid samples.
-    before, after : ndarray, shape (days, n)
-        Unexplained inflow without and with the named effects [m3/s]; None where nothing was named.
-
-    Returns
-    -------
-    FigureFile
-    """
-    maps = [hourly_map(w, hour, used, dates) for w in (before, after) if w is not None]
+def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
+    """Draw diagnosis_map.png: the unexplained inflow without and, where there are any, with named effects."""
+    r = evidence.record
+    dates, flows = r.dates, (evidence.inflow_before, evidence.inflow_after)[: 1 + named]
+    maps = [hourly_map(w, r.hour, r.used, dates) for w in flows]
     figure, panels = style.sheet(
         "When water is missing: the unexplained inflow by hour and date",
         f"{count(len(dates), 'day')}, {day_range(dates[0], dates[-1])} · mean of each hour, above what the "
@@ -211,13 +171,7 @@ def hour_map(ax: Axes, dates: Sequence[dt.date], image: Floats, top: float) -> A
 def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
     """Mean of each hour of each calendar day, shape (24, calendar days); NaN without valid samples.
 
-    Parameters
-    ----------
-    values : ndarray, shape (days, n)
-    hour : ndarray, shape (days, n)
-        Hour of the day of each sample, 0 to 24 [h].
-    used : ndarray of bool, shape (days, n)
-    dates : sequence of datetime.date, length days
+    `values`, `hour` [h] and `used` have the shape (days, n).
     """
     day = np.array([(date - dates[0]).days for date in dates])
     cell = np.minimum((hour + 1e-9).astype(np.int64), 23) + 24 * day[:, None]
@@ -234,39 +188,26 @@ def cell_means(values: Floats, cell: ArrayLike, used: Bools, size: int) -> Float
 
 # The unexplained inflow over the season
 
-Series = tuple[Floats, Floats]
-"""The unexplained inflow and its standard deviation [m3/s], shape (days, n) each."""
 Window = tuple[str, dt.date, dt.date]
 """An effect and the dates on which it acts, both ends included."""
 
 
 def draw_inflow(
-    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, block: ArrayLike, before: Series,
-    after: Series | None, drivers: Sequence[tuple[str, Floats]], windows: Sequence[Window] = (),
-) -> FigureFile:  # fmt: skip
-    """Draw diagnosis_inflow.png.
+    folder: Path, evidence: Evidence, *, named: bool, windows: Sequence[Window] = ()
+) -> FigureFile:
+    """Draw diagnosis_inflow.png: the course of the unexplained inflow, and its means by hour and driver.
 
-    Parameters
-    ----------
-    folder : Path
-    dates : sequence of datetime.date, length days
-    hour : ndarray, shape (days, n)
-    used : ndarray of bool, shape (days, n)
-        Valid samples.
-    block : array_like of int, shape (days,)
-        Days of one block may be alike.
-    before, after : Series
-        Without and with the named effects; None where nothing was named.
-    drivers : sequence of (str, ndarray of shape (days, n))
-        Series it may depend on besides the hour: a label with unit, and values.
-    windows : sequence of Window
-        Dates of the named effects.
-
-    Returns
-    -------
-    FigureFile
+    `windows` are the dates of the named effects.
     """
-    shown = [(WITHOUT, BEFORE, before), *([(WITH, AFTER, after)] if after else [])]
+    r, e = evidence.record, evidence
+    dates, hour, used = r.dates, r.hour, r.used
+    shown = [(WITHOUT, BEFORE, e.inflow_before, e.inflow_before_sd)]
+    shown += [(WITH, AFTER, e.inflow_after, e.inflow_after_sd)] if named else []
+    drivers = [("hour of the day", hour), ("inflow [m³/s]", r.inflow)]
+    if r.kind == "pool":
+        drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)]
+    else:
+        drivers += [("discharge [m³/s]", r.output)]
     small, below = 1.5, 0.55  # height of the panels at the bottom, and the margin under them [inch]
     figure, panels = style.sheet(
         "The unexplained inflow",
@@ -274,9 +215,9 @@ def draw_inflow(
         "lacks to follow the gauge",
         [1.35] * len(shown), gap=(0.0, 0.3), left=0.72, right=0.3, top=0.92, bottom=below + small + 0.98,
     )  # fmt: skip
-    curves = [course(*series, dates, hour, used) for _, _, series in shown]
+    curves = [course(flow, sd, dates, hour, used) for _, _, flow, sd in shown]
     top = 1.08 * limits(*(mean for _, mean, _, _ in curves), part=0.998)
-    for ax, (words, colour, _), (day, mean, half, hours) in zip(panels, shown, curves, strict=True):
+    for ax, (words, colour, _, _), (day, mean, half, hours) in zip(panels, shown, curves, strict=True):
         for _, first, last in windows:
             ax.axvspan(first.toordinal() - 0.5, last.toordinal() + 0.5, color=style.FAINT, lw=0, zorder=0)
         banded(ax, day, mean, half, colour, lw=0.8)
@@ -290,14 +231,13 @@ def draw_inflow(
         text = shorten(f"grey: dates of {names}", 80)
         style.heading(panels[-1], text, at=1, fontsize=8, color=style.GREY)
 
-    drivers = [("hour of the day", hour), *drivers]
     each = (style.WIDTH - 0.72 - 0.3 - 0.3 * (len(drivers) - 1)) / len(drivers)
     ends = []
     for i, (label, values) in enumerate(drivers):
         ax = style.panel(figure, 0.72 + i * (each + 0.3), below, each, small)
         edges = edges_of(values, used) if i else np.arange(25.0)
-        found = [means(flow, values, used, block, edges) for _, _, (flow, _) in shown]
-        for (_, colour, _), (centre, mean, half) in zip(shown, found, strict=True):
+        found = [means(flow, values, used, e.split.block, edges) for _, _, flow, _ in shown]
+        for (_, colour, _, _), (centre, mean, half) in zip(shown, found, strict=True):
             banded(ax, centre, mean, half, colour, lw=1.1, marker="o", ms=2.6)
             ends += [mean, mean - half, mean + half]
         ax.set_xlabel(label)
@@ -312,7 +252,7 @@ def draw_inflow(
             style.message(ax, "does not vary")
     for ax in figure.axes[len(shown) :]:
         ax.set_ylim(-1.1 * limits(*ends), 1.1 * limits(*ends))
-    caption = captions.unexplained_inflow(after is not None)
+    caption = captions.unexplained_inflow(named)
     return style.written(figure, folder / "diagnosis_inflow.png", "The unexplained inflow", caption)
 
 
@@ -331,14 +271,8 @@ def course(
     """Means over some hours, as few as keep a season to :data:`POINTS` points, with the 95 % band.
 
     The band of a mean is the mean of the bands: neighbouring errors are correlated, so averaging does not
-    narrow it.
-
-    Returns
-    -------
-    day, mean, half : ndarray, shape (points,)
-        Day numbers, means and half widths of the band; NaN where samples are missing.
-    hours : int
-        Hours of each mean.
+    narrow it. Returns day numbers, means and half widths of the band, each of shape (points,), NaN where
+    samples are missing, and the hours of each mean.
     """
     span = (dates[-1] - dates[0]).days + 1
     step = next(h for h in (1, 2, 3, 6, 12, 24) if 24 / h * span <= POINTS or h == 24)
@@ -364,20 +298,10 @@ def means(
 ) -> tuple[Floats, Floats, Floats]:
     """Mean of a series in each bin of a driver, with 95 % intervals.
 
-    Parameters
-    ----------
-    series, driver : ndarray, shape (days, n)
-    used : ndarray of bool, shape (days, n)
-    block : array_like of int, shape (days,)
-        Days of one block may be alike; blocks are taken as independent.
-    edges : ndarray, shape (k + 1,)
-        The last bin holds its upper edge.
-
-    Returns
-    -------
-    centre, mean, half : ndarray, shape (k,)
-        Mean of the driver, mean of the series and half width of its interval; NaN where a bin has no
-        samples or, for the interval, too few blocks.
+    Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The last bin holds its
+    upper edge. Returns the mean of the driver, the mean of the series and the half width of its interval,
+    each of shape (bins,): NaN where a bin has no samples or, for the interval, fewer than :data:`FEWEST`
+    blocks.
 
     Notes
     -----
@@ -410,59 +334,37 @@ def means(
 # One day that was kept apart
 
 
-def draw_day(
-    folder: Path, *, dates: Sequence[dt.date], hour: Floats, used: Bools, lead: int, apart: Bools,
-    measured: Floats, before: Floats, after: Floats | None, inflow: Floats, outflow: Floats | None,
-) -> FigureFile | None:  # fmt: skip
+def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | None:
     """Draw diagnosis_day.png: measured, simulated before and after, and the flows that caused it.
 
-    Parameters
-    ----------
-    folder : Path
-    dates : sequence of datetime.date, length days
-    hour : ndarray, shape (days, n)
-        Hour of the day of each sample [h].
-    used : ndarray of bool, shape (days, n)
-        Valid samples.
-    lead : int
-        Samples of each row that belong to the day before.
-    apart : ndarray of bool, shape (days,)
-        Days used for neither fit nor choice.
-    measured, before, after : ndarray, shape (days, n)
-        Level [m], or discharge of a river reach [m3/s]: measured, simulated without and with the effects;
-        None where nothing was named.
-    inflow, outflow : ndarray, shape (days, n)
-        [m3/s]; no outflow for a river reach.
-
-    Returns
-    -------
-    FigureFile or None
-        None where no day was kept apart.
+    None where no day was kept apart.
     """
-    error = errors(measured, before, used)
-    i = choose(error, apart, used)
+    r, measured, apart = evidence.record, evidence.record.output, evidence.split.sealed
+    before, after = evidence.run_before, evidence.run_after
+    error = errors(measured, before, r.used)
+    i = choose(error, apart, r.used)
     if i is None:
         return None
-    river, title = outflow is None, f"A day kept apart: {dates[i]}"
+    river, title = r.kind == "river", f"A day kept apart: {r.dates[i]}"
     unit, factor, name = ("m³/s", 1.0, "discharge") if river else ("mm", 1000.0, "level")
     off = f"{factor * error[i]:.3g} {unit}"
-    if after is not None:
-        off += f" without and {factor * errors(measured, after, used)[i]:.3g} {unit} with the named effects"
+    if named:
+        off += f" without and {factor * errors(measured, after, r.used)[i]:.3g} {unit} with the named effects"
     figure, (upper, lower) = style.sheet(
         title, f"Error of the simulated {name}: {off} (root mean square)", [2.22, 1.25], gap=(0.0, 0.42),
         left=0.82, right=0.3, top=0.86, bottom=0.55,
     )  # fmt: skip
-    clock, valid = hour[i, lead:], used[i, lead:]
-    runs = [(WITHOUT, before), (WITH, after)] if after is not None else [("", before)]
-    upper.plot(clock, measured[i, lead:], color=style.INK, lw=1.6, label="measured")
+    own = np.s_[i, r.lead :]  # without the samples of the day before
+    clock, valid = r.hour[own], r.used[own]
+    runs = [(WITHOUT, before), (WITH, after)] if named else [("", before)]
+    upper.plot(clock, measured[own], color=style.INK, lw=1.6, label="measured")
     for (words, run), look in zip(runs, ({"color": BEFORE, "ls": DASHES}, {"color": AFTER}), strict=False):
-        assert run is not None
-        values = np.where(valid, run[i, lead:], np.nan)
+        values = np.where(valid, run[own], np.nan)
         upper.plot(clock, values, lw=1.4, label=f"simulated {words}".strip(), **look)  # type: ignore[arg-type]
     upper.set_ylabel("discharge at the lower end [m³/s]" if river else "level at the dam [m]")
-    lower.plot(clock, inflow[i, lead:], color=style.INK, lw=1.2, label="inflow")
-    if outflow is not None:
-        lower.plot(clock, outflow[i, lead:], color=style.GREY, lw=1.2, ls=(0, (4, 1.5)), label="outflow")
+    lower.plot(clock, r.inflow[own], color=style.INK, lw=1.2, label="inflow")
+    if not river:
+        lower.plot(clock, r.outflow[own], color=style.GREY, lw=1.2, ls=(0, (4, 1.5)), label="outflow")
     lower.set_ylabel("flow [m³/s]")
     lower.set_xlabel("hour of the day")
     for ax in (upper, lower):
@@ -485,17 +387,7 @@ def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
 def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
     """The day to show: of those kept apart and nearly whole, the one at :data:`RANK` of the errors.
 
-    Parameters
-    ----------
-    error : ndarray, shape (days,)
-        Of the simulation without the effects.
-    apart : ndarray of bool, shape (days,)
-    used : ndarray of bool, shape (days, n)
-
-    Returns
-    -------
-    int or None
-        A row; None where no day was kept apart.
+    None where no day was kept apart.
     """
     number = used.sum(axis=1)
     known = np.flatnonzero(apart & np.isfinite(error))
@@ -510,39 +402,24 @@ def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
 # One day with the operators in the loop
 
 
-def draw_loop(
-    folder: Path, *, date: dt.date, hour: Floats, inflow: Floats, level: Sequence[Floats],
-    outflow: Sequence[Floats], words: str,
-) -> FigureFile:  # fmt: skip
+def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureFile:
     """Draw diagnosis_loop.png: level and outflow of a day kept apart, before and after.
 
-    Parameters
-    ----------
-    folder : Path
-    date : datetime.date
-    hour, inflow : ndarray, shape (n,)
-        Hour of the day [h] and logged inflow [m3/s].
-    level, outflow : sequence of ndarray of shape (n,)
-        Measured, simulated without the named effects and, where something was named, with them [m], [m3/s];
-        NaN where samples are not valid.
-    words : str
-        Result of all days, for the line under the title.
-
-    Returns
-    -------
-    FigureFile
+    `words` is the result of all days, for the line under the title.
     """
-    title = f"With the operators in the loop: {date}"
+    hour, curves = np.array(day.hour), 2 + named
+    level, outflow = (np.array(values[:curves]) for values in (day.level, day.outflow))
+    title = f"With the operators in the loop: {day.date}"
     figure, (upper, lower, lowest) = style.sheet(
         title, words, [1.6, 1.6, 1.0], gap=(0.0, 0.42), left=0.82, right=0.3, top=0.9, bottom=0.55
     )
-    simulated = f"simulated {WITHOUT}" if len(level) > 2 else "simulated"
+    simulated = f"simulated {WITHOUT}" if named else "simulated"
     looks: list[dict[str, Any]] = [
         {"color": style.INK, "lw": 1.6},
         {"color": BEFORE, "lw": 1.4, "ls": DASHES},
         {"color": AFTER, "lw": 1.4},
     ]
-    lower.plot(hour, inflow, color=style.LIGHT, lw=1.1)
+    lower.plot(hour, np.array(day.inflow), color=style.LIGHT, lw=1.1)
     lowest.axhline(0, color=style.INK, lw=1.0)
     names = ("measured", simulated, "with them")
     for i, (name, look, high, flow) in enumerate(zip(names, looks, level, outflow, strict=False)):

@@ -1,28 +1,23 @@
 """The data of the paper's figures: a year of logs, the estimates of each day, the reaches of a cascade."""
 
-import dataclasses
 import datetime as dt
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rivid.config import Config, parse
-from rivid.core.cusum import CusumSettings, cusum
-from rivid.core.fir import map_fir, ml
 from rivid.core.hydraulics import TravelBounds, propose_delays, travel_bounds
-from rivid.core.jmap import jmap
-from rivid.core.search import SearchSettings, direct, indirect
 from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
+from rivid.estimators import ESTIMATORS, Days
 from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 from rivid.results.read import EstimatorResults, Results
-from rivid.types import Floats, Ints, Strings
+from rivid.types import Floats, Ints
 
 # Logs
 
@@ -77,21 +72,16 @@ class Year:
             depth = np.where(above > 0, above, depth)
         return travel_bounds(self.discharge, length=reach.length, width=reach.width, depth=depth)
 
-    def groups(self, least: int) -> Iterator[tuple[Ints, Floats, Floats | None, Floats]]:
-        """Days of one length at a time: their numbers, inflow, outflow and level, each (days, N).
-
-        Days of `least` samples or fewer are left out; an inflow that hardly moves does not move.
-        """
+    def groups(self, least: int) -> Iterator[tuple[Ints, Days]]:
+        """The data sets of one length at a time, with their numbers; those of `least` samples or more."""
         by_length: dict[int, list[int]] = defaultdict(list)
         for i, inflow in enumerate(self.inflow):
-            if len(inflow) > least:
+            if len(inflow) >= least:
                 by_length[len(inflow)].append(i)
         for days in by_length.values():
-            inflow = np.stack([self.inflow[i] for i in days])
-            still = np.ptp(inflow, axis=1) < self.config.run.min_motion * np.abs(inflow).max(axis=1)
-            inflow[still] = inflow[still, :1]
+            inflow, level = (np.stack([logged[i] for i in days]) for logged in (self.inflow, self.level))
             outflow = np.stack([self.outflow[i] for i in days]) if self.outflow else None
-            yield np.array(days, np.intp), inflow, outflow, np.stack([self.level[i] for i in days])
+            yield np.array(days, np.intp), Days.of(inflow, level, outflow, self.config.run.min_motion)
 
 
 def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: Floats, level: Floats) -> Year:
@@ -110,23 +100,12 @@ def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: F
 def read_year(data_dir: Path, config: Config) -> Year:
     """Read all data sets of a directory of logs.
 
-    Parameters
-    ----------
-    data_dir : Path
-        Daily logs.
-    config : Config
-        How to read them; the reach must be a pool.
-
-    Returns
-    -------
-    Year
-
     Raises
     ------
     ConfigError
         For a river: the paper's figures are those of a pool.
     NoDataError
-        Where no day can be used.
+        If no day can be used.
     """
     if config.reach.kind != "pool":
         raise ConfigError(
@@ -163,16 +142,12 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
     out : Path
         OUT of the run.
     logs : Path, optional
-        Where its logs are now; by default where they were.
-
-    Returns
-    -------
-    Year
+        Directory of its logs; default: the one of the run.
 
     Raises
     ------
     NoDataError
-        Where `out` holds no finished run, or its logs are gone.
+        If `out` holds no finished run, or its logs are missing.
     """
     path = out / "run.json"
     try:
@@ -185,12 +160,18 @@ def read_run(out: Path, logs: Path | None = None) -> Year:
     except (ValueError, KeyError) as error:
         raise RividError(f"{path} cannot be read ({error}): run again") from None
     if logs is None and not place.exists():
-        raise NoDataError(f"the logs of {out} are not in {place} any more: say where with --logs DATA_DIR")
+        raise NoDataError(
+            f"the logs of {out} are no longer in {place}: give their directory with --logs DATA_DIR"
+        )
     return read_year(logs or place, config)
 
 
 # Estimates
 
+PAPER = (
+    "ml", "map", "jmap-uniform", "jmap-uniform-estimated", "jmap", "jmap-degenerate", "direct", "indirect",
+)  # fmt: skip
+"""The paper's estimators: (17), (22), Tables IV, V and VI."""
 DELAYS = ("direct", "indirect", "jmap-uniform", "jmap-uniform-estimated", "jmap")
 """Estimators whose delays the paper counts (Figs 9, 17 and 18), in its order."""
 
@@ -223,121 +204,52 @@ class Estimates:
 
 
 def estimate(year: Year) -> Estimates:
-    """Apply every estimator of the paper to a year, with the settings of its configuration.
-
-    Parameters
-    ----------
-    year : Year
-
-    Returns
-    -------
-    Estimates
-        ``ml``, ``map``, ``jmap-uniform``, ``jmap-uniform-estimated``, ``jmap``, ``jmap-degenerate``,
-        ``indirect``, ``cusum-ml`` and, where the outflow is logged, ``direct``.
-
-    Notes
-    -----
-    Source: (17), (22), Tables IV, V and VI.
-    """
-    config = year.config
-    settings, alpha = config.jmap_settings(), config.jmap.alpha
-    made = [_fir_only(year, "ml", settings, alpha), _fir_only(year, "map", settings, alpha)]
-    for name, how in {
-        "jmap-uniform": config.jmap_settings("uniform", fixed_alpha=True),
-        "jmap-uniform-estimated": config.jmap_settings("uniform"),
-        "jmap": settings,
-        "jmap-degenerate": config.jmap_settings(inverse_gamma=False),
-    }.items():
-        made.append(_jmap(year, name, how))
-    search = SearchSettings(settings.d_min, settings.d_max)
-    if year.outflow:
-        made.append(_search(year, "direct", search))
-    made.append(_search(year, "indirect", search))
-    made.append(_cusum(made[0], CusumSettings(d_min=settings.d_min, d_max=settings.d_max)))
-    reach = config.reach
-    return Estimates(
-        Results(reach.name, year.sample_time, reach.output_unit, settings.delay_scale, made), settings, alpha
-    )
+    """Apply :data:`PAPER` with the year's configuration; ``direct`` only where the outflow is logged."""
+    config, reach = year.config, year.config.reach
+    names = [name for name in PAPER if year.outflow or not ESTIMATORS[name].needs_outflow]
+    settings = config.jmap_settings()
+    made = [_estimates(year, name) for name in names]
+    results = Results(reach.name, year.sample_time, reach.output_unit, settings.delay_scale, made)
+    return Estimates(results, settings, config.jmap.alpha)
 
 
-def _blank(year: Year, name: str, order: int, candidates: Floats) -> dict[str, Any]:
-    """The columns of an estimator that has not said anything yet."""
-    n = len(year.dates)
-    bounds = year.bounds
-    columns: dict[str, Any] = {
-        "estimator": name,
-        "dates": list(year.dates),
-        "status": ["unidentifiable"] * n,
-        "messages": [""] * n,
-        "at_bound": np.zeros(n, bool),
-        "prior_only": np.zeros(n, bool),
-        "fir": np.full((n, order), np.nan),
-        "candidates": candidates,
-        "criterion": np.full((n, candidates.size), np.nan),
-        "mean_inflow": np.array([flow.mean() for flow in year.inflow]),
-        "bound_gravity_s": bounds.gravity,
-        "bound_kinematic_s": bounds.kinematic,
-    }
-    for key in ("delay", "t50", "alpha", "noise_sd", "roughness_sd", "condition"):
-        columns[key] = np.full(n, np.nan)
-    return columns
-
-
-def _say(columns: dict[str, Any], days: Ints, status: Strings) -> None:
-    for i, word in zip(days, status, strict=True):
-        columns["status"][i] = str(word)
-
-
-def _fir_only(year: Year, name: str, settings: JmapSettings, alpha: float) -> EstimatorResults:
-    M, free = settings.order, settings.free_start
-    c = _blank(year, name, M, np.empty(0))
-    for days, inflow, _, level in year.groups(M):
-        u, y = inflow - inflow[:, :1], level - level[:, :1]
-        fit = ml(u, y, M, free_start=free) if name == "ml" else map_fir(u, y, M, alpha, free_start=free)
-        c["fir"][days], c["condition"][days] = fit.fir, fit.condition
-        c["noise_sd"][days] = np.sqrt(fit.noise_variance)
-        _say(c, days, fit.status)
-    return EstimatorResults(**c)
-
-
-def _jmap(year: Year, name: str, settings: JmapSettings) -> EstimatorResults:
-    c = _blank(year, name, settings.order, np.arange(settings.d_min, settings.d_max + 1.0))
-    for days, inflow, _, level in year.groups(settings.order):
-        fit = jmap(inflow - inflow[:, :1], level - level[:, :1], settings)
-        for key in ("delay", "fir", "alpha", "condition", "criterion", "prior_only"):
-            c[key][days] = getattr(fit, key)
-        c["noise_sd"][days] = np.sqrt(fit.noise_variance)
-        c["roughness_sd"][days] = np.sqrt(fit.roughness_variance)
-        _say(c, days, fit.status)
-    c["at_bound"] = np.isin(c["delay"], (settings.d_min, settings.d_max))
-    return EstimatorResults(**c)
-
-
-def _search(year: Year, name: str, settings: SearchSettings) -> EstimatorResults:
-    c = _blank(year, name, 0, np.arange(settings.d_min, settings.d_max + 1.0))
-    for days, inflow, outflow, level in year.groups(settings.d_max + 4):
-        if name == "direct" and outflow is not None:
-            fit = direct(inflow, outflow, level, settings)
-        else:
-            fit = indirect(inflow, level, settings)
-        c["delay"][days], c["criterion"][days] = fit.delay, fit.criterion
-        c["noise_sd"][days] = np.sqrt(fit.noise_variance)
-        _say(c, days, fit.status)
-    c["at_bound"] = np.isin(c["delay"], (settings.d_min, settings.d_max))
-    return EstimatorResults(**c)
-
-
-def _cusum(fir: EstimatorResults, settings: CusumSettings) -> EstimatorResults:
-    """A change in the mean of each FIR, by the untuned CUSUM."""
-    fit = cusum(fir.fir, settings)
-    return dataclasses.replace(
-        fir,
-        estimator="cusum-ml",
-        delay=fit.delay,
-        status=[str(word) for word in fit.status],
-        at_bound=np.isin(fit.delay, (settings.d_min, settings.d_max)),
-        candidates=np.arange(settings.d_min, settings.d_max + 1.0),
-        criterion=np.full((len(fir.dates), settings.d_max - settings.d_min + 1), np.nan),
+def _estimates(year: Year, name: str) -> EstimatorResults:
+    """The results of one estimator; a data set that is too short is unidentifiable."""
+    prepared, n = ESTIMATORS[name].prepare(year.config), len(year.dates)
+    order = year.config.jmap_settings().order if ESTIMATORS[name].has_fir else 0
+    keys = ("delay", "alpha", "condition", "noise_variance", "roughness_variance")
+    found = {key: np.full(n, np.nan) for key in keys} | {"fir": np.full((n, order), np.nan)}
+    candidates, prior_only, status = np.empty(0), np.zeros(n, bool), ["unidentifiable"] * n
+    for days, data in year.groups(prepared.min_samples):
+        answer = prepared.estimate(data)
+        for i, word in zip(days, answer.status, strict=True):
+            status[i] = str(word)
+        if answer.candidates is not None:
+            candidates = answer.candidates.astype(float)
+        if answer.prior_only is not None:
+            prior_only[days] = answer.prior_only
+        for key, values in found.items():
+            if (given := getattr(answer, key)) is not None:
+                values[days] = given
+    return EstimatorResults(
+        estimator=name,
+        dates=list(year.dates),
+        status=status,
+        messages=[""] * n,
+        delay=found["delay"],
+        at_bound=np.isin(found["delay"], candidates[[0, -1]] if candidates.size else ()),
+        prior_only=prior_only,
+        t50=np.full(n, np.nan),
+        fir=found["fir"],
+        candidates=candidates,
+        criterion=np.full((n, candidates.size), np.nan),
+        alpha=found["alpha"],
+        noise_sd=np.sqrt(found["noise_variance"]),
+        roughness_sd=np.sqrt(found["roughness_variance"]),
+        condition=found["condition"],
+        mean_inflow=np.array([flow.mean() for flow in year.inflow]),
+        bound_gravity_s=year.bounds.gravity,
+        bound_kinematic_s=year.bounds.kinematic,
     )
 
 
@@ -364,8 +276,8 @@ class CascadeReach:
     delay : ndarray, shape (days,)
         Estimates with the uniform prior [samples].
     nominal : int
-        The operators' value [samples]; nobody can be asked in a simulation, so it is the gravity wave's
-        travel time in the middle of the usual discharges.
+        The operators' value [samples]; here the gravity wave's travel time in the middle of the usual
+        discharges, since a simulation has no operators' experience.
     truth : ndarray, shape (days,) or (0,)
         True delays [samples], where they are known.
     """
@@ -405,21 +317,12 @@ def shortest(delay: Floats, held: float = HELD) -> tuple[int, int]:
     return int(d[i]), int(d[i + n - 1])
 
 
-def of_year(year: Year, truth: Floats | None = None, settings: JmapSettings | None = None) -> CascadeReach:
+def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
     """A reach of the cascade from its logs: the JMAP with uniform prior and fixed alpha.
 
-    Parameters
-    ----------
-    year : Year
-    truth : ndarray, shape (days,), optional
-        True delays [samples].
-    settings : JmapSettings, optional
-        The configuration's by default, with the uniform prior.
+    `truth` are the true delays of the days [samples], where they are known.
     """
-    settings = settings or year.config.jmap_settings("uniform", fixed_alpha=True)
-    delay = np.full(len(year.dates), np.nan)
-    for days, inflow, _, level in year.groups(settings.order):
-        delay[days] = jmap(inflow - inflow[:, :1], level - level[:, :1], settings).delay
+    delay = _estimates(year, "jmap-uniform").delay
     reach = year.config.reach
     bounds = travel_bounds(reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth)
     nominal = round(float(bounds.gravity.mean()) / reach.sample_time)

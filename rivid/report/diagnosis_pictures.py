@@ -39,39 +39,16 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
             files.append(_gap(folder, diagnosis.gap))
         loop = diagnosis.closed_loop
         if loop is not None and loop.shown is not None:
-            day, curves = loop.shown, 3 if named else 2
-            files.append(plots.draw_loop(
-                folder, date=day.date, hour=np.array(day.hour), inflow=np.array(day.inflow),
-                level=[np.array(v) for v in day.level[:curves]],
-                outflow=[np.array(v) for v in day.outflow[:curves]], words=sentence("loop", loop, named),
-            ))  # fmt: skip
+            words = sentence("loop", loop, named)
+            files.append(plots.draw_loop(folder, loop.shown, words, named=named))
         if evidence is not None and evidence.record.used.any():
-            files += _evidence(folder, diagnosis, evidence)
+            windows = [(name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
+            files += [
+                plots.draw_day(folder, evidence, named=named),
+                plots.draw_map(folder, evidence, named=named),
+                plots.draw_inflow(folder, evidence, named=named, windows=windows),
+            ]
     return [file for file in files if file is not None]
-
-
-def _evidence(folder: Path, diagnosis: Diagnosis, evidence: Evidence) -> list[FigureFile | None]:
-    r, e, named = evidence.record, evidence, bool(diagnosis.effects)
-    pool = r.kind == "pool"
-    day = plots.draw_day(
-        folder, dates=r.dates, hour=r.hour, used=r.used, lead=r.lead, apart=e.split.sealed,
-        measured=r.output, before=e.run_before, after=e.run_after if named else None, inflow=r.inflow,
-        outflow=r.outflow if pool else None,
-    )  # fmt: skip
-    table = plots.draw_map(
-        folder, dates=r.dates, hour=r.hour, used=r.used, before=e.inflow_before,
-        after=e.inflow_after if named else None,
-    )  # fmt: skip
-    drivers = [("inflow [m³/s]", r.inflow)]
-    drivers += [("outflow [m³/s]", r.outflow), ("level [m]", r.output)] if pool else []
-    drivers += [] if pool else [("discharge [m³/s]", r.output)]
-    course = plots.draw_inflow(
-        folder, dates=r.dates, hour=r.hour, used=r.used, block=e.split.block,
-        before=(e.inflow_before, e.inflow_before_sd),
-        after=(e.inflow_after, e.inflow_after_sd) if named else None, drivers=drivers,
-        windows=[(name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates],
-    )  # fmt: skip
-    return [day, table, course]
 
 
 def drop_pictures(out: Path, kept: list[FigureFile]) -> None:

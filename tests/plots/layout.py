@@ -10,16 +10,24 @@ from rivid.plots import style
 
 
 @contextmanager
-def saved():
-    """The figures that are saved inside, by the stem of the file."""
+def saved(*, write=False):
+    """The figures that are saved inside, by the stem of the file; drawn only, or written as well."""
     figures, save = {}, style.save
 
     def keep(figure, path):
-        save(figure, path)
         figures[path.stem] = figure
+        if write:
+            save(figure, path)
+        else:
+            figure.canvas.draw()
 
     with patch.object(style, "save", keep):
         yield figures
+
+
+def as_file(path):
+    """The record of a figure that is in `path`."""
+    return style.FigureFile(path.stem, "", path, "", "", 1, 1)
 
 
 def labels(figure):

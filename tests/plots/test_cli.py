@@ -69,10 +69,10 @@ def invoke(*args):
 
 def test_figures_and_report_come_back_the_same_after_they_were_deleted(tmp_path):
     out = tmp_path / "out"
-    store_run(results(("ml", "jmap"), dates_of(20, missing=3)), out)
+    store_run(results(("ml",), dates_of(20, missing=3)), out)
     done = invoke(out)
     assert done.exception is None and done.return_value == 0
-    assert "6 figures" in done.output and str(out / "report.html") in done.output
+    assert "2 figures" in done.output and str(out / "report.html") in done.output
     made = {p: p.read_bytes() for p in [*(out / "figures").iterdir(), out / "report.html"]}
     for path in made:
         path.unlink()
@@ -83,7 +83,7 @@ def test_figures_and_report_come_back_the_same_after_they_were_deleted(tmp_path)
 
 def test_a_day_may_be_chosen(tmp_path):
     out = tmp_path / "out"
-    store_run(results(("jmap",), dates_of(5), unanswered=0), out)
+    store_run(results(("ml",), dates_of(5), unanswered=0), out)
     assert invoke(out, "--day", "2008-01-02").exception is None
     assert "Impulse responses of 2008-01-02" in (out / "report.html").read_text(encoding="utf-8")
 
@@ -95,7 +95,7 @@ def test_a_directory_without_a_run_is_left_untouched(tmp_path):
     assert not out.exists()
 
 
-def test_a_run_at_work_is_not_disturbed(tmp_path):
+def test_a_running_run_is_not_disturbed(tmp_path):
     out = tmp_path / "out"
     store_run(results(("jmap",), dates_of(2)), out)
     with Store(out):

@@ -1,4 +1,4 @@
-"""The paper's figures: all of them, readable, the same bytes each time, with the numbers of the year."""
+"""The paper's figures: readable, the same bytes each time, with the numbers of the year."""
 
 import dataclasses
 import datetime as dt
@@ -9,72 +9,75 @@ import pytest
 from PIL import Image
 
 from rivid.errors import ConfigError
+from rivid.plots import paper
 from rivid.plots.paper import FIGURES, cascade, choose, draw_paper
 from rivid.plots.paper_data import estimate, of_year
 from rivid.plots.style import styled
 from rivid.report.build import write_gallery
-from tests.plots.layout import check, labels, saved
-from tests.plots.years import still, without_outflow, year
+from tests.plots.layout import check, labels
+from tests.plots.years import estimated, still, without_outflow, year
 
 NUMBERS = ["2", "3", "4", "5", "6", "7", "9", "10", "11", "12", "13", "14", "15", "16", "17", "18", "19"]
 
 
-def paper(y, folder):
-    with saved() as figures:
-        files = draw_paper(y, estimate(y), [of_year(y)], folder)
-    return files, figures
-
-
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory):
-    """Folder, files and figures of a year."""
-    folder = tmp_path_factory.mktemp("paper")
-    y = year()
-    files, figures = paper(y, folder)
-    write_gallery(y, files, folder)
-    return folder, files, figures
+def figures():
+    """The figures of a year by their number, drawn and not written."""
+    y, e = year(), estimated()
+    with styled():
+        drawn = {num: figure for num, _, figure in (make(y, e, choose(e), [of_year(y)]) for make in FIGURES)}
+    assert list(drawn) == NUMBERS
+    return drawn
 
 
-def test_every_figure_is_there_as_vector_and_as_png_and_readable(drawn):
-    folder, files, figures = drawn
-    assert [f.kind for f in files] == NUMBERS and len(FIGURES) == len(NUMBERS)
+@pytest.mark.parametrize("num", NUMBERS)
+def test_no_text_is_cut_off_and_no_tick_labels_overlap(num, figures):
+    with styled():
+        figures[num].canvas.draw()
+    check(figures[num], num)
+
+
+def written(folder):
+    """The files of the figures in `folder`, with their page."""
+    files = draw_paper(year(), estimated(), [of_year(year())], folder)
+    write_gallery(year(), files, folder)
     for f in files:
         vector = f.path.with_suffix(".svg").read_text(encoding="utf-8")
         assert vector.startswith("<?xml") and "<dc:date>" not in vector and "Matplotlib v" not in vector
         with Image.open(f.path) as image:
             assert image.size == (f.width, f.height), f.kind
-        check(figures[f.path.stem], f.path.stem)
-    stems = {"fig11_priors" if n == "11" else f"fig{int(n):02d}" for n in NUMBERS}
-    assert {p.name for p in folder.iterdir()} == {f"{s}.{e}" for s in stems for e in ("png", "svg")} | {
-        "index.html"
-    }
-
-
-def test_the_page_shows_every_figure_and_links_to_nothing_else(drawn):
-    folder, files, _ = drawn
     page = (folder / "index.html").read_text(encoding="utf-8")
-    links = set(re.findall(r'(?:src|href)="([^"#]+)"', page))
-    assert links == {p.name for f in files for p in (f.path, f.path.with_suffix(".svg"))}
-    assert page.count("<figure") == len(files) and all(f"Fig. {n}." in page for n in NUMBERS)
+    links = re.findall(r'(?:src|href)="([^"#]+)"', page)
+    names = {p.name for f in files for p in (f.path, f.path.with_suffix(".svg"))}
+    assert set(links) == names and {p.name for p in folder.iterdir()} == names | {"index.html"}
+    assert page.count("<figure") == len(files) and all(f"Fig. {f.kind}." in page for f in files)
+    return [f.kind for f in files], {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
-def test_the_same_logs_give_the_same_bytes(drawn, tmp_path):
-    paper(year(), tmp_path)
-    for path in tmp_path.iterdir():
-        assert (drawn[0] / path.name).read_bytes() == path.read_bytes(), path.name
+def test_a_figure_and_its_page_are_the_same_bytes_each_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(paper, "FIGURES", (paper.priors,))
+    kinds, files = written(tmp_path / "a")
+    assert kinds == ["11"] and set(files) == {"fig11_priors.png", "fig11_priors.svg", "index.html"}
+    assert written(tmp_path / "b")[1] == files
 
 
-def test_figures_of_the_year_show_its_estimates(drawn):
-    figures, y, e = drawn[2], year(), estimate(year())
-    assert figures["fig02"].axes[0].lines[0].get_ydata()[:3] == pytest.approx(y.discharge[:3])
-    image = np.asarray(figures["fig13"].axes[0].get_images()[0].get_array())
+@pytest.mark.long
+def test_all_figures_and_their_page_are_the_same_bytes_each_time(tmp_path):
+    kinds, files = written(tmp_path / "a")
+    assert kinds == NUMBERS and written(tmp_path / "b")[1] == files
+
+
+def test_figures_of_the_year_show_its_estimates(figures):
+    y, e = year(), estimated()
+    assert figures["2"].axes[0].lines[0].get_ydata()[:3] == pytest.approx(y.discharge[:3])
+    image = np.asarray(figures["13"].axes[0].get_images()[0].get_array())
     assert image[:, 0] == pytest.approx(e.of("ml").fir[0])
-    bars = figures["fig09"].axes[0].containers[0]
+    bars = figures["9"].axes[0].containers[0]
     share = [100 * np.mean(e.of("direct").delay == d) for d in range(1, 16)]
     assert [bar.get_height() for bar in bars] == pytest.approx(share)
-    ends = {ax.get_ylim() for ax in figures["fig18"].axes[:3]}
+    ends = {ax.get_ylim() for ax in figures["18"].axes[:3]}
     assert len(ends) == 1, "one scale for the panels of Fig. 18"
-    assert "Rayleigh prior alone" in labels(figures["fig18"])
+    assert "Rayleigh prior alone" in labels(figures["18"])
 
 
 def test_the_given_day_is_shown_and_an_unknown_one_or_one_without_a_response_is_an_error():
@@ -104,5 +107,5 @@ def test_a_reach_without_any_estimate_has_its_interval_alone():
     y = year()
     r = dataclasses.replace(of_year(y), delay=np.full(12, np.nan))
     with styled():
-        figure = cascade(y, estimate(y), 0, [r])[2]
+        figure = cascade(y, estimated(), 0, [r])[2]
     assert tuple(figure.axes[0].lines[0].get_ydata()) == (5, 11) and len(labels(figure)) == 3

@@ -1,5 +1,8 @@
 """`rivid figures OUT --paper` on a finished run."""
 
+import json
+import shutil
+
 import click
 import pytest
 from click.testing import CliRunner
@@ -8,6 +11,7 @@ from rivid.cli import figures as cli
 from rivid.cli.run import command as run
 from rivid.errors import NoDataError
 from rivid.logs.write import write_days
+from rivid.plots import paper
 from tests.plots.years import season
 
 
@@ -33,10 +37,11 @@ def out(tmp_path_factory):
     return place / "out"
 
 
-def test_the_figures_of_a_run_come_with_their_page(out):
+def test_the_figures_of_a_run_come_with_their_page(out, monkeypatch):
+    monkeypatch.setattr(paper, "FIGURES", (paper.discharge, paper.cascade))
     done = invoke(cli.command, out, "--paper", "--cascade", out, "--day", "2008-01-03")
     assert done.exception is None and done.return_value == 0
-    assert "17 figures of the paper" in done.output
+    assert "2 figures of the paper" in done.output
     page = (out / "paper" / "index.html").read_text(encoding="utf-8")
     assert "12 days" in page and "Fig. 19." in page
 
@@ -56,7 +61,7 @@ def test_a_scenario_gives_the_reaches_of_its_cascade(tmp_path):
     assert upper.nominal < lower.nominal
 
 
-def test_without_any_cascade_the_reach_stands_alone_and_it_is_said(out, monkeypatch):
+def test_without_any_cascade_the_reach_is_drawn_alone_and_a_message_names_it(out, monkeypatch):
     monkeypatch.setattr(cli, "_default_cascade", lambda: [out / "no.toml"])
     drawn = []
     monkeypatch.setattr(
@@ -69,9 +74,6 @@ def test_without_any_cascade_the_reach_stands_alone_and_it_is_said(out, monkeypa
 
 
 def test_logs_that_have_moved_may_be_pointed_to(out, tmp_path, monkeypatch):
-    import json
-    import shutil
-
     shutil.copytree(out, tmp_path / "out", ignore=shutil.ignore_patterns("paper"))
     record = json.loads((out / "run.json").read_text())
     record["data_dir"] = str(tmp_path / "gone")

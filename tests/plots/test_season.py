@@ -76,7 +76,7 @@ def test_both_files_are_readable_and_the_same_twice(n, tmp_path):
     days = days_of(n)
     law = law_of(days)
     assert (law.status == "ok") == (n == 120)
-    with saved() as figures:
+    with saved(write=True) as figures:
         made = [season.draw(days, join(days), law, tmp_path / name) for name in "ab"]
     assert [(f.kind, f.estimator) for f in made[0]] == [
         ("season", "posterior-season"), ("delay_law", "posterior"),

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from rivid.config import Config, ReachConfig, parse
-from rivid.plots.paper_data import Year, year_of
+from rivid.plots.paper_data import Estimates, Year, estimate, year_of
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 
@@ -24,6 +24,12 @@ def year(days: int = 14, missing: int = 2, seed: int = 11) -> Year:
     s = season(days, missing, seed)
     config = Config(reach=ReachConfig(name="basse-isere"))
     return year_of(config, s.dates, s.inflow, s.outflow, s.level)
+
+
+@cache
+def estimated(days: int = 14, missing: int = 2, seed: int = 11) -> Estimates:
+    """The estimates of a year, computed once."""
+    return estimate(year(days, missing, seed))
 
 
 def without_outflow(y: Year) -> Year:
