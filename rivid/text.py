@@ -247,8 +247,8 @@ def travel(values: Sequence[float], sample_time: float) -> str:
     texts = spelt([end / size for end in ends])
     if all(text.endswith(".0") or "." not in text for text in texts):
         texts = [text.removesuffix(".0") for text in texts]
-    texts_ = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]
-    return f"{listed(texts_, 'or')} {unit}"
+    spans_given = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]
+    return f"{listed(spans_given, 'or')} {unit}"
 
 
 def travel_within(low: float, high: float, sample_time: float) -> str:

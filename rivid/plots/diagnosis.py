@@ -33,7 +33,7 @@ SIGNED = LinearSegmentedColormap.from_list(
 DASHES = (0, (5, 2))
 
 NAME_LENGTH = 36
-"""Characters of the name of a simulation beside its bar; the table of the page has the whole name."""
+"""Characters of the name of a simulation next to its bar; the table of the page has the whole name."""
 SHARE = 0.99
 """Share of the cells of the map inside the colour scale: single extreme hours must not dominate it."""
 RANK = 0.8

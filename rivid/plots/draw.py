@@ -25,7 +25,7 @@ from rivid.text import (
     statuses,
 )
 
-KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day.")
+KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
 """How the names of these figures begin in OUT/figures."""
 
 Job = tuple[str, str]
@@ -45,7 +45,7 @@ def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list
     out : Path
         OUT; files are written to its folder ``figures``.
     day : datetime.date, optional
-        The day whose impulse responses are shown; a typical one by default.
+        The day of the impulse responses; a typical one by default.
 
     Returns
     -------
@@ -87,22 +87,7 @@ def jobs(results: Results) -> list[Job]:
 
 
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
-    """Draw one figure; None where no day has what it shows.
-
-    Parameters
-    ----------
-    results : Results
-        All of OUT.
-    job : Job
-        One of :func:`jobs`.
-    folder : Path
-        Where the file goes: ``<kind>_<estimator>.png``.
-    day : datetime.date, optional
-        As of :func:`draw_all`.
-
-    Returns
-    -------
-    FigureFile or None
+    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has what it shows.
 
     Raises
     ------

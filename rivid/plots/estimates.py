@@ -98,10 +98,6 @@ def tdr(
     sample_time : float, optional
         T_s [s], for a second axis in minutes.
 
-    Returns
-    -------
-    Axes
-
     Notes
     -----
     Source: section VI, Figs 13-16.
@@ -188,10 +184,6 @@ def response(
         Delay d, marked by a coloured step, and t50, by a dashed line [samples]; NaN for none.
     sd : ndarray, shape (M,), optional
         Standard deviation of `fir`, drawn as a band of two to either side.
-
-    Returns
-    -------
-    Axes
     """
     k = np.arange(len(fir))
     ax.axhline(0, color=style.LIGHT, lw=0.7)
@@ -296,10 +288,6 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     counted : bool
         Legend with numbers of days; without them several panels can share it.
 
-    Returns
-    -------
-    Axes
-
     Notes
     -----
     Source: Fig. 18.
@@ -364,10 +352,6 @@ def delay_map(
     bounds : bool
         Draw the travel times (5) of the waves.
 
-    Returns
-    -------
-    Axes
-
     Notes
     -----
     Source: Fig. 17; the bounds are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
@@ -421,10 +405,6 @@ def probability_cells(
         0 to 1; 0 where there is none.
     darkest : float
         Opacity of probability 1.
-
-    Returns
-    -------
-    Axes
     """
     d = np.asarray(delay, float)
     image = np.zeros((*probability.shape, 4))
@@ -480,17 +460,6 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
     """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds.
-
-    Parameters
-    ----------
-    ax : Axes
-    results : Results
-        The run, for sample time.
-    e : EstimatorResults
-
-    Returns
-    -------
-    Axes
 
     Notes
     -----
@@ -562,17 +531,6 @@ def _medians(values: Floats) -> Floats:
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
     """t50 of each day over the record, on an x axis of day numbers.
-
-    Parameters
-    ----------
-    ax : Axes
-    results : Results
-        Of a river reach.
-    e : EstimatorResults
-
-    Returns
-    -------
-    Axes
 
     Notes
     -----

@@ -58,18 +58,16 @@ def draw_paper(
     day: dt.date | None = None,
     progress: Callable[[], Any] = lambda: None,
 ) -> list[FigureFile]:
-    """Draw the paper's figures.
+    """Draw the paper's figures; the same logs give the same bytes.
 
     Parameters
     ----------
-    year : Year
-        The logs.
-    estimates : Estimates
-        Of each estimator and day.
+    year, estimates
+        The logs, and the estimates of each estimator and day.
     cascade : sequence of CascadeReach
         The reaches of Fig. 19; at least one.
     folder : Path
-        Where ``fig02.png``, ``fig02.svg`` and so on go.
+        Directory of ``fig02.png``, ``fig02.svg`` and so on.
     day : datetime.date, optional
         The day of Figs 7 and 12; a typical one by default.
     progress : callable, optional
@@ -83,13 +81,9 @@ def draw_paper(
     Raises
     ------
     ConfigError
-        Where `day` has no impulse response.
+        If `day` has no impulse response.
     RividError
-        Where a file cannot be written.
-
-    Notes
-    -----
-    The same logs give the same bytes.
+        If a file cannot be written.
     """
     i = choose(estimates, day)
     where = "downstream" if year.outflow else "upstream"

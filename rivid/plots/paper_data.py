@@ -120,7 +120,7 @@ def read_year(data_dir: Path, config: Config) -> Year:
             try:
                 found.append(read_window(data_dir, [sources[day] for day in days], config))
             except DataError:
-                pass  # counted: `rivid check` says why
+                pass  # counted: `rivid check` reports the reason
     if not found:
         raise NoDataError(f"no day of {data_dir} can be used: see `rivid check {data_dir}`")
     logged = [data.outflow for data in found if data.outflow is not None]
@@ -173,26 +173,16 @@ PAPER = (
 )  # fmt: skip
 """The paper's estimators: (17), (22), Tables IV, V and VI."""
 DELAYS = ("direct", "indirect", "jmap-uniform", "jmap-uniform-estimated", "jmap")
-"""Estimators whose delays the paper counts (Figs 9, 17 and 18), in its order."""
+"""Estimators of the histograms and maps of delays (Figs 9, 17 and 18), in the paper's order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """A year through every estimator.
-
-    Attributes
-    ----------
-    results : Results
-        As of a run, for the figures of :mod:`rivid.plots`.
-    settings : JmapSettings
-        Of the estimator of Table VI.
-    alpha : float
-        Fixed regularisation weight of the MAP and of Table V [(m3/s)^2].
-    """
+    """The estimates of a year by every estimator, as results of a run."""
 
     results: Results
-    settings: JmapSettings
-    alpha: float
+    settings: JmapSettings  # of Table VI
+    alpha: float  # fixed regularisation weight of the MAP and of Table V [(m3/s)^2]
 
     def of(self, name: str) -> EstimatorResults:
         """The results of one estimator."""
@@ -264,30 +254,14 @@ HELD = 0.9
 
 @dataclass(frozen=True, eq=False)
 class CascadeReach:
-    """One reach of Fig. 19.
-
-    Attributes
-    ----------
-    name : str
-    length : float
-        [m].
-    sample_time : float
-        T_s [s].
-    delay : ndarray, shape (days,)
-        Estimates with the uniform prior [samples].
-    nominal : int
-        The operators' value [samples]; here the gravity wave's travel time in the middle of the usual
-        discharges, since a simulation has no operators' experience.
-    truth : ndarray, shape (days,) or (0,)
-        True delays [samples], where they are known.
-    """
+    """One reach of Fig. 19."""
 
     name: str
-    length: float
-    sample_time: float
-    delay: Floats
-    nominal: int
-    truth: Floats
+    length: float  # [m]
+    sample_time: float  # T_s [s]
+    delay: Floats  # estimates with the uniform prior, shape (days,) [samples]
+    nominal: int  # the operators' value [samples]; here of the gravity wave at the middle discharge
+    truth: Floats  # true delays, shape (days,), or (0,) where they are unknown [samples]
 
     @property
     def empirical(self) -> tuple[int, int]:

@@ -1,4 +1,7 @@
-"""A season: the probabilities of each day with the joined delays, and the law of delay and discharge."""
+"""A season: the probabilities of each day with the joined delays, and the law of delay and discharge.
+
+The functions on Axes return their Axes.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -23,23 +26,7 @@ WAYS = {"forward": "each day knows those before it", "both": "each day knows all
 
 
 def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[FigureFile]:
-    """Draw season.png and delay_law.png.
-
-    Parameters
-    ----------
-    days : SeasonDays
-        With at least one day.
-    joined : Joined
-        Of these days.
-    law : DelayLaw
-        Of these days, in seconds; without one the days are drawn, and why there is none.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of FigureFile
-    """
+    """Draw season.png and delay_law.png of at least one day; without a law the days are drawn alone."""
     first, last = days.dates[0], days.dates[-1]
     with style.styled():
         figure, (ax,) = style.sheet(
@@ -73,16 +60,7 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
 def season(ax: Axes, days: SeasonDays, joined: Joined) -> Axes:
     """p(d) of each day alone as cells, and over them the median and 90 % band of the joined days.
 
-    Parameters
-    ----------
-    ax : Axes
-        Its x axis are day numbers.
-    days : SeasonDays
-    joined : Joined
-
-    Returns
-    -------
-    Axes
+    The x axis of `ax` are day numbers.
     """
     x = day_numbers(days.dates)
     middle, low, high = (
@@ -125,16 +103,7 @@ def _known(days: SeasonDays) -> Any:
 def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
     """Travel time of each day against the discharge, and the law with its intervals.
 
-    Parameters
-    ----------
-    ax : Axes
-    days : SeasonDays
-    law : DelayLaw
-        Drawn where its status is ok.
-
-    Returns
-    -------
-    Axes
+    The law is drawn where its status is ok.
     """
     what, shown = "t50" if days.river else "travel time", _known(days)
     ax.set_ylabel(f"{what} [samples]")

@@ -86,7 +86,7 @@ class FigureFile:
         t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or one of
         :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example.
     estimator : str
-        The estimator whose results are shown; empty for all of them.
+        The estimator of the results; empty for all of them.
     path : Path
         The PNG file. A figure of the paper has an SVG of the same name in the same folder.
     title, caption : str
@@ -191,19 +191,7 @@ def inches(ax: Axes) -> tuple[float, float]:
 
 
 def heading(ax: Axes, text: str, *, at: float = 0.0, up: float = 4.0, **look: Any) -> None:
-    """A line of text above a panel: from its left end at 0, up to its right end at 1.
-
-    Parameters
-    ----------
-    ax : Axes
-    text : str
-    at : float
-        0 for the left, 1 for the right end.
-    up : float
-        Distance from the panel [points].
-    **look
-        Properties of the text.
-    """
+    """A line of text `up` points above a panel: from its left end (`at` = 0), or up to its right end (1)."""
     given: dict[str, Any] = {"fontsize": 8.5, "color": INK} | look
     ax.annotate(
         text, (at, 1), xycoords="axes fraction", xytext=(0, up), textcoords="offset points",
@@ -295,14 +283,7 @@ def no_ticks(ax: Axes, which: str = "x") -> None:
 def second_axis(ax: Axes, sample_time: float, label: str = "minutes") -> Axes:
     """A right-hand axis in minutes (in hours from two hours on) for a left-hand axis in samples.
 
-    Parameters
-    ----------
-    ax : Axes
-        Panel with samples on its y axis.
-    sample_time : float
-        T_s [s].
-    label : str
-        What the axis shows, with ``minutes`` for the unit.
+    `label` is what the axis shows, with ``minutes`` for the unit.
     """
     low, high = ax.get_ylim()
     unit, seconds = time_unit(high * sample_time)

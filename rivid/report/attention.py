@@ -69,17 +69,7 @@ def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
     Estimators that degenerate by construction are not listed where they have an answer. An estimator with
     many days at its bounds has one row for all of them.
 
-    Parameters
-    ----------
-    results : Results
-        All of OUT.
-    recent : LastWeek or None
-        The estimator that represents the reach; only its days are compared with a band.
-
-    Returns
-    -------
-    list of Attention
-        By their last day, the latest first.
+    Only the days of `recent`, the estimator that represents the reach, are compared with a band.
     """
     rows, alike = [], dict[tuple[dt.date, str, str, float], list[str]]()
     for e in results.estimators:
@@ -87,10 +77,9 @@ def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
         edges = [doubt[0] for doubt in doubts if doubt[1] == "at_bound"]
         if len(edges) > max(SHOWN, CROWD * len(e.dates)):
             ends = float(candidates(e)[0]), float(candidates(e)[-1])
+            n = len(e.dates)
             rows.append(
-                Attention(
-                    edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=len(e.dates)
-                )
+                Attention(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=n)
             )
             doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
         for doubt in doubts:
@@ -111,12 +100,12 @@ def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
 
 def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
     """Date, kind, message and delay of each day of an estimator; a delay of -1 where it does not matter."""
-    by_making, with_delay = ESTIMATORS[e.estimator].degenerates, found(e)
+    by_construction, with_delay = ESTIMATORS[e.estimator].degenerates, found(e)
     doubts = []
     for i, (date, status, message) in enumerate(zip(e.dates, e.status, e.messages, strict=True)):
-        if status in NO_ANSWER or (status == "degenerate" and not by_making):
+        if status in NO_ANSWER or (status == "degenerate" and not by_construction):
             doubts.append((date, status, message, -1.0))
-        elif with_delay[i] and e.at_bound[i] and not by_making:
+        elif with_delay[i] and e.at_bound[i] and not by_construction:
             doubts.append((date, "at_bound", "", float(e.delay[i])))
     return doubts
 
@@ -166,7 +155,7 @@ def far(recent: LastWeek) -> list[Attention]:
             value=float(recent.values[i]),
             band=limits,
             decided=bool(recent.decided[i]),
-        )
+        )  # fmt: skip
         for i in np.flatnonzero(outside(recent.values, limits) & ~listed)
     ]
 
@@ -182,12 +171,14 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> di
         `no_log`: whether a day of the last week has no log.
     """
     lead = leading(results)
-    speaking = {recent.estimator.estimator} | ({lead.estimator} if lead and estimates_delay(lead) else set())
+    representing = {recent.estimator.estimator} | (
+        {lead.estimator} if lead and estimates_delay(lead) else set()
+    )
     late, early, others = (set[dt.date]() for _ in range(3))
     links = []
     for k, row in enumerate(rows):
         days = dates_of(row, results)
-        if not speaking & set(row.estimators):
+        if not representing & set(row.estimators):
             others |= days
             continue
         inside = {day for day in days if day >= recent.first}

@@ -165,7 +165,7 @@ def _horizon(gap: Gap) -> int:
 
 
 def _grown(gap: Gap) -> list[tuple[str, float]]:
-    """Steps whose error is more than 1 % above that of the step before: name, horizon [h]."""
+    """Steps with an error more than 1 % above that of the step before: name, horizon [h]."""
     before, found = gap.rmse_baseline, []
     for step in gap.steps:
         found += [

@@ -4,7 +4,7 @@ The template draws it; colours are classes, with rules in base.css.
 """
 
 import datetime as dt
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,55 +29,10 @@ LOOKS = {
     "degenerate": "doubt",
     "at a bound": "doubt",
 }
-"""How far to trust a day, and the class of its mark."""
+"""Class of the mark of a day by the class of its delay."""
 
 
-@dataclass(frozen=True)
-class Mark:
-    """A day: position, class (sure, prior, doubt, none), value and delay [samples], status, table row."""
-
-    x: float
-    y: float
-    look: str
-    date: dt.date
-    value: float
-    delay: float
-    status: str
-    row: int | None
-
-
-@dataclass(frozen=True)
-class Strip:
-    """The drawing.
-
-    Attributes
-    ----------
-    marks : list of Mark
-    medians : list of (float, float, float)
-        Of each week: x of its ends, y.
-    lags, times : list of (float, str)
-        Ticks at y: samples on the left, `unit` on the right.
-    dates : list of (float, str)
-        Ticks at x.
-    week : float
-        x where the last week begins.
-    floor : float
-        y below which days without an answer are marked.
-    unit : str
-        minutes or hours.
-    """
-
-    marks: list[Mark]
-    medians: list[tuple[float, float, float]]
-    lags: list[tuple[float, str]]
-    times: list[tuple[float, str]]
-    dates: list[tuple[float, str]]
-    week: float
-    floor: float
-    unit: str
-
-
-def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Strip | None:
+def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dict[str, Any] | None:
     """Lay out the last week and the eight before it.
 
     Parameters
@@ -91,8 +46,12 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Str
 
     Returns
     -------
-    Strip or None
-        None where these weeks have fewer than two days with a value.
+    dict or None
+        `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt, none),
+        `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y, of
+        each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
+        on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
+        without an answer are marked. None where these weeks have fewer than two days with a value.
     """
     e = recent.estimator
     ago = weeks_ago(e.dates)
@@ -115,7 +74,10 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Str
     for i in np.flatnonzero(shown):
         date, value = e.dates[i], float(recent.values[i])
         at = y(value) if np.isfinite(value) else floor + 7
-        marks.append(Mark(x(date), at, looks[i], date, value, float(e.delay[i]), e.status[i], rows.get(date)))
+        marks.append({
+            "x": x(date), "y": at, "look": looks[i], "date": date, "value": value,
+            "delay": float(e.delay[i]), "status": e.status[i], "row": rows.get(date),
+        })  # fmt: skip
     begins = [e.dates[-1] - dt.timedelta(days=WEEK * (w + 1) - 1) for w in range(WEEKS, -1, -1)]
     medians = []
     for w, begin in zip(range(WEEKS, -1, -1), begins, strict=True):
@@ -126,17 +88,19 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> Str
     unit, seconds = time_unit(high * sample_time)
     scale = sample_time / seconds
     late = 0.5 if recent.quantity == "delay" else 0.0  # d is a time from d to d + 1: its middle
-    return Strip(
-        marks=marks,
-        medians=medians,
-        lags=[(y(lag), text) for lag, text in ticks(low, high)],
-        times=[(y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)],
-        dates=[(x(date), f"{date:%m-%d}") for date in begins if date >= first]
+    return {
+        "marks": marks,
+        "medians": medians,
+        "lags": [(y(lag), text) for lag, text in ticks(low, high)],
+        "times": [
+            (y(t / scale - late), text) for t, text in ticks((low + late) * scale, (high + late) * scale)
+        ],
+        "dates": [(x(date), f"{date:%m-%d}") for date in begins if date >= first]
         or [(x(first), f"{first:%m-%d}")],
-        week=round(x(max(first, recent.first)) - step / 2, 1),
-        floor=floor,
-        unit=unit,
-    )
+        "week": round(x(max(first, recent.first)) - step / 2, 1),
+        "floor": floor,
+        "unit": unit,
+    }
 
 
 def _limits(values: Floats) -> tuple[float, float]:

@@ -62,71 +62,39 @@ OFTEN = 1 / 3
 
 @dataclass(frozen=True)
 class Facts:
-    """The numbers of one estimator over the record.
+    """The numbers of one estimator over the record."""
 
-    Attributes
-    ----------
-    days, answered, with_delay : int
-        Rows; those with an answer; those with a delay.
-    common : tuple of float
-        The two most frequent delays [samples], in order; one or none where there are no two.
-    common_days : int
-        Days at these delays.
-    median, low, high : float
-        Median delay, and the range of 80 % of the days [samples].
-    at_bound, prior_only, degenerate, too_fast : int
-        Days, among those with a delay; `too_fast` as of :func:`too_fast`.
-    condition, noise_sd, alpha : float
-        Medians; noise_sd in the output's unit, alpha in (m3/s)^2.
-    probability, least : float
-        Median and lowest probability of the delays; NaN where the estimator gives none.
-    """
-
-    days: int
+    days: int  # rows
     answered: int
     with_delay: int
-    common: tuple[float, ...]
-    common_days: int
-    median: float
-    low: float
+    common: tuple[float, ...]  # the one or two most frequent delays [samples], in order
+    common_days: int  # days at these delays
+    median: float  # delay [samples]
+    low: float  # 80 % of the days have delays from low to high [samples]
     high: float
-    at_bound: int
+    at_bound: int  # this count and the next three: days with a delay
     prior_only: int
     degenerate: int
-    too_fast: int
-    condition: float
+    too_fast: int  # as of :func:`too_fast`
+    condition: float  # medians of the answered days; noise_sd in the output's unit, alpha in (m3/s)^2
     noise_sd: float
     alpha: float
-    probability: float
+    probability: float  # median and lowest probability of the delays; NaN where there are none
     least: float
 
 
 @dataclass(frozen=True)
 class Trend:
-    """The last week against the weeks before, on decided days.
+    """The last week against the weeks before, on decided days."""
 
-    Attributes
-    ----------
-    now, before : float
-        Median of the last week, and of all days of the weeks before [samples].
-    low, high : float
-        Lowest and highest median of the weeks before [samples].
-    days, weeks : int
-        Days of the last week; weeks before that count.
-    t : float
-        Difference of the last week from the mean of the weeks before, over its standard error.
-    moved : bool
-        The result of the test.
-    """
-
-    now: float
-    before: float
-    low: float
+    now: float  # median of the last week [samples]
+    before: float  # median of all days of the weeks before [samples]
+    low: float  # lowest and highest median of the weeks before [samples]
     high: float
-    days: int
-    weeks: int
-    t: float
-    moved: bool
+    days: int  # of the last week
+    weeks: int  # before it that count
+    t: float  # last week less the mean of the weeks before, over the standard error
+    moved: bool  # result of the test
 
 
 @dataclass(frozen=True)
@@ -339,9 +307,9 @@ def _middle(days: Floats) -> Floats:
 
 
 def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:
-    """Return the days whose inflow would arrive more than a sample before the gravity wave, shape (n,).
+    """Return the days with an arrival more than a sample before the gravity wave, shape (n,).
 
-    Compared is t50 where that is the `quantity`, or else the travel time, or the latest one that d allows.
+    The arrival is t50 where that is the `quantity`, else the travel time, or the latest one that d allows.
     """
     e, T_s = estimator, results.sample_time
     if quantity == "t50":
@@ -434,7 +402,7 @@ def _statuses(status: Sequence[str]) -> dict[str, int]:
 
 def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
     """The value of the last week."""
-    e, given, asked = recent.estimator, recent.given, int(recent.week.sum())
+    e, given = recent.estimator, recent.given
     finite = np.flatnonzero(np.isfinite(recent.values))
     tried = candidates(e)
     d = _median(e.delay[given])
@@ -454,7 +422,7 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
         "first": max(recent.first, e.dates[0]),
         "last": recent.last,
         "rows": len(e.dates),
-        "days": asked,
+        "days": int(recent.week.sum()),
         "given": int(given.sum()),
         "by_prior": recent.by_prior,
         "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,

@@ -36,6 +36,9 @@ CASES = {
     ),
 }
 
+LONG_CASES = ("thirteen months", "three days", "a closed loop")
+"""Cases that `make test-long` checks."""
+
 
 @pytest.fixture(scope="module")
 def drawn():
@@ -152,7 +155,9 @@ def test_the_mean_of_the_hour_about_a_sample_is_a_plain_mean():
 # The figures
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG_CASES else n for n in CASES]
+)
 def test_no_text_is_cut_off_and_no_texts_overlap(name, drawn):
     files, figures = drawn(name)
     assert sorted(figures) == sorted(f.path.stem for f in files) and set(figures) <= set(plots.KINDS)
@@ -210,10 +215,12 @@ def test_a_river_has_a_discharge_and_no_level_or_outflow(drawn):
     assert "level" not in words and "outflow" not in words and "mm" not in words
 
 
-@pytest.mark.parametrize(("name", "curves"), [("a closed loop", 3), ("a closed loop without a name", 2)])
-def test_the_closed_loop_is_drawn_from_its_day(name, curves, drawn):
+@pytest.mark.parametrize(("named", "curves"), [(True, 3), (False, 2)])
+def test_the_closed_loop_is_drawn_from_its_day(named, curves, tmp_path):
     day = loop_of(RECORD).shown
-    upper, lower, lowest = drawn(name)[1]["diagnosis_loop"].axes
+    with style.styled(), saved() as figures:
+        plots.draw_loop(tmp_path, day, "words", named=named)
+    upper, lower, lowest = figures["diagnosis_loop"].axes
     assert [len(ax.lines) for ax in (upper, lower, lowest)] == [curves, curves + 1, curves]
     for line, values in zip(upper.lines, day.level, strict=False):
         assert np.array_equal(line.get_ydata(), values, equal_nan=True)

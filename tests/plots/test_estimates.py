@@ -55,12 +55,8 @@ def test_a_day_without_a_response_is_an_empty_column_in_its_place(ax):
     estimates.tdr(ax, day, e.fir)
     (image,) = ax.get_images()
     pixels = image.get_array()
-    assert pixels.shape == (ORDER, 50) and image.get_extent() == [
-        day[0] - 0.5,
-        day[-1] + 0.5,
-        -0.5,
-        ORDER - 0.5,
-    ]
+    extent = [day[0] - 0.5, day[-1] + 0.5, -0.5, ORDER - 0.5]
+    assert pixels.shape == (ORDER, 50) and image.get_extent() == extent
     filled = {int(day[0]) + k for k in np.flatnonzero(~np.ma.getmaskarray(pixels).all(axis=0))}
     assert filled == {int(d) for d, ok in zip(day, e.answered, strict=True) if ok}
     for i in np.flatnonzero(e.answered):

@@ -68,7 +68,7 @@ def with_travel(run, fraction):
     return dataclasses.replace(run, estimators=[e])
 
 
-def beside(run, other):
+def combined(run, other):
     """The estimators of both runs."""
     return dataclasses.replace(run, estimators=run.estimators + other.estimators)
 

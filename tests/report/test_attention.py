@@ -7,7 +7,7 @@ import pytest
 
 from rivid.report.attention import attention, band, dates_of, outside
 from tests.plots.synthetic import searched
-from tests.report.runs import STEADY, beside, simple, summary_of
+from tests.report.runs import STEADY, combined, simple, summary_of
 
 NAN = np.nan
 
@@ -28,7 +28,7 @@ def test_neighbours_with_one_reason_are_one_row_the_latest_first():
 
 
 def test_the_same_reason_of_several_estimators_is_one_row():
-    run = beside(
+    run = combined(
         simple([NAN, 6], ["failed", "ok"], ["no file", ""]),
         simple([NAN, 15], ["failed", "ok"], ["no file", ""], name="jmap-uniform"),
     )
@@ -70,13 +70,13 @@ def test_days_far_outside_the_band_are_rows_unless_at_a_bound():
     assert [link[2:] for link in s["look"]["links"]] == [("at_bound", 0), ("far", 1)]
 
 
-def test_days_are_counted_by_week_and_by_who_reports_them():
+def test_days_are_counted_by_week_and_by_estimator():
     run = simple([15] + STEADY[1:-7] + [NAN] * 7, ["ok"] * 56 + ["failed"] * 6 + ["pending"])
     look = summary_of(run)["look"]
     assert (look["days"], look["earlier"], look["latest"], look["others"]) == (7, 1, dt.date(2008, 1, 1), 0)
     day = dt.date(2008, 3, 3)
     assert look["links"][0] == (day, day, "pending", 0)
-    other = beside(simple(STEADY), simple([15] * 2 + STEADY[2:], name="jmap-uniform"))
+    other = combined(simple(STEADY), simple([15] * 2 + STEADY[2:], name="jmap-uniform"))
     look = summary_of(other)["look"]
     assert (look["days"], look["others"], look["links"]) == (0, 2, [])
 
@@ -90,6 +90,6 @@ def test_a_day_of_the_last_week_without_a_log_is_marked(gone, late):
 
 
 def test_all_estimators_and_dates_stay_in_order():
-    run = beside(simple([6, NAN, 6], ["ok", "failed", "ok"], ["", "no file", ""]), searched())
+    run = combined(simple([6, NAN, 6], ["ok", "failed", "ok"], ["", "no file", ""]), searched())
     got = attention(run, None)
     assert [row.last for row in got] == sorted((row.last for row in got), reverse=True) and len(got) == 2

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from PIL import Image
 
 from benchmarks.browser import NAMES, browser, installed
 from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
@@ -18,7 +19,7 @@ from rivid.plots.draw import draw, draw_all
 from rivid.report.build import write_report
 from rivid.results.read import _results
 from tests.plots.synthetic import cases, dates_of, probable, results, river, searched, without_answers
-from tests.report.runs import STEADY, SUMMARY, among, beside, passing, simple, with_travel, write
+from tests.report.runs import STEADY, SUMMARY, among, combined, passing, simple, with_travel, write
 
 NAN = np.nan
 ATTACK = '"><script>alert(1)</script><img src=x onerror=alert(1)>'
@@ -77,12 +78,8 @@ def test_every_figure_is_in_the_page_with_its_caption_and_opens(drawn):
     cards = [attrs["id"] for tag, attrs in page.tags if "popover" in attrs]
     opens = [attrs["popovertarget"] for tag, attrs in page.tags if tag == "button"]
     assert cards == opens and len(set(cards)) == len(files)
-    assert [text["alt"].split(",")[0] for text in shown[:4]] == [
-        "Impulse response of each day",
-        "Delay of each day",
-        "How often each delay",
-        "Delay and discharge",
-    ]
+    titles = ["Impulse response of each day", "Delay of each day", "How often each delay"]
+    assert [text["alt"].split(",")[0] for text in shown[:4]] == [*titles, "Delay and discharge"]
     assert all(text["alt"].endswith(", jmap") for text in shown[:4])
 
 
@@ -107,9 +104,9 @@ def test_names_and_reasons_are_text_and_never_markup(tmp_path):
     summary = {
         "config": {ATTACK: {ATTACK: ATTACK}},
         "versions": {ATTACK: ATTACK},
-        "bad_files": [[ATTACK, ATTACK]],
+        "bad_files": [[ATTACK] * 2],
     }
-    _, page = write(run, tmp_path, draw_all(run, tmp_path), summary)
+    _, page = write(run, tmp_path, [draw(run, ("tdr", "jmap"), tmp_path)], summary)
     assert {tag for tag, _ in page.tags}.isdisjoint({"script"})
     assert all(attrs["src"].startswith("data:") for tag, attrs in page.tags if tag == "img")
     assert page.words.count("<script>alert(1)</script>") >= 6
@@ -199,7 +196,7 @@ def test_the_record_of_an_estimator_with_probabilities(tmp_path):
     assert "90 % set" in words and "For posterior also" in words
 
 
-def test_a_search_that_piles_up_at_its_ends_is_said_so(tmp_path):
+def test_a_search_that_piles_up_at_its_ends_is_reported(tmp_path):
     run = searched()
     edge = int(run.estimators[0].at_bound.sum())
     words = write(run, tmp_path)[1].words
@@ -208,7 +205,7 @@ def test_a_search_that_piles_up_at_its_ends_is_said_so(tmp_path):
 
 
 def test_a_uniform_prior_is_quoted_with_its_own_numbers(tmp_path):
-    run = beside(simple([6] * 9), simple([6] * 5 + [9] * 3 + [3], name="jmap-uniform"))
+    run = combined(simple([6] * 9), simple([6] * 5 + [9] * 3 + [3], name="jmap-uniform"))
     assert (
         "jmap-uniform gives 6 or 9 samples (13.3 to 15.5 or 19.9 to 22.2 min) on 8 of 9 days"
         in write(run, tmp_path)[1].words
@@ -259,7 +256,8 @@ def test_an_assumed_geometry_is_named_and_no_wave_is_shown(tmp_path):
         bounds = {"bound_gravity_s": nothing, "bound_kinematic_s": nothing}
         bare = [dataclasses.replace(e, **bounds) for e in given.estimators]
         run = dataclasses.replace(given, estimators=bare, assumed=("length", "width", "depth"))
-        html, page = write(run, tmp_path, draw_all(run, tmp_path))
+        figure = draw(run, ("delay_map", "jmap"), tmp_path)
+        html, page = write(run, tmp_path, [figure])
         assert top(html)["Gravity wave"] == (
             "Not compared",
             "Length, width and depth of the reach are not given: there is no travel time to compare with.",
@@ -334,6 +332,7 @@ def restyled(page, rules):
     return page.replace(style, style + rules).replace(old, new)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(installed() is None, reason=f"no browser on PATH: {', '.join(NAMES)}")
 def test_a_browser_finds_no_fault_in_the_page_and_those_of_broken_ones(tmp_path):
     attack = "</style><script>alert(1)</script>" + "a_long_name_" * 30
@@ -354,8 +353,6 @@ def test_a_browser_finds_no_fault_in_the_page_and_those_of_broken_ones(tmp_path)
 
 
 def test_the_picture_of_the_readme_is_small_and_as_wide_as_the_window():
-    from PIL import Image
-
     path = Path(__file__).parents[2] / "docs" / "pictures" / "report.png"
     with Image.open(path) as image:
         assert image.width == WIDE

@@ -24,7 +24,7 @@ from rivid.report.summary import (
 )
 from rivid.results.record import assumed, describe
 from tests.plots.synthetic import dates_of, results, river, without_answers
-from tests.report.runs import STEADY, among, beside, passing, simple, summary_of, with_travel
+from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel
 
 AGO = np.repeat(np.arange(WEEKS, -1, -1), 7)
 """Nine weeks, day by day."""
@@ -65,13 +65,13 @@ def test_t_equals_that_of_a_regression_on_the_last_week():
 @pytest.mark.parametrize(
     ("most", "how", "missing"),
     [
-        (0.01, {"outliers": 0.03}, 0.0),
         (0.01, {"outliers": 0.03}, 0.3),
-        (0.01, {"whole": False}, 0.0),
         (0.012, {"correlation": 0.5, "outliers": 0.03}, 0.0),
-        (0.02, {"correlation": 0.8, "outliers": 0.03}, 0.0),
-        (0.02, {"correlation": 0.8, "outliers": 0.03}, 0.3),
-        (0.03, {"correlation": 0.8, "whole": False}, 0.0),
+        pytest.param(0.01, {"outliers": 0.03}, 0.0, marks=pytest.mark.long),
+        pytest.param(0.01, {"whole": False}, 0.0, marks=pytest.mark.long),
+        pytest.param(0.02, {"correlation": 0.8, "outliers": 0.03}, 0.0, marks=pytest.mark.long),
+        pytest.param(0.02, {"correlation": 0.8, "outliers": 0.03}, 0.3, marks=pytest.mark.long),
+        pytest.param(0.03, {"correlation": 0.8, "whole": False}, 0.0, marks=pytest.mark.long),
     ],
 )
 def test_the_size_of_the_test_is_as_stated_within_its_monte_carlo_error(most, how, missing):
@@ -91,13 +91,11 @@ def test_a_move_of_two_samples_is_nearly_always_found():
     assert all(t.t > 0 for t in seen if t.moved)
 
 
-def test_two_days_at_a_bound_in_the_last_week_are_no_move():
+def test_two_days_at_a_bound_are_no_move_and_weeks_without_scatter_move_at_any_difference():
     values = np.full(AGO.size, 7.0)
+    assert not trend(values, AGO).moved
     values[-2:] = 15.0
-    assert not trend(values, AGO).moved and not trend(np.full(AGO.size, 7.0), AGO).moved
-
-
-def test_weeks_without_scatter_move_at_any_difference():
+    assert not trend(values, AGO).moved
     t = trend(7.0 + (AGO == 0), AGO)
     assert t.moved and t.t == np.inf and (t.now, t.before, t.low, t.high) == (8.0, 7.0, 7.0, 7.0)
 
@@ -111,14 +109,8 @@ def test_too_few_days_or_weeks_give_no_test():
 
 def test_weeks_are_counted_back_from_the_last_day_across_missing_days():
     last = dt.date(2008, 3, 31)
-    assert weeks_ago([last - dt.timedelta(days=k) for k in (30, 14, 13, 7, 6, 0)]).tolist() == [
-        4,
-        2,
-        1,
-        1,
-        0,
-        0,
-    ]
+    days = [last - dt.timedelta(days=k) for k in (30, 14, 13, 7, 6, 0)]
+    assert weeks_ago(days).tolist() == [4, 2, 1, 1, 0, 0]
 
 
 def test_the_last_week_ends_with_the_record_even_without_an_answer():
@@ -218,6 +210,7 @@ def test_failing_and_pending_records_have_their_codes():
     assert s["now"]["code"] == "pending" and s["moved"] is None and s["prior"] is None
     s = summary_of(dataclasses.replace(simple([7]), estimators=[]))
     assert (s["days"], s["now"], s["record"]) == (0, None, None)
+    assert summary_of(without_answers(river(7)))["now"]["code"] == "none"
 
 
 def test_a_median_at_an_end_of_the_searched_range_is_marked():
@@ -258,19 +251,15 @@ def test_the_record_of_a_pool_by_hand():
 
 def test_a_delay_far_from_the_mode_of_the_prior_and_a_uniform_prior_are_noted():
     assert not summary_of(simple([11] * 9 + [12] * 9))["record"]["near_prior"]
-    name, f = summary_of(beside(simple([6] * 9), simple([6] * 5 + [9] * 3 + [3], name="jmap-uniform")))[
-        "record"
-    ]["uniform"]
+    both = combined(simple([6] * 9), simple([6] * 5 + [9] * 3 + [3], name="jmap-uniform"))
+    name, f = summary_of(both)["record"]["uniform"]
     assert (name, f.common, f.common_days, f.with_delay) == ("jmap-uniform", (6, 9), 8, 9)
 
 
 def test_spread_delays_have_a_range_and_delays_at_both_ends_are_piled():
     record = summary_of(simple(np.arange(1, 16).repeat(4)))["record"]
-    assert record["spread"] and (record["facts"].median, record["facts"].low, record["facts"].high) == (
-        8,
-        2,
-        14,
-    )
+    f = record["facts"]
+    assert record["spread"] and (f.median, f.low, f.high) == (8, 2, 14)
     assert summary_of(simple([1, 15] * 30 + [6] * 10))["record"]["piled"]
 
 
@@ -293,7 +282,6 @@ def test_a_river_has_its_t50_by_flow_and_between_the_waves():
 def test_a_river_without_t50_counts_responses_without_a_positive_sum():
     s = summary_of(passing([26.4, NAN, NAN], [300, NAN, 310], status=["ok", "failed", "ok"]))
     assert (s["passage"]["statuses"], s["passage"]["no_sum"]) == ({"failed": 1}, 1)
-    assert summary_of(without_answers(river(7)))["now"]["code"] == "none"
 
 
 def test_the_jump_delay_of_a_river_is_of_little_use_where_the_prior_decides():
