@@ -1,4 +1,4 @@
-"""Results of a year that nobody measured: the response (10) with noise, and days that fail."""
+"""Synthetic results of a year: the response (10) with noise, and days that fail."""
 
 import dataclasses
 import datetime as dt
@@ -12,6 +12,11 @@ from rivid.results.read import EstimatorResults, Results
 T_S = 133.0
 ORDER = 30
 CANDIDATES = np.arange(1.0, 16.0)
+MEASURED = (
+    "delay", "t50", "alpha", "noise_sd", "roughness_sd", "condition", "mean_inflow", "bound_gravity_s",
+    "bound_kinematic_s",
+)  # fmt: skip
+"""Columns with a number per day."""
 
 
 def response(delay, noise, rng, order=ORDER):
@@ -124,18 +129,12 @@ def searched(n=120, at_edges=0.6, name="direct"):
     e = estimator(name, dates_of(n), unanswered=0)
     rng = np.random.default_rng(3)
     delay = np.where(rng.random(n) < at_edges, rng.choice([1.0, 15.0], n), rng.integers(2, 15, n))
+    nothing = np.full(n, np.nan)
     e = dataclasses.replace(
-        e,
-        status=["ok"] * n,
-        messages=[""] * n,
-        delay=delay,
-        at_bound=(delay == 1) | (delay == 15),
-        prior_only=np.zeros(n, bool),
-        fir=np.empty((n, 0)),
-        alpha=np.full(n, np.nan),
-        roughness_sd=np.full(n, np.nan),
-        condition=np.full(n, np.nan),
-    )
+        e, status=["ok"] * n, messages=[""] * n, delay=delay, at_bound=(delay == 1) | (delay == 15),
+        prior_only=np.zeros(n, bool), fir=np.empty((n, 0)), alpha=nothing, roughness_sd=nothing,
+        condition=nothing,
+    )  # fmt: skip
     return dataclasses.replace(results(("jmap",), dates_of(1)), estimators=[e])
 
 
@@ -144,35 +143,18 @@ def without_answers(run):
     made = []
     for e in run.estimators:
         n = len(e.dates)
-        nan = np.full(n, np.nan)
-        made.append(
-            dataclasses.replace(
-                e,
-                status=["failed"] * n,
-                messages=["no sample"] * n,
-                delay=nan,
-                at_bound=np.zeros(n, bool),
-                prior_only=np.zeros(n, bool),
-                t50=nan,
-                fir=np.empty((n, 0)),
-                candidates=np.empty(0),
-                criterion=np.empty((n, 0)),
-                alpha=nan,
-                noise_sd=nan,
-                roughness_sd=nan,
-                condition=nan,
-                mean_inflow=nan,
-                bound_gravity_s=nan,
-                bound_kinematic_s=nan,
-            )
-        )
+        missing = dict.fromkeys(MEASURED, np.full(n, np.nan))
+        none = {"at_bound": np.zeros(n, bool), "prior_only": np.zeros(n, bool), "candidates": np.empty(0)}
+        tables = {"fir": np.empty((n, 0)), "criterion": np.empty((n, 0))}
+        status = {"status": ["failed"] * n, "messages": ["no sample"] * n}
+        made.append(dataclasses.replace(e, **status, **missing, **none, **tables))
     return dataclasses.replace(run, estimators=made)
 
 
 def river(n=40, names=("map", "jmap")):
     """A river reach sampled every 15 min whose smooth response passes about lag 26, earlier at high water.
 
-    What the JMAP takes for a jump lies anywhere on the rise, among 60 candidates.
+    The jump delay of the JMAP lies anywhere on the rise, among 60 candidates.
     """
     made = []
     for name in names:
@@ -186,20 +168,14 @@ def river(n=40, names=("map", "jmap")):
         jump = np.clip(np.round(centre - 2 + 4 * rng.standard_normal(n)), 1, 60)
         delay = np.where(np.isfinite(base.delay), jump, np.nan)
         with_delay = base.candidates.size > 0
-        made.append(
-            dataclasses.replace(
-                base,
-                delay=delay,
-                t50=half_time(fir),
-                fir=fir,
-                at_bound=delay == 60,
-                prior_only=base.answered & (rng.random(n) < 0.5) & with_delay,
-                candidates=np.arange(1.0, 61.0) if with_delay else np.empty(0),
-                criterion=np.zeros((n, 60 if with_delay else 0)),
-                bound_gravity_s=np.where(np.isnan(base.mean_inflow), np.nan, 7000.0),
-                bound_kinematic_s=26_000 * (base.mean_inflow / 300) ** -0.4,
-            )
-        )
+        made.append(dataclasses.replace(
+            base, delay=delay, t50=half_time(fir), fir=fir, at_bound=delay == 60,
+            prior_only=base.answered & (rng.random(n) < 0.5) & with_delay,
+            candidates=np.arange(1.0, 61.0) if with_delay else np.empty(0),
+            criterion=np.zeros((n, 60 if with_delay else 0)),
+            bound_gravity_s=np.where(np.isnan(base.mean_inflow), np.nan, 7000.0),
+            bound_kinematic_s=26_000 * (base.mean_inflow / 300) ** -0.4,
+        ))  # fmt: skip
     return Results("lees_ferry", 900.0, "m3/s", 24.5, made)
 
 
