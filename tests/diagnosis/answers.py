@@ -1,4 +1,4 @@
-"""Answers and evidence of seasons that nobody simulated: a diurnal inflow, its removal, and weather."""
+"""Answers and evidence of hand-made seasons: a diurnal inflow, its removal, and weather."""
 
 import datetime as dt
 
@@ -117,7 +117,7 @@ def gap_of(evidence, steps=(), floor=None, closed=0.97, forecast=None, each=0.38
     apart = tuple(d for d, sealed in zip(record.dates, evidence.split.sealed, strict=True) if sealed)
     base = np.array([0.0093, 0.0271, 0.0624]) * (1 if record.kind == "pool" else 600)
     shrunk = [tuple((base * each**k).tolist()) for k in range(1, len(steps) + 1)]
-    told = tuple(
+    reduced = tuple(
         Step(e.name, rmse, tuple((0.3 * np.array(rmse)).tolist()) if e.events else None)
         for e, rmse in zip(steps, shrunk, strict=True)
     )
@@ -127,7 +127,7 @@ def gap_of(evidence, steps=(), floor=None, closed=0.97, forecast=None, each=0.38
         rmse_floor=None if floor is None else tuple((floor * base).tolist()),
         closed=closed if steps else None,
         closed_forecast=None if not steps else closed if forecast is None else forecast,
-        steps=told,
+        steps=reduced,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Seasons with people of known habits, a slow transcription of these people, and closed loops for pages."""
+"""Seasons with known operators, a plain loop of these operators, and closed loops for pages."""
 
 import dataclasses
 import datetime as dt
@@ -15,12 +15,12 @@ from rivid.simulation.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "configs" / "scenarios"
 ALIKE = {"feedforward_spread": 0.0, "level_gain_spread": 0.0, "set_point_spread": 0.0}
-"""One person for all shifts."""
+"""The same operator in all shifts."""
 
 
 @cache
 def season(name, seed, days=60, effects=(), quiet=False, drawdown=0.0, **habits):
-    """A season of a scenario with other habits of its people."""
+    """A season of a scenario with other settings of its operators."""
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     changed = {
         "days": days, "missing_days": 0, "first_day": dt.date(2008, 2, 1),
@@ -46,7 +46,7 @@ def rounded(value, step):
 def operators_by_hand(
     time, inflow, water, *, aim, gain, trim, band, look, notice, quantum, reading, start, K_Q
 ):
-    """Commands of people who begin with `start`, one by one: `water(k, commands)` is the level they face."""
+    """Commands from `start` on, one by one; `water(k, commands)` is the level that the operators see."""
     commands, wanted, at, seen, before = [], start, None, inflow[0], None
     for k, t in enumerate(time):
         level = water(k, commands)
@@ -74,16 +74,16 @@ REGIMES = (
 
 
 def loop_of(record, row=3):
-    """A closed loop whose shown day is a row of a record, swung a little."""
+    """A closed loop that shows a row of a record with a small swing added."""
     hour = record.hour[row, record.lead :]
     u, o, h = (v[row, record.lead :] for v in (record.inflow, record.outflow, record.output))
     swing = np.sin(2 * np.pi * hour / 24.0)
     curves = [(h + 0.05 * s * swing, o + 8.0 * s * swing) for s in (0.0, 1.0, 0.3)]
-    told = [tuple(tuple(c[i].tolist()) for c in curves) for i in range(2)]
+    pairs = [tuple(tuple(c[i].tolist()) for c in curves) for i in range(2)]
     before, after = LoopErrors(0.144, 0.0493, 6.09, 0.0399), LoopErrors(0.065, 0.0316, 3.5, 0.045)
     return ClosedLoop(
         OPERATORS, "", 12, 0.0556, before, after,
-        LoopDay(record.dates[row], tuple(hour.tolist()), tuple(u.tolist()), *told),
+        LoopDay(record.dates[row], tuple(hour.tolist()), tuple(u.tolist()), *pairs),
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from rivid.diagnosis.blocks import FEWEST_BLOCKS, MOST_ACROSS, Role, across, flip_blocks, memory, split
 from rivid.errors import RividError
+from tests.diagnosis import sizes
 
 
 def remembering(days, rho, rng):
@@ -21,30 +22,18 @@ def p_of_flips(scores, label, rng, flips=199):
     return (1 + (flipped >= abs(sums.sum()) - 1e-9).sum()) / (1 + flips)
 
 
-@pytest.mark.parametrize("days,length", [(60, 3), (90, 3), (91, 7), (365, 7)])
-def test_blocks_have_three_days_up_to_ninety_days_and_seven_beyond(days, length):
-    dealt = split(days)
-    assert dealt.block.tolist() == [d // length for d in range(days)]
-
-
 def test_blocks_are_dealt_fit_fit_select_fit_sealed():
     dealt = split(30)
     firsts = [Role(int(dealt.role[dealt.block == b][0])).name for b in range(10)]
     assert firsts == ["FIT", "FIT", "SELECT", "FIT", "SEALED"] * 2
     assert dealt.fit.sum() == 18 and dealt.select.sum() == 6 and dealt.sealed.sum() == 6
     assert all(len(set(dealt.role[dealt.block == b])) == 1 for b in range(10))
-
-
-def test_a_split_says_whether_it_has_days_of_every_role():
-    assert split(13).complete
-    assert not split(12).complete
-    assert split(5, block_days=1).complete
-
-
-def test_dates_without_a_gap_are_dealt_like_their_number():
-    dates = np.datetime64("2024-02-20") + np.arange(40)
+    for days, length in ((90, 3), (91, 7)):
+        assert split(days).block.tolist() == [d // length for d in range(days)]
+    assert split(13).complete and not split(12).complete and split(5, block_days=1).complete
+    dated = split(np.datetime64("2024-02-20") + np.arange(30))
     for name in ("day", "role", "block"):
-        assert np.array_equal(getattr(split(dates), name), getattr(split(40), name))
+        assert np.array_equal(getattr(dated, name), getattr(dealt, name))
 
 
 def test_a_block_does_not_reach_across_a_long_gap_and_numbers_have_no_holes():
@@ -62,6 +51,8 @@ def test_a_block_does_not_reach_across_a_long_gap_and_numbers_have_no_holes():
 def test_days_that_cannot_be_split_are_refused(days, word):
     with pytest.raises(RividError, match=word):
         split(days)
+    with pytest.raises(RividError, match="30 days"):
+        flip_blocks(np.ones(20), split(30))
 
 
 @pytest.mark.parametrize("rho", [0.4, 0.8])
@@ -81,7 +72,7 @@ def test_days_apart_in_the_calendar_are_not_neighbours():
 
 
 @pytest.mark.parametrize("length", [1, 3, 20])
-def test_the_share_between_blocks_is_what_a_covariance_matrix_says(length):
+def test_the_share_between_blocks_is_that_of_a_covariance_matrix(length):
     rho = 0.6 ** np.arange(1, 31)
     days = 40 * length
     lag = np.abs(np.subtract.outer(np.arange(days), np.arange(days)))
@@ -112,14 +103,10 @@ def test_there_are_always_enough_blocks_to_flip():
     assert len(np.unique(label[~dealt.sealed])) >= FEWEST_BLOCKS
 
 
-def test_scores_of_another_length_are_refused():
-    with pytest.raises(RividError, match="30 days"):
-        flip_blocks(np.ones(20), split(30))
-
-
-def test_flips_of_days_are_wrong_where_days_remember_and_flips_of_these_blocks_are_not():
+@sizes("sets", 100, 400)
+def test_flips_of_days_are_wrong_where_days_remember_and_flips_of_these_blocks_are_not(sets):
     rng = np.random.default_rng(7)
-    dealt, sets = split(180), 400
+    dealt = split(180)
     use = ~dealt.sealed
     p = np.empty((sets, 2))
     for i in range(sets):

@@ -46,7 +46,7 @@ def test_the_states_of_a_kind_together_are_the_gap(names):
             assert np.sqrt(squares / counts.sum()) == pytest.approx(expected[h])
 
 
-def test_terciles_split_the_samples_and_say_their_flows():
+def test_terciles_split_the_samples_and_name_their_flows():
     record = EVIDENCE.record
     low, middle, high = states(record)[:3]
     share = [(s.samples & record.used).sum() / record.used.sum() for s in (low, middle, high)]
@@ -93,13 +93,13 @@ def test_an_error_counts_where_the_forecast_ends():
     assert (part.used == (record.used & night)).all() and part.output is record.output
 
 
-def test_events_count_as_known_beforehand():
+def test_events_count_as_known():
     record = EVIDENCE.record
     coded = 0.1 * np.sin(2 * np.pi * record.hour / 6.0)
     plain = {r.name: r for r in regimes(study_of())}
-    told = {r.name: r for r in regimes(study_of(coded=coded))}
-    assert told["day"].rmse_baseline == plain["day"].rmse_baseline
-    assert told["day"].rmse_augmented[0] > 1.5 * plain["day"].rmse_augmented[0]
+    coded_gap = {r.name: r for r in regimes(study_of(coded=coded))}
+    assert coded_gap["day"].rmse_baseline == plain["day"].rmse_baseline
+    assert coded_gap["day"].rmse_augmented[0] > 1.5 * plain["day"].rmse_augmented[0]
 
 
 def test_a_river_has_no_steps_of_an_outflow():

@@ -9,6 +9,7 @@ from rivid.diagnosis.blocks import split
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.score import MODEL_SHARE, Candidate, scan
 from rivid.errors import RividError
+from tests.diagnosis import sizes
 
 DAYS, N = 30, 24
 BLOCKS = np.arange(DAYS) // 3
@@ -60,7 +61,7 @@ def p_by_hand(r, X, columns, blocks, weights, signs):
     return (1 + (most >= best).sum()) / (1 + len(signs))
 
 
-@pytest.mark.parametrize("k", [1, 2])
+@sizes("k", 1, 2)
 @pytest.mark.parametrize("dates", ["all", "from", "until", "between"])
 def test_p_of_the_best_window_is_that_of_brute_force(k, dates):
     pairs = {
@@ -154,9 +155,10 @@ def day_effects(rng, days, n, columns):
     return NOISE.simulate(days, n, rng) + effect
 
 
+@sizes("sets", 30, 120)
 @pytest.mark.parametrize("null", [coloured, heavy_days, day_effects])
-def test_the_false_rate_is_not_above_nominal(null):
-    sets, days, n = 120, 36, 40
+def test_the_false_rate_is_not_above_nominal(null, sets):
+    days, n = 36, 40
     raw = ramps(0, days, n)
     columns = NOISE.whiten(raw)
     candidates = [
@@ -176,20 +178,22 @@ def test_the_false_rate_is_not_above_nominal(null):
         assert np.mean(np.array(smallest) <= level) < level + 3.0 * error
 
 
-def test_p_of_a_null_is_uniform():
+@sizes("sets", 100, 300)
+def test_p_of_a_null_is_uniform(sets):
     p = []
-    for seed in range(300):
+    for seed in range(sets):
         r, X, Z = library(seed)
         p.append(scan(r, X, [Candidate("a", Z)], blocks=BLOCKS, flips=99, seed=seed)[0])
     for level in (0.1, 0.5, 0.9):
-        assert abs((np.array(p) <= level).mean() - level) < 3.5 * np.sqrt(level * (1.0 - level) / 300)
+        assert abs((np.array(p) <= level).mean() - level) < 3.5 * np.sqrt(level * (1.0 - level) / sets)
 
 
-def test_power_grows_with_the_size_of_a_planted_column():
+@sizes("sets", 20, 60)
+def test_power_grows_with_the_size_of_a_planted_column(sets):
     found = []
     for size in (0.0, 0.1, 0.2, 0.4):
         p = []
-        for seed in range(60):
+        for seed in range(sets):
             r, X, Z = library(seed, k=3)
             candidates = [Candidate("a", Z[:1], "from"), Candidate("b", Z[1:2], "from")]
             r = r + size * Z[0] * (np.arange(DAYS) >= 9)[:, None]

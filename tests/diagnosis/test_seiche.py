@@ -6,6 +6,7 @@ import pytest
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.seiche import LEAST_DAMPING, fit_seiche, periodograms, spectrum_of, through_filter
 from rivid.effects import CATALOGUE
+from tests.diagnosis import sizes
 
 SEICHE = CATALOGUE["seiche"]
 T, N = 133.0, 650
@@ -64,7 +65,7 @@ def test_the_filter_passes_a_swing_by_its_gain():
         assert (out**2).mean() == pytest.approx(0.5 * gain[k - 1], rel=2e-2)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@sizes("seed", 0, 1)
 def test_a_swing_is_found_with_its_period_damping_and_size(seed):
     rng = np.random.default_rng(seed)
     true = {"period": 2700.0, "damping": 1.5e-4, "amplitude": 0.012}
@@ -74,9 +75,10 @@ def test_a_swing_is_found_with_its_period_damping_and_size(seed):
     assert contrast > 5.0 and gains.mean() > 20.0 and (spreads < 0.2).all()
 
 
-def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing():
+@sizes("seasons", 3, 8)
+def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing(seasons):
     gains = []
-    for seed in range(8):
+    for seed in range(seasons):
         rng = np.random.default_rng(100 + seed)
         fit = np.arange(30) % 2 == 0
         gains.append(found(residual(rng, 30), fit)[2][~fit].mean())

@@ -5,6 +5,7 @@ import pytest
 
 from rivid.diagnosis.spectrum import _power, spectrum
 from rivid.errors import RividError
+from tests.diagnosis import sizes
 
 T = 133.0
 
@@ -33,8 +34,9 @@ def test_the_average_periodogram_is_the_slow_sum():
         assert power[k] == pytest.approx(total, rel=1e-9)
 
 
-def test_white_innovations_have_power_one_and_exceed_the_limit_at_its_level():
-    seasons, level = 200, 0.1
+@sizes("seasons", 30, 200)
+def test_white_innovations_have_power_one_and_exceed_the_limit_at_its_level(seasons):
+    level = 0.1
     power, above = [], 0
     for seed in range(seasons):
         _, ratio, limit, one = spectrum(*white(seed), T, level=level, draws=99, seed=seed + 1000)
@@ -47,7 +49,7 @@ def test_white_innovations_have_power_one_and_exceed_the_limit_at_its_level():
 
 def test_an_oscillation_of_twenty_minutes_with_a_new_phase_each_day_is_found():
     rng = np.random.default_rng(1)
-    for seed in range(5):
+    for seed in range(2):
         r, used = white(seed, days=60, n=600)
         phase = rng.uniform(0, 2 * np.pi, (60, 1))
         r += 0.3 * np.cos(2 * np.pi * np.arange(600) * T / 1200.0 + phase)

@@ -1,4 +1,4 @@
-"""The whole workflow on seasons whose truth is known, and its command."""
+"""The whole workflow on seasons of known truth, and its command."""
 
 import datetime as dt
 import json
@@ -64,16 +64,16 @@ def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, 
     words = [str(tmp_path / "logs"), "-c", str(config), "-o", str(tmp_path / "out"), "--no-figures", "-q"]
     done = CliRunner().invoke(command, [*words, "--json"], standalone_mode=False, catch_exceptions=False)
     assert done.return_value == 0
-    told = json.loads(done.stdout)
-    assert told == json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    assert told["verdict"] == "explained"
-    (effect,) = told["effects"]
+    result = json.loads(done.stdout)
+    assert result == json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert result["verdict"] == "explained"
+    (effect,) = result["effects"]
     assert effect["name"] == "diurnal_inflow" and effect["family"] == "flow" and effect["p_value"] < 0.01
     found = {p["name"]: p for p in effect["parameters"]}
     assert found["amplitude"]["value"] == pytest.approx(6.0, abs=0.8) and found["amplitude"]["unit"] == "m3/s"
     assert found["amplitude"]["low"] < 6.0 < found["amplitude"]["high"]
     assert found["hour"]["value"] == pytest.approx(15.0, abs=0.4)
-    gap = told["gap"]
+    gap = result["gap"]
     assert gap["rmse_augmented"][1] < 0.6 * gap["rmse_baseline"][1] and gap["unit"] == "m"
     assert len(gap["heldout_dates"]) == 6  # two blocks of three days in thirteen
     page = (tmp_path / "out" / "diagnosis.html").read_text()
@@ -89,13 +89,13 @@ def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, 
         standalone_mode=False, catch_exceptions=False,
     )  # fmt: skip
     assert second.return_value == 0
-    told = json.loads((tmp_path / "second" / "diagnosis.json").read_text())
-    assert told["verdict"] == "no_gap" and not told["effects"]
+    result = json.loads((tmp_path / "second" / "diagnosis.json").read_text())
+    assert result["verdict"] == "no_gap" and not result["effects"]
 
 
 def test_nothing_is_named_where_nothing_is_missing():
-    told, evidence = answer(season(40, 78))
-    assert told.verdict == "no_gap" and not told.effects, told.reason
+    result, evidence = answer(season(40, 78))
+    assert result.verdict == "no_gap" and not result.effects, result.reason
     assert evidence.inflow_after_sd.shape == evidence.record.time.shape
     w = evidence.inflow_after[evidence.record.used]
     truth = season(40, 78).weather
@@ -103,23 +103,25 @@ def test_nothing_is_named_where_nothing_is_missing():
 
 
 def test_too_few_days_give_no_name():
-    told, evidence = answer(season(9, 79))
-    assert told.verdict == "insufficient_data" and evidence is None and "9 days" in told.reason
+    result, evidence = answer(season(9, 79))
+    assert result.verdict == "insufficient_data" and evidence is None and "9 days" in result.reason
 
 
 def test_where_nothing_moves_or_may_be_named_there_is_no_answer():
     record = pools.season(5, days=20)
     still = replace(record, inflow=0.0 * record.inflow + 300.0, outflow=0.0 * record.outflow + 300.0)
-    told, evidence = diagnose(still, pools.nominal(still), effect_classes())
-    assert told.verdict == "insufficient_data" and evidence is None and "never move" in told.reason
-    told, evidence = diagnose(record, pools.nominal(record), {})
-    assert told.verdict == "insufficient_data" and evidence is None and "exclude" in told.reason
+    result, evidence = diagnose(still, pools.nominal(still), effect_classes())
+    assert result.verdict == "insufficient_data" and evidence is None and "never move" in result.reason
+    result, evidence = diagnose(record, pools.nominal(record), {})
+    assert result.verdict == "insufficient_data" and evidence is None and "exclude" in result.reason
 
 
 def test_twenty_days_are_enough_for_an_answer():
     record = pools.season(5, days=20)
-    told, evidence = diagnose(record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR)
-    assert told.verdict == "no_gap" and evidence is not None, told.reason
+    result, evidence = diagnose(
+        record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR
+    )
+    assert result.verdict == "no_gap" and evidence is not None, result.reason
 
 
 def test_an_empty_directory_is_refused(tmp_path):

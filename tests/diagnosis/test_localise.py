@@ -17,6 +17,7 @@ from rivid.diagnosis.localise import (
     strongest,
 )
 from rivid.errors import RividError
+from tests.diagnosis import sizes
 
 DAYS, N, BLOCK = 60, 144, 3
 DATES = [dt.date(2024, 5, 1) + dt.timedelta(days=i) for i in range(DAYS)]
@@ -63,32 +64,31 @@ def test_the_influence_of_a_block_is_what_its_removal_changes():
         assert psi[j] == pytest.approx(own, abs=2e-4)  # the difference is the departures themselves, small
 
 
-def test_the_false_rate_is_that_of_p_under_noise_that_blocks_share():
-    seasons, level = 300, 0.05
+@sizes("seasons", 40, 300)
+def test_the_false_rate_is_that_of_p_under_noise_that_blocks_share(seasons):
+    level = 0.05
     below, of_days = np.zeros(4), 0
     for seed in range(seasons):
         each, p = p_values(as_scores(scores(seed), USED, BLOCKS), [HOUR, WEEKDAY, DATE], draws=99, seed=seed)
         below += [*(each <= level), p <= level]
-        if seed < 100:
+        if seed < seasons / 3:
             of_days += p_values(as_scores(scores(seed), USED, np.arange(DAYS)), [HOUR], draws=99)[1] <= level
     assert np.abs(below / seasons - level).max() <= 3 * np.sqrt(level * (1 - level) / seasons)
-    assert of_days > 15  # flips of single days ignore the correlation
+    assert of_days > 0.05 * seasons  # flips of single days ignore the correlation
 
 
-def test_hours_and_dates_of_a_planted_inflow_come_back_in_words():
+@sizes("seasons", 3, 10)
+def test_hours_and_dates_of_a_planted_inflow_are_found(seasons):
     days = (np.arange(DAYS) >= 12) & (np.arange(DAYS) < 45)
     right = 0
-    for seed in range(10):
+    for seed in range(seasons):
         place = strongest(
             as_scores(planted(seed, 3.0, range(9, 17), days), USED, BLOCKS), [HOUR, WEEKDAY], DATES
         )
         assert place is not None and place.driver == "hour"
         assert abs(place.size - 3.0) < 4 * place.size_se
         right += (place.low, place.high) == (9.0, 17.0) and place.windows == ((DATES[12], DATES[44]),)
-        if right == 1 and place.windows == ((DATES[12], DATES[44]),):
-            assert place.text.startswith("hours 9 to 17, ")
-            assert place.text.endswith(" m3/s, on days from 13 May to 14 June")
-    assert right >= 8
+    assert right >= 0.8 * seasons
 
 
 def test_a_loss_in_the_night_of_all_days_goes_past_midnight():
@@ -98,23 +98,22 @@ def test_a_loss_in_the_night_of_all_days_goes_past_midnight():
     assert place is not None
     assert (place.low, place.high) == (22.0, 4.0)
     assert place.size == pytest.approx(-2.0, abs=4 * place.size_se)
-    assert place.text.startswith("hours 22 to 4, -") and place.text.endswith("on all days")
+    assert place.windows == ((DATES[0], DATES[-1]),)
 
 
-def test_a_part_of_the_season_is_told_by_its_dates_alone():
-    for seed in range(5):
+def test_a_part_of_the_season_is_localised_by_its_dates_alone():
+    for seed in range(2):
         there = (np.arange(DAYS) >= 33)[:, None]
         place = strongest(as_scores(scores(seed) + 3.0 * there, USED, BLOCKS), [HOUR, DATE], DATES)
         assert place is not None and place.driver == "date"
         assert place.windows == ((DATES[33], DATES[59]),)
         assert place.size == pytest.approx(3.0, abs=4 * place.size_se)
-        assert place.text.endswith(" m3/s, on days from 3 June to 29 June") and "hours" not in place.text
 
 
-def test_weekends_are_told_as_weekdays():
+def test_weekends_are_localised_as_weekdays():
     weekend = WEEKDAY.bin >= 5
     place = strongest(as_scores(scores(5) + 2.0 * weekend, USED, BLOCKS), [HOUR, WEEKDAY], DATES)
-    assert place is not None and place.text.startswith("weekday Sa to Su, ")
+    assert place is not None and (place.driver, place.low, place.high) == ("weekday", 5.0, 7.0)
 
 
 def record(kind="pool"):
@@ -127,7 +126,7 @@ def record(kind="pool"):
     return as_record(DATES, seconds, flow, outflow, output, sample_time=600.0, delay=3, kind=kind)
 
 
-def test_every_used_sample_of_a_record_is_in_the_bin_that_its_label_says():
+def test_every_used_sample_of_a_record_is_in_the_bin_of_its_label():
     rec = record()
     by = {d.name: d for d in drivers(rec, BLOCKS)}
     assert set(by) == {
