@@ -1,4 +1,4 @@
-"""The arrays behind a diagnosis, for pictures and for the table of the unexplained inflow."""
+"""The result of a study: verdict, named effects, gap, its regimes, and the arrays behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -12,12 +12,12 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.fit import HOURS, DayErrors, Evaluation, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
-from rivid.diagnosis.regimes import regimes
 from rivid.diagnosis.result import (
     Diagnosis,
     Estimate,
     Gap,
     NamedEffect,
+    Regime,
     Step,
     Unknown,
     Where,
@@ -26,16 +26,30 @@ from rivid.diagnosis.result import (
 from rivid.diagnosis.selection import breaker, verdict_of
 from rivid.diagnosis.spectrum import spectrum
 from rivid.effects import Effect
-from rivid.types import Floats
+from rivid.types import Bools, Floats
 
 if TYPE_CHECKING:
-    from rivid.diagnosis.fit import Model
     from rivid.diagnosis.selection import Round, Study
+
+LEAST_RATIO = 3.0
+"""Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
+LEAST_P = 0.01
+"""Largest p of the location of the remainder at which it is reported."""
+STEP = 0.15
+"""A step is a change of the outflow by this share of its 5-95 % range, within :data:`RISE`."""
+RISE, AFTER = 1800.0, 3600.0
+"""Time in which a step is made, and time after its end that counts as after it [s]."""
+NIGHT = (22.0, 6.0)
+"""Hours of the night."""
+PLACED = ("starts", "place", "per_day", "per_month", "rise")
+"""Parameters that set where and when an effect acts; they have no estimate of their own."""
+MANY = 12
+"""Most values of a parameter that are reported one by one [-]; of more, median and 95 % range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What was looked at.
+    """The arrays behind a diagnosis.
 
     Attributes
     ----------
@@ -45,8 +59,8 @@ class Evidence:
         The simulated output of each day [m or m3/s] without and with the named effects, set to the
         measurement at the day's first sample that counts, and free from there.
     residual_before, residual_after : ndarray, shape (days, n)
-        Measured less simulated about the observed course; NaN where nothing was measured. Its constant of
-        each day means nothing.
+        Measured less simulated about the observed course; NaN where nothing was measured. The mean of
+        each day is arbitrary.
     inflow_before, inflow_before_sd, inflow_after, inflow_after_sd : ndarray, shape (days, n)
         The unexplained inflow w [m3/s] and its standard deviation, from whole days.
     step_response : ndarray, shape (n,)
@@ -66,45 +80,10 @@ class Evidence:
     step_response: Floats
 
 
-LEAST_RATIO = 3.0
-"""Of a peak in the spectrum to its surroundings: no response is all right, and a hump no rhythm."""
-SPEAKS = 0.01
-"""p of the place of what is left, from which it speaks."""
-
-
-def too_few(record: Record, least: int) -> Diagnosis:
-    """The answer where there is too little to look at."""
-    return Diagnosis(
-        "insufficient_data",
-        f"{record.days} days can be used: expected {least} or more, to have days that fit, that select and "
-        "that confirm.",
-        "none",
-    )
-
-
-def too_still(record: Record) -> Diagnosis:
-    """The answer where nothing moves: a response cannot be seen at rest."""
-    return Diagnosis(
-        "insufficient_data",
-        f"the flows of {record.days} days never move: expected commands that change, for a response to be "
-        "seen; check the columns",
-        "none",
-    )
-
-
-def no_candidates() -> Diagnosis:
-    """The answer where nothing may be named."""
-    return Diagnosis(
-        "insufficient_data",
-        "no effect may be named: expected one or more in the library; [diagnose] exclude leaves none",
-        "none",
-    )
-
-
 def conclude(
     study: "Study", classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
-    """Put a study into words and numbers.
+    """The diagnosis of a study, and its arrays.
 
     Parameters
     ----------
@@ -136,23 +115,24 @@ def _named(
     study: "Study", named: tuple["Round", ...], classes: dict[str, type[Effect]]
 ) -> tuple[NamedEffect, ...]:
     found = []
-    errors = dict(zip(_slots(study.last), _tail(study), strict=True))
+    tail = study.last_evaluation.shift_errors[len(study.last.reach.parameters) :].tolist()
+    errors = {(i, name, k): e for (i, (name, k), _), e in zip(study.last.slots(), tail, strict=True)}
     quantile = _quantile(study)
-    place = 0
+    index = len(study.last.effects) - sum(not r.proposal.level_noise for r in named)
     for r in named:
         proposal = r.proposal
-        effect = proposal.effect
-        index = None
-        if not proposal.level_noise:
-            index = len(study.last.effects) - sum(not x.proposal.level_noise for x in named) + place
-            place += 1
+        if proposal.level_noise:
+            effect, own = proposal.effect, {}
+        else:
             effect = study.last.effects[index]
+            own = {(name, k): e for (i, name, k), e in errors.items() if i == index}
+            index += 1
         found.append(
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=r.tied,
                 runner_up=r.runner_up, margin=r.margin,
-                parameters=_parameters(effect, index, errors, proposal.spreads, quantile),
-                where=_where(effect, study.record),
+                parameters=_parameters(effect, own, proposal.spreads, quantile),
+                where=Where(hours=effect.hours, dates=effect.dates),
                 breaker=breaker(effect, (classes[name] for name in r.tied)), table=effect.to_table(),
                 events=len(proposal.events.events) if proposal.events else 0,
             )
@@ -160,41 +140,25 @@ def _named(
     return tuple(found)
 
 
-def _slots(model: "Model") -> list[tuple[int, str, int | None]]:
-    return [(i, name, k) for i, (name, k), _ in model.slots()]
-
-
-def _tail(study: "Study") -> list[float]:
-    p = len(study.last.reach.parameters)
-    return [float(e) for e in study.last_evaluation.shift_errors[p:]]
-
-
 def _parameters(
-    effect: Effect,
-    index: int | None,
-    errors: dict[tuple[int, str, int | None], float],
-    spreads: dict[str, float],
-    quantile: float,
+    effect: Effect, errors: dict[tuple[str, int | None], float], spreads: dict[str, float], quantile: float
 ) -> tuple[Estimate, ...]:
+    """Estimates with intervals of 95 %; `errors` are of fitted values, `spreads` of searched ones."""
     found = []
-    for name, said in effect.parameters().items():
+    for name, spec in effect.parameters().items():
         value = getattr(effect, name)
         values = value if isinstance(value, tuple) else (value,)
-        if name in ("starts", "place", "per_day", "per_month", "rise") or not len(values):
+        if name in PLACED or not len(values):
             continue
-        if len(values) > 12:  # of events: the middle and the spread say it
+        if len(values) > MANY:
             low, mid, high = np.quantile(values, [0.025, 0.5, 0.975]).tolist()
-            found.append(Estimate(name, mid, said.unit, low, high))
+            found.append(Estimate(name, mid, spec.unit, low, high))
             continue
         for k, one in enumerate(values):
-            error = errors.get(
-                (index if index is not None else -1, name, k if isinstance(value, tuple) else None)
-            )
-            if error is None:
-                error = spreads.get(name)
+            error = errors.get((name, k if isinstance(value, tuple) else None))
+            spread = quantile * (spreads.get(name, np.nan) if error is None else error)
             label = f"{name}[{k}]" if len(values) > 1 else name
-            spread = quantile * error if error is not None else np.nan
-            found.append(Estimate(label, float(one), said.unit, float(one - spread), float(one + spread)))
+            found.append(Estimate(label, float(one), spec.unit, float(one - spread), float(one + spread)))
     return tuple(found)
 
 
@@ -204,10 +168,6 @@ def _quantile(study: "Study") -> float:
 
     blocks = len(np.unique(study.split.block[study.split.fit]))
     return float(t.ppf(0.975, max(blocks - 1, 1)))
-
-
-def _where(effect: Effect, record: Record) -> Where:
-    return Where(hours=effect.hours, dates=effect.dates)
 
 
 def _estimates(study: "Study") -> tuple[Estimate, ...]:
@@ -229,15 +189,13 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
     steps, coded = [], np.zeros(record.time.shape)
     forecast = end
     for r in named:
-        told = tuple(r.after.errors.rmse(sealed).tolist())
-        ahead = None
+        rmse, described = r.after.errors.rmse(sealed), None
         if r.proposal.events is not None:
             coded = coded + r.proposal.events.coded
-            ahead = told
-            told = tuple(_unforeseen(study, r.after, coded).rmse(sealed).tolist())
-            forecast = np.array(told) if r is named[-1] else forecast
-        steps.append(Step(r.proposal.name, told, ahead))
-    described = tuple(end.tolist()) if coded.any() else None
+            described = tuple(rmse.tolist())
+            rmse = _unforeseen(study, r.after, coded).rmse(sealed)
+            forecast = rmse if r is named[-1] else forecast
+        steps.append(Step(r.proposal.name, tuple(rmse.tolist()), described))
     if coded.any():
         forecast = _unforeseen(study, study.last_evaluation, coded).rmse(sealed)
     closed = closed_forecast = None
@@ -248,12 +206,12 @@ def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | No
         horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s",
         rmse_baseline=tuple(base.tolist()), rmse_augmented=tuple(forecast.tolist()),
         rmse_floor=None if floor is None else tuple(floor), closed=closed, closed_forecast=closed_forecast,
-        steps=tuple(steps), rmse_described=described,
+        steps=tuple(steps), rmse_described=tuple(end.tolist()) if coded.any() else None,
     )  # fmt: skip
 
 
 def _unforeseen(study: "Study", after: Evaluation, coded: Floats) -> DayErrors:
-    """Errors where the events of the day are not known beforehand."""
+    """Errors of forecasts to which the events of the day are unknown."""
     return day_errors(study.record, after.residual + coded, after.noise)
 
 
@@ -268,30 +226,26 @@ def _closed(base: Floats, end: Floats, floor: Sequence[float]) -> float | None:
 
 
 def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
-    """What is left, if it has a rhythm or a place."""
+    """The remainder, if it has a period or a place."""
     record, last = study.record, study.last_evaluation
     innovations = last.noise.whiten(np.where(record.used, last.residual, np.nan))
     period, ratio, limit, _ = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
-    unit = "m3/s"
     w = np.where(record.used, evidence.inflow_after, 0.0)
-    place = None
-    if len(np.unique(study.split.block[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # else no place is sure
-        place = strongest(
-            as_scores(w, record.used, study.split.block), drivers(record, study.split.block), record.dates,
-            unit=unit,
-        )  # fmt: skip
-    said = []
-    rhythm = ratio > max(limit, LEAST_RATIO)
+    place, blocks = None, study.split.block
+    if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # with fewer no place is certain
+        place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
+    found = []
     known = any(0.7 < period / other < 1.4 for other in study.swings())
-    if rhythm and not known:
-        said.append(f"a swing with a period of {period / 60:.0f} min")
-    if place is not None and place.p_value <= SPEAKS and abs(place.size) > 0.5 * last.noise.inflow_sd:
-        said.append(place.text)
-    if not said:
+    rhythm = ratio > max(limit, LEAST_RATIO) and not known
+    if rhythm:
+        found.append(f"a swing with a period of {period / 60:.0f} min")
+    if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
+        found.append(place.text)
+    if not found:
         return None
     size = float(np.sqrt(np.mean(w[record.used] ** 2)))
     dates = place.windows[0] if place is not None and place.windows else None
-    return Unknown(Where(dates=dates), size, tuple(said), period if rhythm and not known else None)
+    return Unknown(Where(dates=dates), size, tuple(found), period if rhythm else None)
 
 
 def _evidence(study: "Study") -> Evidence:
@@ -317,3 +271,74 @@ def _notes(study: "Study") -> tuple[str, ...]:
     if light:
         notes.append(f"{light} fitting days are far noisier than most and count little")
     return tuple(notes)
+
+
+def regimes(study: "Study") -> tuple[Regime, ...]:
+    """The gap on the sealed days by the state of the reach in which a forecast ends.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    tuple of Regime
+        Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A
+        state that is always or never there is left out. Events of the day itself are unknown, as in the gap.
+    """
+    record = study.record
+    first, last = study.first_evaluation, study.last_evaluation
+    coded = np.zeros(record.time.shape)
+    for turn in study.named:
+        if turn.proposal.events is not None:
+            coded = coded + turn.proposal.events.coded
+    found, sealed = [], study.split.sealed
+    for name, words, samples in states(record):
+        part = replace(record, used=record.used & samples)
+        before = day_errors(part, first.residual, first.noise)
+        after = day_errors(part, last.residual + coded, last.noise)
+        rmse = [tuple(errors.rmse(sealed).tolist()) for errors in (before, after)]
+        counts = before.counts[:, sealed].sum(axis=1)
+        found.append(Regime(name, words, rmse[0], rmse[1], tuple(int(c) for c in counts)))
+    return tuple(found)
+
+
+def states(record: Record) -> list[tuple[str, str, Bools]]:
+    """Name, words and samples (days, n) of each state; terciles are those of all samples that count."""
+    found: list[tuple[str, str, Bools]] = []
+    low, high = np.quantile(record.inflow[record.used], [1.0 / 3.0, 2.0 / 3.0])
+    if low < high:
+        u = record.inflow
+        found += [
+            ("inflow_low", f"inflow below {low:.0f} m³/s", u < low),
+            ("inflow_middle", f"inflow {low:.0f} to {high:.0f} m³/s", (u >= low) & (u < high)),
+            ("inflow_high", f"inflow of {high:.0f} m³/s or more", u >= high),
+        ]
+    if record.kind == "pool":
+        after, size = after_step(record)
+        found += [
+            ("after_step", f"in the hour after a step of the outflow of {size:.0f} m³/s or more", after),
+            ("calm", "longer after such a step", ~after),
+        ]
+    night = (record.hour >= NIGHT[0]) | (record.hour < NIGHT[1])
+    found += [
+        ("night", f"by night, {NIGHT[0]:.0f} to {NIGHT[1]:.0f} h", night),
+        ("day", f"by day, {NIGHT[1]:.0f} to {NIGHT[0]:.0f} h", ~night),
+    ]
+    return [state for state in found if 0 < (state[2] & record.used).sum() < record.used.sum()]
+
+
+def after_step(record: Record) -> tuple[Bools, float]:
+    """Samples during a step of the outflow and in the hour after it, shape (days, n), and its size [m3/s].
+
+    Smaller changes of the outflow occur all the time and are no steps.
+    """
+    rise, after = (max(round(t / record.sample_time), 1) for t in (RISE, AFTER))
+    low, high = np.quantile(record.outflow[record.used], [0.05, 0.95])
+    size = max(STEP * float(high - low), 1e-9)
+    u = record.outflow
+    step = np.zeros(u.shape, bool)
+    step[:, rise:] = np.abs(u[:, rise:] - u[:, :-rise]) >= size
+    sample = np.arange(u.shape[1])
+    last = np.maximum.accumulate(np.where(step, sample, -after - 1), axis=1)
+    return np.asarray(sample - last <= after), size

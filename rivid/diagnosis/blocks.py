@@ -1,4 +1,4 @@
-"""Days that fit, select and confirm, and blocks of days whose signs flip together.
+"""Days that fit, select and confirm, and blocks of days that flip their signs together.
 
 Whole days go in blocks, and blocks are dealt in the cycle fit, fit, select, fit, sealed: the three roles are
 separate days, spread over the same season. Days of one block are flipped together in the score test, so a
@@ -110,7 +110,7 @@ def memory(scores: ArrayLike, day: ArrayLike) -> Floats:
     """Autocorrelation of day scores at lags of 1, 2, ... days, shape (lags,), as far as it is significant.
 
     `scores` (days,) or (scores, days) have mean 0 if nothing is missing; several are averaged, each with its
-    own variance. Cut before the first lag whose correlation is less than its standard error, 1 / sqrt(pairs).
+    own variance. Cut before the first lag with a correlation below its standard error, 1 / sqrt(pairs).
     """
     s = np.atleast_2d(np.asarray(scores, float))
     days = np.asarray(day, np.int64)

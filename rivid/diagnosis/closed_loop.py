@@ -33,7 +33,7 @@ TURNS = 6
 CONVERGED = 1e-3
 """Change of the level from run to run that ends them [m]."""
 READINGS = 5
-"""Readings whose mean sets a day's first level."""
+"""Readings; their mean sets a day's first level."""
 
 
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:

@@ -45,7 +45,7 @@ APART = 2
 """Samples between the starts of two recessions."""
 
 PATTERNS = 2
-"""Patterns of missing samples whose atoms are kept: most days have the same."""
+"""Patterns of missing samples with cached atoms; most days have the same pattern."""
 
 
 @dataclass(frozen=True)
@@ -618,7 +618,7 @@ def _storms(events: Sequence[Event]) -> list[Event]:
 
 
 def _chance(gain: float) -> float:
-    """p of events whose price is the logarithm of the number of possible ones; half the gain, for safety."""
+    """p of events priced by the logarithm of their possible number; half the gain, for safety."""
     return float(np.exp(-max(gain, 0.0) / 2.0))
 
 

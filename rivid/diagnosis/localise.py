@@ -65,13 +65,20 @@ def drivers(record: Record, blocks: ArrayLike, shift_start: float = 5.0) -> tupl
     shift = np.mod(hour - shift_start, 24.0) / 8.0
     hours = [f"{h} to {h + 1} h" for h in range(24)]
     turns = [f"{(shift_start + 8 * i) % 24:g} to {(shift_start + 8 * i + 8) % 24:g} h" for i in range(3)]
+
+    def rate(values: Floats) -> Floats:
+        """Change over the last hour [1/h], shape (days, n); NaN before."""
+        out = np.full(values.shape, np.nan)
+        out[:, lag:] = (values[:, lag:] - values[:, :-lag]) * (3600.0 / (lag * record.sample_time))
+        return out
+
     found = [
         Driver("hour", "h", np.arange(25.0), tuple(hours), _floor(hour), True),
         Driver("shift", "shift", np.arange(4.0), tuple(turns), _floor(shift), True),
         Driver("weekday", "day", np.arange(8.0), WEEKDAYS, _floor(weekday[:, None] + 0.0 * hour), True),
         season(record.dates, blocks, hour.shape[1]),
         *(by_size(name, unit, values, used) for name, unit, values in logs),
-        *(by_size(f"rate of {name}", f"{unit} per h", rate(values, lag, record.sample_time), used)
+        *(by_size(f"rate of {name}", f"{unit} per h", rate(values), used)
           for name, unit, values in logs),
         *(since_step(f"hours since a step of the {name}", values, record.sample_time)
           for name, _, values in logs[:2]),
@@ -108,13 +115,6 @@ def by_size(name: str, unit: str, values: Floats, used: Bools) -> Driver | None:
     outside = ~np.isfinite(values) | (values < edges[0]) | (values > edges[-1])
     labels = tuple(f"{a:.4g} to {b:.4g} {unit}" for a, b in zip(edges[:-1], edges[1:], strict=True))
     return Driver(name, unit, edges, labels, np.where(outside, -1, inner).astype(np.int64))
-
-
-def rate(values: Floats, lag: int, sample_time: float) -> Floats:
-    """Change over the last `lag` samples, per hour, shape (days, n); NaN before."""
-    out = np.full(values.shape, np.nan)
-    out[:, lag:] = (values[:, lag:] - values[:, :-lag]) * (3600.0 / (lag * sample_time))
-    return out
 
 
 def since_step(name: str, flow: Floats, sample_time: float) -> Driver | None:
@@ -290,9 +290,21 @@ def strongest(
     value, se = float(size[1] - size[0]), float(np.sqrt(((error[:, 1] - error[:, 0]) ** 2).sum()))
     ends = np.flatnonzero(np.diff(np.concatenate([[False], days, [False]]).astype(int))).tolist()
     windows = tuple((dates[a], dates[b - 1]) for a, b in zip(ends[::2], ends[1::2], strict=True))
-    text = f"{_range(driver, first, last)}{value:.3g} {unit}, {_when(windows, bool(days.all()))}"
     low, high = float(driver.edges[first]), float(driver.edges[last + 1])
-    return Place(driver.name, low, high, value, se, p_value, windows, text)
+    names = driver.labels[first], driver.labels[last]
+    if driver.name == "date":
+        span = ""
+    elif driver.name == "hour":
+        span = f"hours {low:g} to {high:g}, "
+    elif driver.name in ("weekday", "shift"):
+        span = f"{driver.name} {names[0] if first == last else ' to '.join(names)}, "
+    else:
+        span = f"{driver.name} {low:.4g} to {high:.4g} {driver.unit}, "
+    spans = [f"from {in_words(a)} to {in_words(b)}" for a, b in windows]
+    if len(spans) > 3:
+        spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
+    when = "on all days" if days.all() else f"on days {' and '.join(spans)}"
+    return Place(driver.name, low, high, value, se, p_value, windows, f"{span}{value:.3g} {unit}, {when}")
 
 
 def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bools, int, int]:
@@ -350,24 +362,3 @@ def _best_run(scores: Scores, driver: Driver, days: Bools) -> tuple[float, int, 
 def _between(driver: Driver, first: int, last: int) -> Bools:
     b = driver.bin
     return (b >= first) & (b <= last) if first <= last else (b >= first) | ((b >= 0) & (b <= last))
-
-
-def _range(driver: Driver, first: int, last: int) -> str:
-    low, high = driver.edges[first], driver.edges[last + 1]
-    if driver.name == "date":
-        return ""
-    if driver.name == "hour":
-        return f"hours {low:g} to {high:g}, "
-    if driver.name in ("weekday", "shift"):
-        names = driver.labels[first], driver.labels[last]
-        return f"{driver.name} {names[0] if first == last else ' to '.join(names)}, "
-    return f"{driver.name} {low:.4g} to {high:.4g} {driver.unit}, "
-
-
-def _when(windows: Sequence[tuple[date, date]], whole: bool) -> str:
-    if whole:
-        return "on all days"
-    spans = [f"from {in_words(a)} to {in_words(b)}" for a, b in windows]
-    if len(spans) > 3:
-        spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
-    return f"on days {' and '.join(spans)}"

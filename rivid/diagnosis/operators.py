@@ -5,7 +5,7 @@ They act in steps. After move k the command is, in the integrated form of (9),
     u_Qo(k) = c + K_Q u_Qi(k - l) + G e(k) + (G / T_trim) integral of e dt + n(k),
 
 with e the level's deviation from the set point beyond the dead-band, G = -K_h, and n all else: rounding is
-white, an operator with gains of his own gives a slow walk. The level they see results from their earlier
+white, differences between operators give a slow walk. The level they see results from their earlier
 moves, so that ordinary least squares would attribute n to the level. Whitened by the model of n, the
 remainder at a move is independent of everything before it, the level included: least squares are consistent.
 """
@@ -51,9 +51,10 @@ def set_points(record: Record) -> list[SetPoint]:
 
     Within a dead-band the mean level is not the set point, so offsets from it are tried too.
     """
-    flow, level = day_flow(record), _day_means(record.output, record)
-    known = np.isfinite(level)
-    flow, level = flow[known], level[known]
+    kept = record.used & np.isfinite(record.output)
+    known = kept.any(axis=1)
+    total = np.where(kept, record.output, 0.0).sum(axis=1)
+    flow, level = day_flow(record)[known], total[known] / kept.sum(axis=1)[known]
     best, least = None, np.inf
     for hinge in np.linspace(flow.min(), flow.max(), HINGES, endpoint=False).tolist():
         x = np.maximum(flow - hinge, 0.0)
@@ -72,14 +73,6 @@ def set_points(record: Record) -> list[SetPoint]:
 def day_flow(record: Record) -> Floats:
     """Mean inflow of each day [m3/s], shape (days,)."""
     return np.asarray(record.inflow[:, record.lead :].mean(axis=1))
-
-
-def _day_means(values: Floats, record: Record) -> Floats:
-    """Mean of each day's samples that count, shape (days,); NaN where there are none."""
-    kept = record.used & np.isfinite(values)
-    number = kept.sum(axis=1)
-    total = np.where(kept, values, 0.0).sum(axis=1)
-    return np.asarray(np.divide(total, number, out=np.full(len(values), np.nan), where=number > 0))
 
 
 PROMPT = 0.5
@@ -142,18 +135,6 @@ def step_of(values: Floats) -> float:
             if step <= smallest * (1 + 1e-6) and off.max() < 1e-6:
                 return round(step, 9)
     return 0.0
-
-
-def lowest_of(values: Floats) -> float:
-    """The smallest command if it is frequent enough to be a limit, else 0 or less.
-
-    Examples
-    --------
-    >>> lowest_of(np.array([40.0, 40.0, 57.0, 63.0])), lowest_of(np.linspace(40.0, 90.0, 100))
-    (40.0, 0.0)
-    """
-    smallest = float(values.min())
-    return smallest if np.mean(values == smallest) > OFTEN else min(smallest, 0.0)
 
 
 def _new(record: Record) -> Bools:
@@ -242,10 +223,13 @@ def identify(record: Record) -> Law | None:
         gain = max(gain, trim * record.sample_time)
     aim, band = tried[best]
     look, notice = looks(record, lag)
+    logged = record.outflow[record.used]
+    lowest = float(logged.min())
     return Law(
         feedforward=feedforward, lag=lag, level_gain=gain,
         trim_time=gain / trim if trim > 0.0 else np.inf, dead_band=band, set_point=aim, look=look,
-        notice=notice, quantum=quantum, lowest=lowest_of(record.outflow[record.used]),
+        notice=notice, quantum=quantum,
+        lowest=lowest if np.mean(logged == lowest) > OFTEN else min(lowest, 0.0),
         gauge_quantum=step_of(record.output[record.used]),
     )  # fmt: skip
 

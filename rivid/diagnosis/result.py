@@ -147,7 +147,7 @@ VERDICTS: dict[str, str] = {
     "cannot_tell": "Something is missing; these data cannot tell which of several it is.",
     "unknown": "Something is missing, and it is none of the effects known here.",
     "did_not_hold": "What the fitted days show does not hold on the days kept apart.",
-    "insufficient_data": "These data are too few to say.",
+    "insufficient_data": "These data are too few for a verdict.",
 }
 """Each verdict in a sentence."""
 
@@ -252,7 +252,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Regime:
-    """The gap while the reach is in one state; see :mod:`rivid.diagnosis.regimes`.
+    """The gap while the reach is in one state; see :func:`rivid.diagnosis.answer.regimes`.
 
     Attributes
     ----------

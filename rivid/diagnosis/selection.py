@@ -3,7 +3,7 @@
 The guard against operators: they hold the level by the outflow, so a level that an unknown inflow raised is
 lowered by hand, and a reach that seems to lose water at high levels may only have attentive operators. An
 effect that depends on the level is therefore tested again with an instrument: the same effect in a reach
-whose level moves as the logged inflow drives it, which no operator and no unknown inflow has changed.
+with the level driven by the logged inflow alone, which no operator and no unknown inflow has changed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -407,7 +407,7 @@ USUAL: dict[str, str] = {
     "timing": "Compare the clocks of both logs and log one step of each gate with seconds.",
     "level": "Read the gauge against a staff or a second sensor.",
 }
-"""By family, for effects whose classes name no measurement."""
+"""By family, for effects without a measurement of their own."""
 
 
 def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str | None:

@@ -23,7 +23,7 @@ from rivid.diagnosis.adding import (
     varied,
     worth_trying,
 )
-from rivid.diagnosis.answer import Evidence, conclude, no_candidates, too_few, too_still
+from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import Split, split
 from rivid.diagnosis.candidates import Proposal, proposals, trials_of
 from rivid.diagnosis.choice import Calibrated, as_candidates, calibrated
@@ -83,12 +83,23 @@ def diagnose(
     Diagnosis, Evidence or None
         None where there are too few days.
     """
+    lacking = None
     if record.days < FEWEST_DAYS or not split(record.dates).complete:
-        return too_few(record, FEWEST_DAYS), None
-    if not np.ptp(record.inflow, axis=1).any() and not np.ptp(record.outflow, axis=1).any():
-        return too_still(record), None
-    if not classes:
-        return no_candidates(), None
+        lacking = (
+            f"{record.days} days can be used: expected {FEWEST_DAYS} or more, to have days that fit, that "
+            "select and that confirm."
+        )
+    elif not np.ptp(record.inflow, axis=1).any() and not np.ptp(record.outflow, axis=1).any():
+        lacking = (
+            f"the flows of {record.days} days never move: expected commands that change, for a response to "
+            "be seen; check the columns"
+        )
+    elif not classes:
+        lacking = (
+            "no effect may be named: expected one or more in the library; [diagnose] exclude leaves none"
+        )
+    if lacking is not None:
+        return Diagnosis("insufficient_data", lacking, "none"), None
     study = find_effects(
         record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report
     )

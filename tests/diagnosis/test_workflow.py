@@ -59,6 +59,7 @@ def written(season, folder):
     return config
 
 
+@pytest.mark.long
 def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, tmp_path):
     config = written(melting, tmp_path / "logs")
     words = [str(tmp_path / "logs"), "-c", str(config), "-o", str(tmp_path / "out"), "--no-figures", "-q"]
@@ -93,6 +94,7 @@ def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, 
     assert result["verdict"] == "no_gap" and not result["effects"]
 
 
+@pytest.mark.long
 def test_nothing_is_named_where_nothing_is_missing():
     result, evidence = answer(season(40, 78))
     assert result.verdict == "no_gap" and not result.effects, result.reason
@@ -116,12 +118,26 @@ def test_where_nothing_moves_or_may_be_named_there_is_no_answer():
     assert result.verdict == "insufficient_data" and evidence is None and "exclude" in result.reason
 
 
-def test_twenty_days_are_enough_for_an_answer():
+def test_twenty_days_are_enough_to_find_that_nothing_is_missing():
     record = pools.season(5, days=20)
     result, evidence = diagnose(
         record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR
     )
-    assert result.verdict == "no_gap" and evidence is not None, result.reason
+    assert result.verdict == "no_gap" and not result.effects, result.reason
+    assert evidence.inflow_after_sd.shape == evidence.record.time.shape
+
+
+def test_a_hidden_diurnal_inflow_is_named_with_its_size_and_closes_the_gap():
+    hidden = CATALOGUE["diurnal_inflow"]
+    record = pools.season(6, effects=(hidden(amplitude=8.0, hour=15.0),))
+    few = {name: CATALOGUE[name] for name in ("diurnal_inflow", "lateral_inflow")}
+    result, _ = diagnose(record, pools.nominal(record), few, gauge_floor=pools.GAUGE_FLOOR)
+    assert result.verdict == "explained", result.reason
+    (effect,) = result.effects
+    amplitude = next(p for p in effect.parameters if p.name == "amplitude")
+    assert effect.name == "diurnal_inflow" and amplitude.value == pytest.approx(8.0, abs=1.0)
+    assert amplitude.low < 8.0 < amplitude.high
+    assert result.gap.rmse_augmented[1] < 0.9 * result.gap.rmse_baseline[1]
 
 
 def test_an_empty_directory_is_refused(tmp_path):

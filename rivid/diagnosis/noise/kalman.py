@@ -58,7 +58,7 @@ class Days(NamedTuple):
 
 
 def gather(residual: ArrayLike) -> Days:
-    """Days of a residual (days, n) whose missing samples are NaN."""
+    """Days of a residual (days, n), missing samples NaN."""
     z = np.asarray(residual, float)
     if z.ndim != 2 or z.size == 0:
         raise RividError(f"residual has shape {z.shape}: expected (days, n)")

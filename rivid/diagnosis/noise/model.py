@@ -5,7 +5,7 @@ The residual is z = measured level - simulated level. Each day is a fresh start,
     z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
 
 w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
-level error, e white gauge noise; x_0 is unknown. For a river reach, whose output is a discharge, there is no
+level error, e white gauge noise; x_0 is unknown. For a river reach, with a discharge as output, there is no
 A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so that a
 constant inflow remains to be found. The fit starts from several models: one start can end in a local optimum.
 """
@@ -241,7 +241,7 @@ WALK_LIMIT = 1e-3
 
 
 class Limits(NamedTuple):
-    """A model whose `free` fields move between `low` and `high`; `scale` is a sample's usual change."""
+    """A model with `free` fields between `low` and `high`; `scale` is a sample's usual change."""
 
     model: NoiseModel
     free: tuple[str, ...]
@@ -361,7 +361,7 @@ STEP = 1e-4
 def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
     """Weights of days, shape (days,): 1 for most, less for a day far noisier than the median.
 
-    min(1, limit x median / mean square) of whitened residuals (days, n), whose exact zeros are unused
+    min(1, limit x median / mean square) of whitened residuals (days, n), exact zeros being unused
     samples; 0 for a day without samples.
     """
     r = np.asarray(whitened, float)

@@ -34,7 +34,7 @@ from rivid.types import Floats
 STEP = 0.01
 """Steps of differences, in prior standard deviations: on a pool, slopes are then right to a hundredth."""
 START_SAMPLES = 5
-"""Readings whose mean starts a row."""
+"""Readings; their mean starts a row."""
 
 
 @dataclass(frozen=True)

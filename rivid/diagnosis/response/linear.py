@@ -41,12 +41,12 @@ DENSE = 6
 
 @dataclass(frozen=True, eq=False)
 class LinearPool:
-    """A pool whose level is a volume over an area, with or without fronts.
+    """A pool with a level of volume over area, with or without fronts.
 
     ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
 
     with V the volumes that have passed the dams; for ``zero`` one front each, at the delay and at once; for
-    ``fir`` lags whose coefficients grow with the slow flow.
+    ``fir`` lags with coefficients that grow with the slow flow.
 
     Attributes
     ----------

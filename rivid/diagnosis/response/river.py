@@ -25,7 +25,7 @@ SLOW = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RiverResponse:
-    """A diffusive wave whose delay follows the flow, and which keeps its water.
+    """A diffusive wave with a delay that follows the flow; it keeps its water.
 
     What departs at t arrives at ``t + tau(Q) x``, ``tau(Q) = delay (Q / flow)^(-exponent)``, with Q the slow
     flow and x spread about 1 as the arrivals of a diffusive wave are; times a gain near 1.

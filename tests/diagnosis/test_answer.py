@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rivid.diagnosis.answer import AFTER, RISE, STEP, after_step, regimes, states
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.fit import HOURS, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.regimes import AFTER, RISE, STEP, after_step, only, regimes, states
 from tests.diagnosis.answers import evidence_of, record_of
 
 NOISE = NoiseModel(0.002, 0.001, 1.0, 7200.0, 0.0, 100.0, 900.0, 6.7e5)
@@ -49,11 +49,11 @@ def test_the_states_of_a_kind_together_are_the_gap(names):
 def test_terciles_split_the_samples_and_name_their_flows():
     record = EVIDENCE.record
     low, middle, high = states(record)[:3]
-    share = [(s.samples & record.used).sum() / record.used.sum() for s in (low, middle, high)]
+    share = [(s[2] & record.used).sum() / record.used.sum() for s in (low, middle, high)]
     assert share == pytest.approx([1 / 3] * 3, abs=0.02)
-    assert record.inflow[low.samples].max() < record.inflow[high.samples].min()
+    assert record.inflow[low[2]].max() < record.inflow[high[2]].min()
     limit = np.quantile(record.inflow[record.used], 2 / 3)
-    assert high.words == f"inflow of {limit:.0f} m³/s or more"
+    assert high[1] == f"inflow of {limit:.0f} m³/s or more"
 
 
 def test_samples_after_a_step_are_those_of_a_plain_loop():
@@ -72,16 +72,16 @@ def test_samples_after_a_step_are_those_of_a_plain_loop():
 
 def test_night_is_from_22_to_6():
     record = EVIDENCE.record
-    (night,) = (s for s in states(record) if s.name == "night")
-    hours = record.hour[night.samples]
+    (night,) = (s for s in states(record) if s[0] == "night")
+    hours = record.hour[night[2]]
     assert ((hours >= 22.0) | (hours < 6.0)).all()
-    assert night.samples.mean() == pytest.approx(1 / 3, abs=0.15)  # the lead time is night
+    assert night[2].mean() == pytest.approx(1 / 3, abs=0.15)  # the lead time is night
 
 
 def test_an_error_counts_where_the_forecast_ends():
     record = EVIDENCE.record
     residual = np.where(np.isfinite(record.output), 0.0, np.nan)
-    night = next(s.samples for s in states(record) if s.name == "night")
+    night = next(s[2] for s in states(record) if s[0] == "night")
     residual[night] += 0.05  # only forecasts that end by night, or begin there, are off
     study = study_of()
     study.first_evaluation.residual = residual
@@ -89,11 +89,9 @@ def test_an_error_counts_where_the_forecast_ends():
     # of 24 simulations that end by day an hour ahead one has begun by night
     assert found["night"].rmse_baseline[0] > 2.0 * found["day"].rmse_baseline[0]
     assert sum(found["night"].targets) > 0
-    part = only(record, night)
-    assert (part.used == (record.used & night)).all() and part.output is record.output
 
 
-def test_events_count_as_known():
+def test_events_of_the_day_are_unknown_to_a_forecast():
     record = EVIDENCE.record
     coded = 0.1 * np.sin(2 * np.pi * record.hour / 6.0)
     plain = {r.name: r for r in regimes(study_of())}
@@ -103,7 +101,7 @@ def test_events_count_as_known():
 
 
 def test_a_river_has_no_steps_of_an_outflow():
-    names = {s.name for s in states(record_of(kind="river"))}
+    names = {s[0] for s in states(record_of(kind="river"))}
     assert names == {"inflow_low", "inflow_middle", "inflow_high", "night", "day"}
 
 
@@ -112,5 +110,5 @@ def test_a_state_that_is_always_there_is_left_out():
     still = dataclasses.replace(
         record, inflow=np.full(record.time.shape, 200.0), outflow=np.full(record.time.shape, 200.0)
     )
-    assert [s.name for s in states(still)] == ["night", "day"]
+    assert [s[0] for s in states(still)] == ["night", "day"]
     assert not after_step(still)[0].any()
