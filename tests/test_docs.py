@@ -54,20 +54,18 @@ def test_every_key_has_a_type_and_a_meaning(model):
             assert [key.name for key in found] == list(section.model_fields)
 
 
-def test_keys_have_units():
-    unit = {(k.table, k.name): k.unit for model in (Config, Scenario)
-            for _, _, found in keys.sections(model) for k in found}  # fmt: skip
-    assert unit["reach", "sample_time"] == "s" and unit["reach", "discharge_range"] == "m3/s"
-    assert unit["jmap", "tolerance"] == "" and unit["jmap", "d_min"] == "samples"
-    assert unit["operators", "level_gain"] == "m2/s" and unit["operators", "trim_time"] == "s"
-    assert unit["posterior", "store_error"] == "samples"
-
-
-def test_defaults_and_limits_are_those_of_the_models():
-    found = {key.name: key for name, _, all_of in keys.sections(Config) for key in all_of if name == "jmap"}
-    assert found["d_max"].default == f"`{Config().jmap.d_max}`" and '`"bounds"`' in found["d_max"].type
-    assert found["order"].type.startswith("whole number from 6 to 1,000")
-    assert found["start"].default == "not given"
+def test_units_defaults_and_limits_of_keys_are_those_of_the_models():
+    found = {(k.table, k.name): k for model in (Scenario, Config)
+             for _, _, of in keys.sections(model) for k in of}  # fmt: skip
+    for table, name, unit in (
+        ("reach", "sample_time", "s"), ("reach", "discharge_range", "m3/s"), ("jmap", "tolerance", ""),
+        ("jmap", "d_min", "samples"), ("operators", "level_gain", "m2/s"),
+    ):  # fmt: skip
+        assert found[table, name].unit == unit
+    d_max = found["jmap", "d_max"]
+    assert d_max.default == f"`{Config().jmap.d_max}`" and '`"bounds"`' in d_max.type
+    assert found["jmap", "order"].type.startswith("whole number from 6 to 1,000")
+    assert found["jmap", "start"].default == "not given"
 
 
 def test_every_column_of_every_table_has_a_meaning_in_the_reference():

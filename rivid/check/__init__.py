@@ -2,7 +2,6 @@
 
 import datetime as dt
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -67,10 +66,11 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
             record.add(data)
         spacing.add(source, days[-1].reason)
     findings = [*_future(days, today), *spacing.findings(), *_check_record(record, config)]
-    days = [_with_notes(day, findings) for day in days]
+    for day in days:
+        day.notes.extend(finding.day_text(day.date) for finding in findings if day.date in finding.days)
     present = {day.date for day in days}
     span = min((max(present) - min(present)).days, LONGEST)
-    absent = [day for k in range(span) if (day := min(present) + k * ONE_DAY) not in present]
+    absent = [date for k in range(span) if (date := min(present) + k * ONE_DAY) not in present]
     return Report(days, catalog.bad_files, absent, findings)
 
 
@@ -101,9 +101,3 @@ def _future(days: list[DayReport], today: dt.date | dt.datetime | None) -> list[
     last = (today.date() if isinstance(today, dt.datetime) else today) + ONE_DAY
     ahead: dict[dt.date, dict[str, str]] = {day.date: {} for day in days if day.date > last}
     return [Finding("future", {}, ahead)] if ahead else []
-
-
-def _with_notes(day: DayReport, findings: list[Finding]) -> DayReport:
-    """Return a day with the findings that apply to it among its notes."""
-    notes = [finding.day_text(day.date) for finding in findings if day.date in finding.days]
-    return replace(day, notes=[*day.notes, *notes]) if notes else day

@@ -68,7 +68,13 @@ def clocks(record: Record, fits: Fits) -> list[Finding]:
     others = {date for date in fits.right if not any(date in finding.days for finding in found)}
     if 2 * len(others) < len(fits.right):
         return found
-    found += _swapped_on_some(record, fits, others)
+    odd = [
+        date
+        for date in others
+        if fits.reverse[date].explained >= max(BELIEVED, fits.right[date].explained + REVERSED_DAY)
+    ]
+    if record.balanced and (days := _in_rows(record, sorted(odd), list(fits.right), whole=True)):
+        found += _swapped(record, fits.of(days), days)
     believed = {date: fit for date, fit in _believed(record, fits).items() if date in others}
     usual = _usual(believed, fits.longest)
     if usual is None or len(believed) < ENOUGH * len(others):
@@ -125,24 +131,12 @@ def _dates(record: Record, fits: Fits) -> list[Finding]:
         days = _in_rows(record, some, list(fits.right), whole=True)
         if not days:
             continue
-        if fits.of(days, shift)[0].explained < max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY):
-            continue
-        column, sense = SHIFTS[shift]
-        other_day = "after" if sense == "early" else "before"
-        values = {"column": column or record.output, "sense": sense, "other_day": other_day}
-        found.append(Finding("dates", values, {date: {} for date in days}))
+        if fits.of(days, shift)[0].explained >= max(BELIEVED, fits.of(days)[0].explained + OTHER_DAY):
+            column, sense = SHIFTS[shift]
+            other_day = "after" if sense == "early" else "before"
+            values = {"column": column or record.output, "sense": sense, "other_day": other_day}
+            found.append(Finding("dates", values, {date: {} for date in days}))
     return found
-
-
-def _swapped_on_some(record: Record, fits: Fits, among: set[dt.date]) -> list[Finding]:
-    odd = [
-        date
-        for date in among
-        if fits.reverse[date].explained - fits.right[date].explained > REVERSED_DAY
-        and fits.reverse[date].explained >= BELIEVED
-    ]
-    days = _in_rows(record, sorted(odd), list(fits.right), whole=True) if record.balanced else []
-    return _swapped(record, fits.of(days), days) if days else []
 
 
 def _swapped(record: Record, fit: tuple[Fit, Fit], days: list[dt.date]) -> list[Finding]:
@@ -162,8 +156,8 @@ def _drift(record: Record, believed: dict[dt.date, Fit]) -> list[Finding]:
     days = np.array([date.toordinal() for date in believed], float)
     length = float(np.ptp(days))
     changes = []
-    for name in ("lag_in", "lag_out"):
-        slope, scatter, jump = _line(days, np.array([getattr(fit, name) for fit in believed.values()]))
+    for lags in np.array([(fit.lag_in, fit.lag_out) for fit in believed.values()]).T:
+        slope, scatter, jump = _line(days, lags)
         straight = STRAIGHT * scatter < abs(slope) * length and scatter < jump
         changes.append(slope * length if straight and abs(slope) * length >= DRIFT["pool"] else 0.0)
     if not any(changes):
@@ -229,15 +223,14 @@ def _shifted(
             known = (k for k in groups if k[0] == column and abs(k[1] - late) <= ALIKE)
             groups.setdefault(next(known, (column, round(late))), {})[date] = late
     found = []
+    reference = "the others" if record.balanced else record.output
     for (column, _), days in groups.items():
         rows = _in_rows(record, list(days), list(believed))
         if not rows:
             continue
         late = float(np.median([days[date] for date in rows]))
-        values = {
-            "column": column, "off_s": abs(late), "sense": "late" if late > 0 else "early",
-            "reference": "the others" if record.balanced else record.output,
-        }  # fmt: skip
+        sense = "late" if late > 0 else "early"
+        values = {"column": column, "off_s": abs(late), "sense": sense, "reference": reference}
         code = "clock.hour" if abs(abs(late) - 3600) < 10 * 60 else "clock.shift"
         dates = _with_quiet_days(record, fits, usual, column, late, rows)
         found.append(Finding(code, values, {date: {} for date in dates}))
@@ -246,9 +239,11 @@ def _shifted(
 
 def _better(record: Record, fits: Fits, date: dt.date, usual: tuple[float, float]) -> bool:
     """Return whether a day's own lags explain clearly more than the usual ones (a river's always vary)."""
-    sums = fits.sums(date) if record.balanced else None
+    if not record.balanced:
+        return True
+    sums = fits.sums(date)
     if sums is None:
-        return not record.balanced
+        return False
     return fits.right[date].explained - fits.best(sums, near=usual, within=NEAR).explained > GAIN
 
 
@@ -273,11 +268,9 @@ def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Find
     (lag_in, lag_out), longest = usual, fits.longest
     if record.balanced and abs(lag_out) >= AT_THE_GATE:
         column = "h_L" if -NEAR <= lag_in - lag_out <= longest else "u_Qo"
-        fast = (lag_out > 0) == (column == "h_L")
+        speed = "fast" if (lag_out > 0) == (column == "h_L") else "slow"
         sense = "late" if lag_out > 0 else "early"
-        values = {
-            "column": column, "off_s": abs(lag_out), "sense": sense, "speed": "fast" if fast else "slow",
-        }  # fmt: skip
+        values = {"column": column, "off_s": abs(lag_out), "sense": sense, "speed": speed}
         return [Finding("clock.gate", values)]
     if lag_in <= -SMALLEST["pool"]:
         return [Finding("clock.before", {"output": record.output, "off_s": -lag_in})]

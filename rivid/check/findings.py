@@ -206,35 +206,23 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """Return the finding as JSON values."""
+        days = {str(date): self.day_text(date) for date in sorted(self.days)}
         return {
-            "kind": self.kind,
-            "code": self.code,
-            "text": str(self),
-            "wrong": self.wrong,
-            "values": dict(self.values),
-            "days": {str(date): self.day_text(date) for date in sorted(self.days)},
-        }
+            "kind": self.kind, "code": self.code, "text": str(self), "wrong": self.wrong,
+            "values": dict(self.values), "days": days,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class DayReport:
-    """One day.
-
-    Attributes
-    ----------
-    date : date
-    status : {"ok", "pending", "failed"}
-    reason : str
-        Why the day cannot be used; empty otherwise.
-    notes : list of str
-        Filled, dropped or masked samples, and findings.
-    n_samples, n_filled : int
-    """
+    """One day."""
 
     date: dt.date
     status: Status
     reason: str = ""
+    """Why the day cannot be used; empty otherwise."""
     notes: list[str] = field(default_factory=list)
+    """Filled, dropped or masked samples, and findings."""
     n_samples: int = 0
     n_filled: int = 0
 
@@ -269,6 +257,14 @@ class Report:
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
+        summary = {
+            "days": len(self.days), "first": str(self.days[0].date), "last": str(self.days[-1].date),
+            "ok": self.count("ok"), "failed": self.failed, "pending": self.count("pending"),
+            "absent": len(self.absent), "bad_files": len(self.bad_files),
+            "samples": sum(day.n_samples for day in self.days),
+            "filled": sum(day.n_filled for day in self.days),
+            "warnings": len(self.warnings), "exit_code": self.exit_code,
+        }  # fmt: skip
         return {
             "days": [asdict(day) | {"date": str(day.date)} for day in self.days],
             "bad_files": [list(bad) for bad in self.bad_files],
@@ -276,20 +272,7 @@ class Report:
             "findings": [finding.to_json() for finding in self.findings],
             "warnings": self.warnings,
             "failed": self.failed,
-            "summary": {
-                "days": len(self.days),
-                "first": str(self.days[0].date),
-                "last": str(self.days[-1].date),
-                "ok": self.count("ok"),
-                "failed": self.failed,
-                "pending": self.count("pending"),
-                "absent": len(self.absent),
-                "bad_files": len(self.bad_files),
-                "samples": sum(day.n_samples for day in self.days),
-                "filled": sum(day.n_filled for day in self.days),
-                "warnings": len(self.warnings),
-                "exit_code": self.exit_code,
-            },
+            "summary": summary,
         }
 
 

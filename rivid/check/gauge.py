@@ -49,15 +49,10 @@ Spells = dict[dt.date, list[tuple[int, int]]]
 
 
 def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Finding]:
-    """Find spells without motion, jumps and spikes of the output.
+    """Find spells without motion, jumps and spikes of the output, given the other findings.
 
-    Parameters
-    ----------
-    record : Record
-    fits : Fits
-    others : sequence of Finding
-        Known findings. Where the balance does not close, a level without motion may be right; where a finding
-        of some days begins or ends, the output jumps at midnight.
+    Where the balance does not close, a level without motion may be right; where a finding of some days begins
+    or ends, the output jumps at midnight.
     """
     open_days = {date for finding in others if finding.kind == "balance" for date in finding.days}
     seams = {
@@ -67,22 +62,19 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
         if (date in finding.days) != (date - ONE_DAY in finding.days)
     }
     spells = {date: found for date, found in _still(record, fits).items() if date not in open_days}
-    found = [*_jumps(record, spells, seams)]
-    if spells:
-        days = {date: {"items": _spell_items(record, date, at)} for date, at in spells.items()}
-        found.insert(0, Finding("stuck", {"output": record.output}, days))
-    return found
-
-
-def _spell_items(record: Record, date: dt.date, spells: list[tuple[int, int]]) -> list[dict[str, Any]]:
-    values, unit = record.days[date][record.output], record.reach.output_unit
-    return [
-        {
-            "first": record.clock(a), "last": record.clock(b), "duration_s": (b - a) * record.step,
-            "value": float(values[a]), "unit": unit,
-        }
-        for a, b in spells
-    ]  # fmt: skip
+    found = _jumps(record, spells, seams)
+    days: dict[dt.date, dict[str, Any]] = {}
+    for date, at in spells.items():
+        values, unit = record.days[date][record.output], record.reach.output_unit
+        items = [
+            {
+                "first": record.clock(a), "last": record.clock(b), "duration_s": (b - a) * record.step,
+                "value": float(values[a]), "unit": unit,
+            }
+            for a, b in at
+        ]  # fmt: skip
+        days[date] = {"items": items}
+    return [*([Finding("stuck", {"output": record.output}, days)] if days else []), *found]
 
 
 def _spells(values: Floats) -> list[tuple[int, int]]:
@@ -161,8 +153,9 @@ def _jump_items(
     for n, here in enumerate(at):
         if here <= until:
             continue
-        back = _return_of(rest, here, at[n + 1 :], record.step)
-        if back is not None:
+        later = (k for k in at[n + 1 :] if (k - here) * record.step <= BACK and rest[k] * rest[here] < 0)
+        back = next((k for k in later if abs(rest[k] + rest[here]) < 0.4 * abs(rest[here])), None)
+        if back is not None:  # this jump cancels the other
             until = back
             peak = values[here:back]
             height = float(peak[np.abs(peak - around[here + AROUND - 1]).argmax()])
@@ -173,16 +166,6 @@ def _jump_items(
         if abs(change) >= least and change * rest[here] > 0:
             jumps.append({"time": record.clock(here), "change": change, "unit": unit})
     return jumps, spikes
-
-
-def _return_of(rest: Floats, here: int, later: list[int], step: float) -> int | None:
-    """Return the jump that cancels one, if there is one within an hour."""
-    for other in later:
-        if (other - here) * step > BACK:
-            break
-        if rest[other] * rest[here] < 0 and abs(rest[other] + rest[here]) < 0.4 * abs(rest[here]):
-            return other
-    return None
 
 
 def _extended(record: Record, date: dt.date, name: str, n: int) -> Floats:
@@ -263,17 +246,14 @@ def _constant(record: Record, min_motion: float) -> list[Finding]:
             continue
         columns = {date: day.columns[name] for date, day in record.days.items()}
         days = [d for d, values in columns.items() if np.ptp(values) <= min_motion * np.abs(values).max()]
-        every = len(days) == len(record.days)
-        if name == "u_Qo":
-            # a gate may stand still with the inflow, or on a single day
+        if name == "u_Qo":  # a gate may stand still with the inflow, or on a single day
             days = [date for date in days if np.ptp(record.days[date].columns["u_Qi"]) > 0]
-            every = len(days) == len(record.days)
-            if len(days) < max(2, 0.2 * len(record.days)) and not every:
+            if len(days) < min(max(2, 0.2 * len(record.days)), len(record.days)):
                 continue
         if days:
             flows = [float(columns[date][0]) for date in days]
             values = {"flow": [min(flows), max(flows)]}
-            always = every and len(days) > 1
+            always = 1 < len(days) == len(record.days)
             code = f"constant.{word}_always" if always else f"constant.{word}"
             found.append(Finding(code, values, {} if always else {date: {} for date in days}))
     return found
@@ -299,11 +279,8 @@ def _moments(record: Record) -> list[Finding]:
     longest = int(MOMENT // record.step)
     found = []
     for name in record.flows:
-        days = {}
-        for date, day in record.days.items() if name != record.output else ():
-            items = [{"time": record.clock(k)} for k in _excursions(day[name], longest)]
-            if items:
-                days[date] = {"items": items}
+        at = {d: _excursions(day[name], longest) for d, day in record.days.items() if name != record.output}
+        days = {d: {"items": [{"time": record.clock(k)} for k in some]} for d, some in at.items() if some}
         if days:
             found.append(Finding("moment", {"column": name}, days))
     return found

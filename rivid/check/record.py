@@ -47,18 +47,12 @@ BELIEVED = 0.35
 
 @dataclass(frozen=True, eq=False)
 class Day:
-    """Samples of a day.
-
-    Attributes
-    ----------
-    columns : dict of ndarray, shape (n,)
-        u_Qi, u_Qo [m3/s] where it is logged, and the output: h_L [m] or Q_L [m3/s].
-    content : str
-        Digest of the samples as they were read.
-    """
+    """Samples of a day."""
 
     columns: dict[str, Kept]
+    """u_Qi, u_Qo [m3/s] where it is logged, and the output: h_L [m] or Q_L [m3/s]; each of shape (n,)."""
     content: str
+    """Digest of the samples as they were read."""
 
     def __getitem__(self, name: str) -> Floats:
         return self.columns[name].astype(float)
@@ -68,19 +62,7 @@ class Day:
 
 
 class Record:
-    """The good days of a reach.
-
-    Parameters
-    ----------
-    reach : ReachConfig
-
-    Attributes
-    ----------
-    step : float
-        Sample time of what is kept [s].
-    days : dict of date to Day
-        In order of dates.
-    """
+    """The good days of a reach, in order of dates, at a sample time of `step` [s]."""
 
     def __init__(self, reach: ReachConfig) -> None:
         self.reach = reach
@@ -94,9 +76,7 @@ class Record:
         columns = {"u_Qi": data.inflow, self.output: data.output}
         if data.outflow is not None:
             columns["u_Qo"] = data.outflow
-        digest = sha256()
-        for name in sorted(columns):
-            digest.update(np.ascontiguousarray(columns[name]).tobytes())
+        digest = sha256(b"".join(columns[name].tobytes() for name in sorted(columns)))
         kept = {name: self._coarser(values) for name, values in columns.items()}
         if len(kept["u_Qi"]):
             self.days[data.date] = Day(kept, digest.hexdigest())
@@ -155,23 +135,18 @@ def consecutive(dates: Iterable[dt.date], among: Iterable[dt.date], gap: int = 1
 
 
 class Fit(NamedTuple):
-    """The best pair of lags.
-
-    Attributes
-    ----------
-    explained : float
-        Explained share of the variance of the output's moves [-].
-    lag_in, lag_out : float
-        From the move of the flow to that of the output [s].
-    gain_in, gain_out : float
-        [1/m2]; of a river [-], and 0.
-    """
+    """The best pair of lags."""
 
     explained: float
+    """Explained share of the variance of the output's moves [-]."""
     lag_in: float
+    """From the move of the inflow to that of the output [s]."""
     lag_out: float
+    """From the move of the outflow to that of the output [s]."""
     gain_in: float
+    """[1/m2]; of a river [-]."""
     gain_out: float
+    """[1/m2]; of a river 0."""
 
 
 NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
@@ -180,17 +155,12 @@ NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
 class Fits:
     """Fits of the days of a record.
 
-    Parameters
-    ----------
-    record : Record
-
     Attributes
     ----------
     longest : float
         The longest delay of [reach] by its hydraulics [s].
     right, reverse : dict of date to Fit
-        The best fit where the inflow raises and the outflow lowers the output, and where it is the other way
-        round.
+        The best fit if the inflow raises and the outflow lowers the output, and if it is the other way round.
     """
 
     def __init__(self, record: Record) -> None:
@@ -260,7 +230,11 @@ class Fits:
             x_o, first, last = outflow[0], max(first, outflow[1]), min(last, outflow[2])
         if last - first < max(n // 3, LEAST):
             return None
-        y = _clipped((level[h:] - level[:-h])[first:last])
+        y = (level[h:] - level[:-h])[first:last]
+        middle = np.median(y)
+        limit = LEAP * float(np.median(np.abs(y - middle)))
+        if limit > 0:
+            y = np.clip(y, middle - limit, middle + limit)
         y = y - y.mean()
         x_i, x_o = (x[:, first:last] - x[:, first:last].mean(axis=1, keepdims=True) for x in (x_i, x_o))
         return y @ y, x_i @ y, x_o @ y, (x_i**2).sum(1), (x_o**2).sum(1), x_i @ x_o.T
@@ -293,12 +267,7 @@ class Fits:
     ) -> Fit:
         """Return the pair of lags that explains most, with c_i > 0 > c_o (`sign` 1) or the reverse (-1).
 
-        Parameters
-        ----------
-        sums : Sums
-        sign : {1, -1}
-        near : (float, float), optional
-            Lags [s] around which the pair must lie, `within` that many seconds.
+        With `near`, the pair must lie `within` that many seconds of these lags [s].
         """
         yy, with_in, with_out, of_in, of_out, between = sums
         if yy <= 0:
@@ -326,10 +295,3 @@ class Fits:
         i, o = np.unravel_index(int(explained.argmax()), explained.shape)
         lags = float(self.inflow[i] * step), float(self.outflow[o] * step)
         return Fit(float(explained[i, o]), *lags, float(c_in[i, o]), float(c_out[i, o]))
-
-
-def _clipped(moves: Floats) -> Floats:
-    """Clip moves at a multiple of the median one."""
-    middle = np.median(moves)
-    usual = float(np.median(np.abs(moves - middle)))
-    return np.clip(moves, middle - LEAP * usual, middle + LEAP * usual) if usual > 0 else moves

@@ -24,14 +24,7 @@ CHANGES = (3, 4, 9, 10, 11)
 
 
 class Spacing:
-    """Median spacing of each column's rows, day by day.
-
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    """
+    """Median spacing of each column's rows, day by day; `root` is DATA_DIR, or one file."""
 
     def __init__(self, root: Path, config: Config) -> None:
         self.folder = root if root.is_dir() else root.parent
@@ -41,7 +34,7 @@ class Spacing:
         self.repeated: list[dt.date] = []
 
     def add(self, source: DaySource, reason: str) -> None:
-        """Add a day as it is logged; `reason` is why it failed, if it did."""
+        """Add a day as it is logged (its file is still in memory); `reason` is why it failed, if it did."""
         part = source.parts[0]
         try:
             log = load(self.folder / part.path, part.name, self.spec)
@@ -59,7 +52,13 @@ class Spacing:
 
     def findings(self) -> list[Finding]:
         """Return the findings on spacing and summer time."""
-        return [*self._intervals(), *self._summer_time()]
+        found = self._intervals()
+        nights = {"is missing": self.skipped, "comes twice": self.repeated}
+        if days := {date: {"what": what} for what, dates in nights.items() for date in dates}:
+            listed = [f"{what} on {list_dates(dates)}" for what, dates in nights.items() if dates]
+            read_as = self.config.input.time_zone or "their written offset"
+            found.append(Finding("summer time", {"what": " and ".join(listed), "read_as": read_as}, days))
+        return found
 
     def _intervals(self) -> list[Finding]:
         period = self.config.reach.sample_time
@@ -77,12 +76,8 @@ class Spacing:
                 continue
             first = next(iter(columns))
             declared = any(round(expected[name] * MICRO) != round(period * MICRO) for name in columns)
-            if declared:
-                code = "declared"
-            elif usual < period:
-                code = "finer"
-            else:
-                code = "sample_time" if len(columns) == len(expected) else "column"
+            every = "sample_time" if len(columns) == len(expected) else "column"
+            code = "declared" if declared else "finer" if usual < period else every
             values = {
                 "columns": ", ".join(columns), "column": first, "spacing_s": usual,
                 "expected_s": expected[first] if declared else period,
@@ -90,17 +85,6 @@ class Spacing:
             days: dict[dt.date, dict[str, str]] = {} if len(dates) == total else {d: {} for d in dates}
             found.append(Finding(f"interval.{code}", values, days))
         return found
-
-    def _summer_time(self) -> list[Finding]:
-        nights = {"is missing": self.skipped, "comes twice": self.repeated}
-        days = {date: {"what": what} for what, dates in nights.items() for date in dates}
-        if not days:
-            return []
-        values = {
-            "what": " and ".join(f"{what} on {list_dates(dates)}" for what, dates in nights.items() if dates),
-            "read_as": self.config.input.time_zone or "their written offset",
-        }
-        return [Finding("summer time", values, days)]
 
 
 def _misses_an_hour(times: Ints, zone: dt.tzinfo) -> bool:

@@ -39,16 +39,7 @@ DEEPEST = 200.0
 
 
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:
-    """Find wrong units and open balances.
-
-    Parameters
-    ----------
-    record : Record
-    fits : Fits
-    config : Config
-    doubtful : collection of date
-        Days whose columns do not belong together for another reason: they are not balanced.
-    """
+    """Find wrong units and open balances; `doubtful` days have another fault and are not balanced."""
     flows = Flows(record, fits.without(doubtful), config)
     found = [*flows.against_each_other(), *flows.against_range()]
     if record.reach.kind == "pool":
@@ -76,15 +67,7 @@ def _nearest(ratio: float, factors: dict[str, float], margin: float) -> str:
 
 
 class Flows:
-    """Discharges against each other and against [reach].
-
-    Parameters
-    ----------
-    record : Record
-    fit : Fit
-        Of all days that are balanced.
-    config : Config
-    """
+    """Discharges against each other and against [reach]; `fit` is that of all days that are balanced."""
 
     def __init__(self, record: Record, fit: Fit, config: Config) -> None:
         self.record, self.fit = record, fit
@@ -202,12 +185,11 @@ class Flows:
             unit = next(iter(fitting), "")
             one: dict[str, str | float] = {"column": name, "median": flow}
             far.setdefault(unit, []).append(one | ({"converted": fitting[unit]} if unit else {}))
-        return [
-            Finding(
-                "unit.range_unit" if unit else "unit.range", self._range() | {"flows": flows, "unit": unit}
-            )
-            for unit, flows in far.items()
-        ]
+        found = []
+        for unit, flows in far.items():
+            code = "unit.range_unit" if unit else "unit.range"
+            found.append(Finding(code, self._range() | {"flows": flows, "unit": unit}))
+        return found
 
     def outside_range(self) -> list[Finding]:
         """Find an inflow outside [reach] discharge_range, which the travel-time bounds are computed for."""
