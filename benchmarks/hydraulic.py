@@ -181,7 +181,7 @@ def main() -> None:
     season = simulate(load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml"))
     text = (
         "# The hydraulic truth\n\nWritten by `make hydraulic-page`. Saint-Venant's full equations (1) carry the water "
-        "of `configs/scenarios/hydraulic.toml`;\nthe estimators know nothing of it.\n\n"
+        "of `configs/scenarios/hydraulic.toml`;\nthe estimators do not use them.\n\n"
         "## Froude number, bounds and arrival agree\n\n![travel time over the discharge](pictures/travel_time.png)\n\n"
         f"Froude number {times.froude.min():.2f} to {times.froude.max():.2f}. The arrival of a small step in the full "
         f"equations and that along the characteristic differ by at most\n{worst:.1%} over 100-800 m3/s; both lie within "
