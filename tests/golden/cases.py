@@ -156,27 +156,27 @@ def _without_paths(value):
     return "" if isinstance(value, str) and "/" in value else value
 
 
-def differences(found, expected, at=""):
-    """Where two values differ: numbers by more than 1e-9 relatively, strings that are no sentences."""
+def differences(found, expected, at="", tolerance=1e-9):
+    """Where two values differ: numbers by more than `tolerance` relatively, strings that are no sentences."""
     if isinstance(expected, dict):
         expected = {k: v for k, v in expected.items() if k not in WORDS}
         missing = [f"{at}/{k}: missing" for k in expected if not isinstance(found, dict) or k not in found]
         if missing:
             return missing
-        return [d for k, v in expected.items() for d in differences(found[k], v, f"{at}/{k}")]
+        return [d for k, v in expected.items() for d in differences(found[k], v, f"{at}/{k}", tolerance)]
     if isinstance(expected, list):
         if not isinstance(found, list) or len(found) != len(expected):
             return [f"{at}: {found!r} is not of length {len(expected)}"]
         return [
             d
             for k, (a, b) in enumerate(zip(found, expected, strict=True))
-            for d in differences(a, b, f"{at}/{k}")
+            for d in differences(a, b, f"{at}/{k}", tolerance)
         ]
     if isinstance(expected, bool) or expected is None:
         return [] if found is expected else [f"{at}: {found!r} instead of {expected!r}"]
     if isinstance(expected, (int, float)):
         near = isinstance(found, (int, float)) and (
-            math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-12)
+            math.isclose(found, expected, rel_tol=tolerance, abs_tol=1e-12)
             or found != found
             and expected != expected
         )
