@@ -12,11 +12,11 @@ import pytest
 from PIL import Image
 
 from rivid.errors import ConfigError, RividError
-from rivid.plots.draw import draw, draw_all, drop_old, typical_day
+from rivid.plots.draw import draw, draw_all, drop_old, jobs, typical_day
 from tests.plots.layout import as_file, check, labels, saved
 from tests.plots.synthetic import cases, dates_of, probable, results, river, without_answers
 
-CASES = cases()
+CASES = cases() | {"a year": results()}
 LONG = (
     "a week",
     "five years",
@@ -43,30 +43,29 @@ def drawn():
 
 
 def test_an_estimator_with_delays_has_four_figures_and_one_without_has_its_image(drawn):
-    files, _ = drawn("a year")
-    four = ("tdr", "histogram", "delay_map", "delay_discharge")
-    of_delays = [f"{k}_{e}" for e in ("jmap", "jmap-degenerate") for k in four]
-    expected = ["tdr_ml", "tdr_map", *of_delays, "fir_day"]
-    folder = files[0].path.parent
-    assert folder.name == "figures" and [f.path for f in files] == [folder / f"{n}.png" for n in expected]
-    assert [(f"{f.kind}_{f.estimator}" if f.estimator else f.kind) for f in files] == expected
-    assert [f.kind for f in drawn("all days failed")[0]] == list(four)
-    river_files = drawn("a river")[0]
-    assert [f.path.stem for f in river_files if "t50" in f.kind] == ["t50_map", "t50_discharge_map"]
+    four = ["tdr", "histogram", "delay_map", "delay_discharge"]
+    expected = [("tdr", "ml"), *((kind, "jmap") for kind in four), ("fir_day", "")]
+    assert jobs(CASES["a year"]) == expected
+    files = drawn("a year")[0]
+    assert [(f.kind, f.estimator) for f in files] == expected
+    names = [f"{kind}_{name}.png" if name else f"{kind}.png" for kind, name in expected]
+    assert [f.path for f in files] == [Path("out", "figures", name) for name in names]
+    assert [f.kind for f in drawn("all days failed")[0]] == four
+    assert [job for job in jobs(CASES["a river"]) if "t50" in job[0]] == [
+        ("t50", "map"),
+        ("t50_discharge", "map"),
+    ]
 
 
 def test_each_file_is_small_of_the_stated_size_and_independent_of_the_users_matplotlibrc(tmp_path):
-    jobs = [("tdr", "jmap")]
-    files = [draw(CASES["a year"], job, tmp_path / "a") for job in jobs]
+    file = draw(CASES["a year"], ("tdr", "jmap"), tmp_path / "a")
     with matplotlib.rc_context({"font.size": 20, "axes.facecolor": "red", "savefig.dpi": 300}):
-        again = [draw(CASES["a year"], job, tmp_path / "b") for job in jobs]
+        again = draw(CASES["a year"], ("tdr", "jmap"), tmp_path / "b")
         assert matplotlib.rcParams["font.size"] == 20, "the caller's settings return"
-    for file, other in zip(files, again, strict=True):
-        assert file.path.read_bytes() == other.path.read_bytes(), file.path.name
-        assert file.path.stat().st_size < 100_000, file.path.name
-        with Image.open(file.path) as image:
-            assert image.size == (file.width, file.height)
-            assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+    assert file.path.read_bytes() == again.path.read_bytes() and file.path.stat().st_size < 100_000
+    with Image.open(file.path) as image:
+        assert image.size == (file.width, file.height)
+        assert image.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in CASES])
