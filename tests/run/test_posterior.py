@@ -125,7 +125,7 @@ def test_a_delay_outside_the_range_is_no_answer_but_a_bound(tmp_path):
     assert [r["delay_samples"] + r["delay_s"] + r["probability"] for r in rows[:3]] == [""] * 3
     assert "d_max = 15" in rows[0]["message"] and "d_min = 4" in rows[2]["message"]
     assert rows[3]["delay_samples"] == "7"
-    assert "outside the delays tried on 3 days" in said
+    assert "searched delays on 3 days" in said
     config.write_text("[posterior]\nd_max = 25\n")
     rivid("run", data, "--out", tmp_path / "out", "--config", config, *ASKED, "--no-figures")
     assert [r["delay_samples"] for r in rows_of(tmp_path / "out")] == [str(d) for d in planted]
@@ -208,10 +208,10 @@ def test_a_river_has_the_probability_of_its_t50(tmp_path):
     (row,) = (r for r in rows_of(out) if r["status"] == "ok")
     settings = RiverSettings(d_max=12, warm=lags_of(12), day=96)
     core = posterior_river(np.round(flow, 3)[None], np.round(arrives, 3)[None], settings)
-    assert cell(row["delay_s"]) == pytest.approx(900.0 * core.t50[0], rel=1e-6)
-    assert cell(row["delay_samples"]) == core.delay[0] == np.floor(core.t50[0] + 0.5)
+    assert cell(row["delay_s"]) == pytest.approx(900.0 * core.place[0], rel=1e-6)
+    assert cell(row["delay_samples"]) == core.delay[0] == np.floor(core.place[0] + 0.5)
     assert cell(row["probability"]) == pytest.approx(core.right[0], rel=1e-6)
-    assert core.t50[0] == pytest.approx(4.5, abs=0.7)  # half has come between lags 4 and 5
+    assert core.place[0] == pytest.approx(4.5, abs=0.7)  # half has come between lags 4 and 5
 
 
 def test_settings_of_posterior_repeat_only_its_own_work(logs, tmp_path):
