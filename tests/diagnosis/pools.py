@@ -20,7 +20,7 @@ GAUGE_FLOOR = 0.01 / np.sqrt(12.0)
 
 
 @cache
-def season(seed, days=40, effects=(), **weather):
+def season(seed, days=40, effects=()):
     """A season of the linear pool as a record."""
     scenario = LINEAR.model_copy(
         update={"days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1)}

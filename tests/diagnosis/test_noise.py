@@ -306,7 +306,7 @@ def test_columns_that_do_not_fit_are_refused():
         POOL.whiten(hole, like=z)
     with pytest.raises(RividError, match="horizon"):
         POOL.forecast_errors(z, N)
-    with pytest.raises(RividError, match="nothing to fit"):
+    with pytest.raises(RividError, match="no day that moves"):
         fit_noise(z, 133.0, 6.7e5)
     for weights in (np.zeros(3), np.ones(2), -np.ones(3)):
         with pytest.raises(RividError, match="one a day"):

@@ -291,9 +291,8 @@ def test_the_share_is_that_of_the_size_that_the_model_gives(size):
     fixed = replace(right, effects=(LATERAL(inflow=size),), free=((),))
     linear = fixed.linear(record, dealt)
     still = np.full(len(linear.prior_sd), 1e-6)
-    linear = replace(
-        linear, prior_sd=still, deviation=0.0 * still
-    )  # a response that stays as it is: a gain's error would take its part
+    # A response that stays as it is: a gain's error would take its part.
+    linear = replace(linear, prior_sd=still, deviation=0.0 * still)
     found = held_share(fixed, linear, evaluate(linear), "lateral_inflow")
     assert found is not None
     given = right.effects[0].inflow
