@@ -34,6 +34,12 @@ CONVERGED = 1e-3
 """Change of the level from run to run that ends them [m]."""
 READINGS = 5
 """Readings; their mean sets a day's first level."""
+LEAST_R2 = 0.5
+"""Least share of the outflow's hourly changes that a law must explain to be simulated in a loop."""
+FEWEST_DAYS = 3
+"""Fewest sealed days simulated to their end for which errors are reported."""
+SHOWN = 0.8
+"""Quantile of the days' outflow errors, without the effects, of the day that is shown."""
 
 
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
@@ -170,14 +176,6 @@ def first_level(day: Record, simulated: Floats) -> float:
     end = len(simulated)
     off = (day.output[0, :end] - simulated)[max(end - READINGS, 0) :]
     return float(np.mean(off[np.isfinite(off)]))
-
-
-LEAST_R2 = 0.5
-"""Least share of the outflow's hourly changes that a law must explain to be simulated in a loop."""
-FEWEST_DAYS = 3
-"""Fewest sealed days simulated to their end for which errors are reported."""
-SHOWN = 0.8
-"""Quantile of the days' outflow errors, without the effects, of the day that is shown."""
 
 
 def closed_loop(study: "Study") -> ClosedLoop | None:

@@ -37,6 +37,11 @@ SINCE = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 24.0)
 """Hours since a step: edges of bins."""
 
 WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
+FEWEST = 5
+"""Least number of blocks of a bin: flips of fewer give no small p."""
+
+KEPT = 0.6
+"""Share of blocks, those of the smallest contributions, that set the scale of a bin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,13 +143,6 @@ def in_words(day: date) -> str:
 
 def _floor(values: Floats) -> Ints:
     return np.floor(values + 1e-9).astype(np.int64)
-
-
-FEWEST = 5
-"""Least number of blocks of a bin: flips of fewer give no small p."""
-
-KEPT = 0.6
-"""Share of blocks, those of the smallest contributions, that set the scale of a bin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,17 +261,8 @@ def strongest(
 ) -> Place | None:  # fmt: skip
     """The largest departure: neighbouring bins of one driver, and dates; None if none is significant.
 
-    Parameters
-    ----------
-    scores : Scores
-    by : sequence of Driver
-    dates : sequence of date, length days
-    unit : str
-        Of a size.
-    level, cut_level : float
-        Of the largest bin of all drivers, and of the dates. With k blocks no p is below 2^(1 - k).
-    draws, seed : int
-        As for :func:`p_values`.
+    `unit` is that of a size; `level` and `cut_level` are the levels of the largest bin of all drivers and of
+    the dates. With k blocks no p is below 2^(1 - k). `dates` has the length days.
     """
     each, p_value = p_values(scores, by, draws=draws, seed=seed)
     significant = [d for d, p in zip(by, each, strict=True) if p <= level]

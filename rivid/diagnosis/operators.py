@@ -31,6 +31,19 @@ OFFSETS = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
 """Offsets from the days' mean level that are tried [m]."""
 FEWEST_DAYS = 6
 """Fewest days for a set point that follows the flow."""
+PROMPT = 0.5
+"""Probability of a move at a sample from which a change of the inflow is taken as its cause."""
+
+OFTEN = 0.02
+"""Share of samples at the smallest command from which it is a limit."""
+BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
+"""Dead-bands that are tried [m]."""
+FINER = (0.005, 0.0025)
+"""Steps of the level and the dead-band about the best of these [m]."""
+FEWEST_MOVES = 100
+"""Fewest moves from which a law is identified."""
+ROUNDS = 3
+"""Times that noise and law are fitted in turn."""
 
 
 @dataclass(frozen=True)
@@ -73,13 +86,6 @@ def set_points(record: Record) -> list[SetPoint]:
 def day_flow(record: Record) -> Floats:
     """Mean inflow of each day [m3/s], shape (days,)."""
     return np.asarray(record.inflow[:, record.lead :].mean(axis=1))
-
-
-PROMPT = 0.5
-"""Probability of a move at a sample from which a change of the inflow is taken as its cause."""
-
-OFTEN = 0.02
-"""Share of samples at the smallest command from which it is a limit."""
 
 
 def moves(record: Record) -> Bools:
@@ -141,21 +147,13 @@ def _new(record: Record) -> Bools:
     return np.asarray(np.diff(record.outflow, axis=1, prepend=record.outflow[:, :1]) != 0.0)
 
 
-def _nats(happened: Bools) -> float:
+def _nats(moved: Bools) -> float:
     """Largest log-likelihood of a common probability."""
-    n = len(happened)
-    p = happened.mean() if n else 0.0
+    n = len(moved)
+    p = moved.mean() if n else 0.0
     return float(n * (p * np.log(p) + (1 - p) * np.log1p(-p))) if 0.0 < p < 1.0 else 0.0
 
 
-BANDS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
-"""Dead-bands that are tried [m]."""
-FINER = (0.005, 0.0025)
-"""Steps of the level and the dead-band about the best of these [m]."""
-FEWEST_MOVES = 100
-"""Fewest moves from which a law is identified."""
-ROUNDS = 3
-"""Times that noise and law are fitted in turn."""
 Aim = tuple[SetPoint, float]
 """A set point and a dead-band [m]."""
 

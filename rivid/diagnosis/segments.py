@@ -25,6 +25,12 @@ from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
 Rest = Literal["zero", "free"]
+MOST_SEGMENTS = 4
+"""Largest number of segments in the search for changes on simulated days without one."""
+
+EDGE = 3.68
+"""Price of a window's end inside the season [nats]: the drop of the log-likelihood that holds a change date
+with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 def partition(
@@ -96,23 +102,13 @@ def gains(g: Floats, q: Floats, sign: int) -> Iterator[tuple[int, Floats]]:
         total, information = G[:, t : t + 1] - G[:, :t], Q[t] - Q[:t]
         if sign:
             total = np.maximum(sign * total, 0.0)
-        yield (
-            t,
-            np.where(information > 0.0, total**2 / np.where(information > 0.0, 2.0 * information, 1.0), 0.0),
-        )
+        known = information > 0.0
+        yield t, np.where(known, total**2 / np.where(known, 2.0 * information, 1.0), 0.0)
 
 
 def inside(t: int, n: int, shortest: int) -> Floats:
     """Ends inside the season of the segments [s, t), for all s up to t - shortest."""
     return np.asarray((np.arange(t - shortest + 1) > 0) + float(t < n))
-
-
-MOST_SEGMENTS = 4
-"""Largest number of segments in the search for changes on simulated days without one."""
-
-EDGE = 3.68
-"""Price of a window's end inside the season [nats]: the drop of the log-likelihood that holds a change date
-with 95 % (Hansen 2000, Econometrica 68)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +188,8 @@ def segment(
     penalty = c * float(worst[-rank])
     bounds, on, gain = partition(g, q, penalty, rest=rest, sign=sign, shortest=shortest, edge=edge * c)
     total_g, total_q = np.add.reduceat(g, bounds[:-1]), np.add.reduceat(q, bounds[:-1])
-    size = np.where(on & (total_q > 0), total_g / np.where(total_q > 0, total_q, 1.0), 0.0)
-    se = np.where(on & (total_q > 0), np.sqrt(c / np.where(total_q > 0, total_q, 1.0)), 0.0)
+    some, divisor = on & (total_q > 0), np.where(total_q > 0, total_q, 1.0)
+    size, se = np.where(some, total_g / divisor, 0.0), np.where(some, np.sqrt(c / divisor), 0.0)
     return Segments(bounds, size, se, on, gain)
 
 

@@ -67,22 +67,12 @@ def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
 def fit_seiche(
     power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int
 ) -> tuple[Effect, Floats, Floats, int, float]:
-    """The seiche that explains the periodograms of some days best.
+    """The seiche that explains the periodograms of the days `fit` (days,) best, by Whittle (1953).
 
-    Parameters
-    ----------
-    power : ndarray, shape (days, m)
-        From :func:`periodograms`.
-    gain : ndarray, shape (m,)
-        From :func:`through_filter`.
-    fit : ndarray of bool, shape (days,)
-        Days to fit.
-    effect : type
-        The catalogue's seiche.
-    T_s : float
-        [s].
-    n : int
-        Samples a row.
+    In a band of :data:`BAND` about the highest peak the gain of a day is
+    ``sum_f [I_f (1/S0_f - 1/S_f) - ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power
+    of f alone. `power` (days, m) is from :func:`periodograms` of rows of n samples and `gain` (m,) from
+    :func:`through_filter`.
 
     Returns
     -------
@@ -95,12 +85,6 @@ def fit_seiche(
         Number of periods searched.
     contrast : float
         Power at the peak over that without the seiche.
-
-    Notes
-    -----
-    Whittle (1953), in a band of :data:`BAND` about the highest peak: the gain of a day is
-    ``sum_f [I_f (1/S0_f - 1/S_f) - ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power
-    of f alone.
     """
     mean = power[fit].mean(axis=0)
     order = np.arange(1, len(mean) + 1)

@@ -457,7 +457,7 @@ def verdict_of(study: Study, gap: Gap, unknown: Unknown | None) -> tuple[Verdict
         others = ", ".join(first.tied)
         return (
             "cannot_tell",
-            f"{first.proposal.name} or {others}: these data cannot tell. The error: {shown}.",
+            f"{first.proposal.name} or {others}: these data do not separate them. The error: {shown}.",
         )
     if unknown is not None:
         return "partly_explained", f"Named: {names}. Left: {unknown.drivers[0]}. The error: {shown}."
