@@ -20,7 +20,7 @@ def written(tmp_path, text):
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.toml")), ids=lambda p: p.stem)
-def test_the_scenarios_that_come_along_can_be_read_and_say_every_key(path):
+def test_the_included_scenarios_can_be_read_and_set_every_key(path):
     scenario = load_scenario(path)
     assert scenario.reach.sample_time == (900 if "river" in path.stem else 133)
     if "extends" in path.read_text():
@@ -37,7 +37,7 @@ def test_an_empty_file_is_the_reach_of_table_i(tmp_path):
     assert (scenario.reach.length, scenario.reach.surface_area) == (8200.0, 6.7e5)
 
 
-def test_defaults_stand_in_one_place():
+def test_scenario_defaults_equal_those_of_the_core():
     assert OperatorSettings(**Scenario().operators.model_dump()) == OperatorSettings()
     shared = set(LinearReach.__dataclass_fields__)
     assert LinearReach(**Scenario().reach.model_dump(include=shared)) == LinearReach()
@@ -90,12 +90,12 @@ def test_faults_are_one_line_that_names_the_key(tmp_path, text, reason):
     assert str(error.value).startswith(str(tmp_path)) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(("text", "hours"), [("+01:00", 1), ("-03:30", -3.5), ("+00:00", 0)])
-def test_offsets(text, hours):
-    assert Scenario(utc_offset=text).offset == dt.timedelta(hours=hours)
+def test_offsets():
+    for text, hours in (("+01:00", 1), ("-03:30", -3.5), ("+00:00", 0)):
+        assert Scenario(utc_offset=text).offset == dt.timedelta(hours=hours)
 
 
-def test_a_scenario_goes_over_the_one_that_it_extends(tmp_path):
+def test_a_scenario_replaces_keys_of_the_one_that_it_extends(tmp_path):
     (tmp_path / "base.toml").write_text("days = 9\n[reach]\nlength = 5000\nwidth = 50\n")
     scenario = load_scenario(written(tmp_path, 'extends = "base.toml"\n[reach]\nwidth = 60\n'))
     assert (scenario.days, scenario.reach.length, scenario.reach.width) == (9, 5000.0, 60.0)
@@ -103,7 +103,7 @@ def test_a_scenario_goes_over_the_one_that_it_extends(tmp_path):
         load_scenario(written(tmp_path, 'extends = "none.toml"'))
 
 
-def test_reaches_of_a_cascade_differ_where_they_say_so(tmp_path):
+def test_reaches_of_a_cascade_differ_in_the_given_keys(tmp_path):
     text = (
         "[reach]\nwidth = 50\n[channel]\nslope = 3e-4\n"
         "[[cascade]]\nreach = {name = 'a'}\n"
@@ -115,7 +115,7 @@ def test_reaches_of_a_cascade_differ_where_they_say_so(tmp_path):
     assert not one.cascade and one.reach.name == "a"
 
 
-def test_effects_of_users_stand_in_a_file_beside_the_scenario():
+def test_effects_of_users_come_from_a_file_next_to_the_scenario():
     scenario = load_scenario(SCENARIOS / "outside" / "hunting.toml")
     (effect,) = scenario.planted()
     assert effect.name == "hunting_governor" and effect.period == 2400.0

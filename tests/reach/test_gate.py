@@ -27,20 +27,17 @@ def through_gate(gate, command, level=130.0):
     return np.array([gate_flow(arrays, 0, k, c, level, T_S, state) for k, c in enumerate(command)])
 
 
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     "gate",
     [
         Gate(dead_band=np.full(1, 12.0)),
-        Gate(rate=np.full(1, 0.03)),
-        Gate(rate=np.full(1, 0.4)),
         Gate(lag=np.full(1, 700.0)),
         Gate(dead_band=np.full(1, 9.0), rate=np.full(1, 0.1), factor=np.full(1, 1.1)),
     ],
-    ids=["dead-band", "slow", "fast", "lag", "all"],
+    ids=["dead-band", "lag", "all"],
 )
-def test_the_gates_flow_agrees_with_second_by_second_integration(gate, seed):
-    command, _ = commands(seed, 200)
+def test_the_gates_flow_agrees_with_second_by_second_integration(gate):
+    command, _ = commands(1, 100)
     target = position = flow = command[0]
     means = []
     for c in command:
@@ -53,19 +50,12 @@ def test_the_gates_flow_agrees_with_second_by_second_integration(gate, seed):
             passed.append(flow)
         means.append(np.mean(passed) * gate.factor[0])
     np.testing.assert_allclose(through_gate(gate, command), means, atol=0.02)
-
-
-def test_a_plain_gate_gives_the_command_to_the_bit():
-    command, _ = commands(3)
     np.testing.assert_array_equal(through_gate(Gate(), command), command)
 
 
-def test_head_makes_the_flow_grow_with_the_level():
+def test_head_makes_the_flow_grow_with_the_level_and_a_pond_never_overshoots():
     gate = Gate(head=np.full(1, 0.2), reference=129.5)
     np.testing.assert_allclose(through_gate(gate, np.full(3, 100.0), 130.0), 110.0)
-
-
-def test_a_pond_never_overshoots():
     assert pond_flow(130.0, 129.0, 1e6, 1e4, T_S) == pytest.approx(1e4 / T_S)
     assert pond_flow(130.0, 129.0, 50.0, 1e6, T_S) == pytest.approx(50.0, rel=0.01)
 
@@ -106,14 +96,14 @@ def test_no_water_is_lost_between_reach_leak_pond_and_gate(slope):
     lost = leak.loss[0] * (flow.levels[:-1, 0] - leak.reference) * T_S
     stored = flow.end.ponds[0, 0] - flow.levels[0, 1]
     balance = np.sum((inflow[:-1] - flow.released[:-1]) * T_S) - lost.sum() - stored * pond.area
-    # gates move in 30 s: what they have yet to let through at the first and the last sample
+    # gates move in 30 s: volume still to pass at the first and the last sample
     balance += 15.0 * ((inflow[0] - inflow[-2]) - (flow.released[0] - flow.released[-2]))
     balance += 15.0 * (flow.released[0] - outflow[0])
     assert abs(stored) > 0.01
     assert flow.volume[-1] - flow.volume[0] == pytest.approx(balance, abs=1e-3 * np.abs(lost).sum() + 50.0)
 
 
-def test_area_slope_makes_the_surface_grow_as_it_says():
+def test_area_slope_makes_the_surface_grow_with_the_level():
     sloped = CHANNEL.with_area_slope(0.3, 5.2)
     usual = CHANNEL.width(5.2)
     np.testing.assert_allclose(sloped.width(5.2), usual)
@@ -125,11 +115,8 @@ def test_area_slope_makes_the_surface_grow_as_it_says():
     volume = np.trapezoid(sloped.width(fine), fine, axis=0)
     np.testing.assert_allclose(sloped.area(5.9) - sloped.area(5.0), volume, rtol=1e-9)
     assert CHANNEL.with_area_slope(0.0, 5.2) is CHANNEL
-
-
-def test_a_sloped_lake_at_rest_stays_at_rest():
     still = np.zeros(N)
-    flow = simulate(CHANNEL.with_area_slope(0.3, 5.2), TIME, still, still, 5.6)
+    flow = simulate(sloped, TIME, still, still, 5.6)
     np.testing.assert_allclose(flow.level, 5.6, atol=1e-11)
 
 

@@ -1,4 +1,4 @@
-"""Saint-Venant against things that know nothing of its code: rest, mass, profiles, waves, a dam break."""
+"""Saint-Venant against independent solutions: rest, mass, profiles, waves, a dam break, the box scheme."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_a_lake_at_rest_stays_at_rest_over_any_bed_and_width():
     np.testing.assert_allclose(rough.level(flow.end.area[0]), 5.0, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("gate_time", [0.0, 30.0, 200.0])
+@pytest.mark.parametrize("gate_time", [0.0, 200.0])
 def test_the_volume_changes_by_what_dams_and_lateral_flows_bring_and_by_nothing_else(gate_time):
     rng = np.random.default_rng(1)
     time = np.concatenate([133.0 * np.arange(300), 133.0 * 300 + 47.0 + 133.0 * np.arange(300)])
@@ -67,7 +67,7 @@ def test_the_volume_changes_by_what_dams_and_lateral_flows_bring_and_by_nothing_
     assert flow.volume[-1] == pytest.approx(flow.end.area.sum() * channel.dx, rel=1e-14)
 
 
-@pytest.mark.parametrize("discharge", [60.0, 300.0, 700.0])
+@pytest.mark.parametrize("discharge", [60.0, 700.0])
 def test_the_start_does_not_drift(discharge):
     time = 133.0 * np.arange(651)
     steady = np.full(651, discharge)
@@ -88,7 +88,7 @@ def test_commands_that_differ_start_an_even_rise_without_a_wave():
     assert rise[0] == pytest.approx(10.0 * 133.0 / channel.surface_area(5.0), rel=0.02)
     assert np.abs(np.diff(rise)).max() < 1e-4
     step = simulate(channel, time, np.where(time < 1.0, 300.0, 310.0), np.full(28, 300.0), 5.0)
-    assert np.abs(np.diff(np.diff(step.level))).max() > 1e-2  # what a start of the inflow alone brings
+    assert np.abs(np.diff(np.diff(step.level))).max() > 1e-2  # a step of the inflow alone makes a wave
 
 
 def test_the_steady_profile_is_the_backwater_curve_to_second_order():
@@ -243,7 +243,7 @@ def box_scheme(inflow, outflow, start, until, step=20.0, boxes=200):
     return np.array(levels)
 
 
-def test_an_unsteady_flow_is_what_the_implicit_box_scheme_finds():
+def test_an_unsteady_flow_agrees_with_the_implicit_box_scheme():
     def inflow(t):
         return 350.0 + 150.0 * np.sin(np.pi * t / 10_000.0) ** 2
 
@@ -255,7 +255,7 @@ def test_an_unsteady_flow_is_what_the_implicit_box_scheme_finds():
     assert np.ptp(truth) > 0.5
     errors = []
     for cells in (25, 50):
-        # told a sample early and moving all the time, the gates follow the curves
+        # with commands a sample early and gates that move all the time, the flows follow the curves
         start = simulate(uneven(cells), time[:1], [350.0], [350.0], 5.0).end
         flow = simulate(uneven(cells), time, inflow(time + 20.0), outflow(time + 20.0), start, gate_time=20.0)
         errors.append(np.abs(flow.level - truth).max())
@@ -274,7 +274,7 @@ def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
             uneven(cells), time, inflow, outflow, 5.0,
             places=np.linspace(0, 1, 9), changes=Changes(added=side), gate_time=20.0, step=480.0 / cells,
         )
-        for cells in (24, 48, 96, 192)
+        for cells in (24, 48, 96)
     ]  # fmt: skip
     kinds = [[r.level for r in runs]]
     if place is None:  # the flow jumps where a lateral one enters
@@ -285,7 +285,7 @@ def test_halving_cells_and_steps_quarters_the_error_of_an_unsteady_flow(place):
         assert (orders > 1.9).all(), (apart, orders)
 
 
-@pytest.mark.parametrize("discharge", [100.0, 300.0, 500.0, 800.0])
+@pytest.mark.parametrize("discharge", [100.0, 800.0])
 def test_a_step_of_inflow_arrives_at_the_gravity_bound(discharge):
     channel = Channel.table_i(200)
     time = 5.0 * np.arange(360)

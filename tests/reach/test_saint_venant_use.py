@@ -1,4 +1,4 @@
-"""How Saint-Venant is called: batches, pieces, places, nudges, and what it refuses."""
+"""Calls of the Saint-Venant solver: batches, pieces, places, nudges, and errors."""
 
 import subprocess
 import sys
@@ -21,7 +21,7 @@ def days(seed=0, n=5, samples=200):
     return inflow, inflow + rng.normal(0, 5, (n, samples)), rng.uniform(4.8, 5.8, n)
 
 
-def test_a_day_is_the_same_to_the_bit_whatever_days_stand_beside_it():
+def test_a_day_is_the_same_to_the_bit_in_any_batch():
     inflow, outflow, start = days()
     rain = Changes(added=(AddedFlow(0.4, 3.0 + np.sin(TIME / 5000.0)),))
     many = simulate(POOL, TIME, inflow, outflow, start, changes=rain, places=(0.5,))
@@ -54,15 +54,10 @@ def test_a_season_in_pieces_is_the_season_in_one_to_the_bit():
         state = piece.end
     np.testing.assert_array_equal([*level, piece.level[-1]], whole.level)
     np.testing.assert_array_equal(state.area, whole.end.area)
-
-
-def test_going_on_does_not_change_the_state_it_went_on_from():
-    inflow, outflow, start = (values[0] for values in days())
     first = simulate(POOL, TIME[:100], inflow[:100], outflow[:100], start).end
-    kept = first.area.copy()
-    again = [simulate(POOL, TIME[99:], inflow[99:], outflow[99:], first).level for _ in range(2)]
-    np.testing.assert_array_equal(first.area, kept)
-    np.testing.assert_array_equal(*again)
+    for _ in range(2):  # going on does not change the state
+        again = simulate(POOL, TIME[99:], inflow[99:], outflow[99:], first).level
+        np.testing.assert_array_equal(again, whole.level[99:])
 
 
 def test_the_gauge_stands_at_the_end_and_the_gates_at_the_ends():
@@ -74,7 +69,7 @@ def test_the_gauge_stands_at_the_end_and_the_gates_at_the_ends():
     assert flow.level[0] == pytest.approx(start, abs=1e-11)
 
 
-@pytest.mark.parametrize("place", [0.0, 0.25, 0.6])
+@pytest.mark.parametrize("place", [0.0, 0.6])
 def test_a_lateral_flow_arrives_from_its_place(place):
     channel = Channel.table_i(200)
     time = 5.0 * np.arange(300)
@@ -164,14 +159,9 @@ def test_settings_that_cannot_work_are_refused_in_one_line(settings, words):
     assert "\n" not in message
     for word in words:
         assert word in message
-
-
-def test_the_step_that_the_error_names_works():
-    flows = np.full(200, 300.0)
-    with pytest.raises(ConfigError, match=r"at most ([0-9.]+) s") as caught:
-        simulate(POOL, TIME, flows, flows, 5.2, step=60.0)
-    named = float(str(caught.value).split("at most ")[1].split(" s")[0])
-    assert np.ptp(simulate(POOL, TIME, flows, flows, 5.2, step=0.999 * named).level) < 1e-9
+    if "step = 60 s is unstable" in words:
+        named = float(message.split("at most ")[1].split(" s")[0])
+        assert np.ptp(simulate(POOL, TIME, flows, flows, 5.2, step=0.999 * named).level) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -196,17 +186,17 @@ def test_an_impossible_channel_is_refused(change, words):
         Channel(**(good | change))
 
 
-def test_a_reach_that_runs_dry_says_where_and_when():
+def test_a_reach_that_runs_dry_or_has_no_steady_start_is_refused():
     outflow = np.where(TIME < 2000.0, 300.0, 900.0)
     inflow, more = np.stack([np.full(200, 300.0)] * 2), np.stack([np.full(200, 300.0), outflow])
     with pytest.raises(RividError, match=r"runs dry at \d+ s, row 1, \d+ m below.*raise the start level"):
         simulate(POOL, TIME, inflow, more, 5.2)
-
-
-def test_a_start_that_cannot_be_steady_says_so():
     flows = np.full(200, 800.0)
     with pytest.raises(RividError, match="no steady flow of 800 m3/s has the start level 1.5 m"):
         simulate(POOL, TIME, flows, flows, 1.5)
+    state = simulate(POOL, TIME, flows, flows, 5.2).end
+    with pytest.raises(RividError, match=r"\(1, 24\): expected \(1, 32\)"):
+        simulate(Channel.table_i(32), TIME, flows, flows, state)
 
 
 @pytest.mark.parametrize(
@@ -220,10 +210,3 @@ def test_a_start_that_cannot_be_steady_says_so():
 def test_inputs_that_do_not_fit_are_named(time, inflow, words):
     with pytest.raises(RividError, match=words):
         simulate(POOL, time, inflow, np.full(np.shape(inflow), 300.0), 5.2)
-
-
-def test_a_state_of_another_channel_is_refused():
-    flows = np.full(200, 300.0)
-    state = simulate(POOL, TIME, flows, flows, 5.2).end
-    with pytest.raises(RividError, match=r"\(1, 24\): expected \(1, 32\)"):
-        simulate(Channel.table_i(32), TIME, flows, flows, state)

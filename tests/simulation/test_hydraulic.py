@@ -1,4 +1,4 @@
-"""Seasons of Saint-Venant's water: in balance, true about the wave's arrival, steady on any length."""
+"""Seasons of the Saint-Venant reach: programme, arrival of the wave, steady operators, cascades."""
 
 from pathlib import Path
 
@@ -30,7 +30,9 @@ def year():
     return simulate(PLAIN)
 
 
-def test_the_hydraulic_season_has_the_character_of_the_papers(year):
+def test_the_hydraulic_season_has_the_character_and_the_programme_of_the_papers(year):
+    linear = simulate(load_scenario(SCENARIOS / "basse_isere.toml"))
+    np.testing.assert_array_equal(linear.inflow, year.inflow)
     seen = observables(year)
     assert seen.days == 332 and len(year.seconds) == 650
     assert 90 <= seen.discharge_lowest <= 130 and 700 <= seen.discharge_highest <= 830
@@ -40,14 +42,9 @@ def test_the_hydraulic_season_has_the_character_of_the_papers(year):
     assert set(seen.delays) == {6, 7, 8}
 
 
-def test_the_linear_and_the_hydraulic_reach_get_the_same_programme():
-    linear = simulate(load_scenario(SCENARIOS / "basse_isere.toml"))
-    np.testing.assert_array_equal(linear.inflow, simulate(PLAIN).inflow)
-
-
-def test_the_arrival_of_a_wave_is_seen_in_the_water(year):
+def test_the_arrival_of_a_wave_agrees_with_a_simulated_step(year):
     water = Water(PLAIN)
-    for i in range(0, 332, 60):
+    for i in range(0, 332, 110):
         flow, level = year.inflow[i].mean(), year.true_level[i].mean()
         time = 5.0 * np.arange(700)
         inflow = np.where(time >= 500.0, flow + 1.0, flow)
@@ -67,7 +64,7 @@ def test_arrival_in_a_level_rectangle_is_the_celerity_of_the_paper():
         assert arrival_time(channel, flow, 5.0)[0] == pytest.approx(8200.0 / celerity, rel=1e-4)
 
 
-@pytest.mark.parametrize("length", [1500.0, 4500.0, 9000.0, 16000.0, 30000.0])
+@pytest.mark.parametrize("length", [1500.0, 9000.0, 30000.0])
 def test_the_crew_is_steady_on_any_length(length):
     level, flow = 5.2, 500.0
     reach = PLAIN.reach.model_copy(update={"length": length})
@@ -84,25 +81,13 @@ def test_the_crew_is_steady_on_any_length(length):
     time = 133.0 * np.arange(3 * 650)
     inflow = np.full(len(time), flow)
     late = np.where(time > 20_000.0, 0.15, 0.0)  # the gauge starts to read too high: the level must fall
-    people = operator_arrays(
+    operators = operator_arrays(
         time, inflow, late, np.full(len(time), level), settings, crew, np.zeros(len(time), int),
         gauge_quantum=0.0, rng=np.random.default_rng(1),
     )  # fmt: skip
-    found = saint_venant(channel, time, inflow, people, level)
+    found = saint_venant(channel, time, inflow, operators, level)
     assert np.abs(found.level[-200:] - (level - 0.15)).max() < 0.01
     assert found.level.min() > level - 0.15 - 0.15
-
-
-def test_a_crew_too_strong_for_the_waves_is_refused():
-    with pytest.raises(ConfigError, match=r"level_gain = -250 .* makes the level swing: expected above -98 "):
-        simulate(changed(FEW, operators={"level_gain": -250.0}))
-
-
-def test_the_days_before_do_not_depend_on_how_many_follow():
-    short = simulate(FEW.model_copy(update={"days": 5}))
-    np.testing.assert_array_equal(short.true_level[:, 0].shape, (5,))
-    again = simulate(FEW.model_copy(update={"days": 5}))
-    np.testing.assert_array_equal(short.level, again.level)
 
 
 def test_set_point_changes_are_followed():
@@ -121,6 +106,11 @@ def test_set_point_changes_are_followed():
             ConfigError,
             "at the highest flow and its level: no steady flow of 800 m3/s .* check bed",
         ),
+        (
+            {"operators": {"level_gain": -250.0}},
+            ConfigError,
+            r"level_gain = -250 .* swing: expected above -98 ",
+        ),
         ({"channel": {"step": 200.0}}, ConfigError, "channel: step = 200 s is unstable"),
         ({"reach": {"inflow_gain": 1.1}}, ConfigError, "reach.inflow_gain = 1.1 with .channel.: expected 1"),
         (
@@ -138,6 +128,7 @@ def test_impossible_channels_are_named(sections, error, message):
 def test_in_a_cascade_each_reach_gets_what_the_one_above_let_out():
     cascade = load_scenario(SCENARIOS / "cascade.toml").model_copy(update={"days": 6, "missing_days": 1})
     reaches = simulate_cascade(cascade)
+    assert simulate_cascade(Scenario(days=2))[0].place == 0
     assert [s.scenario.reach.name for s in reaches] == [f"reach-{k}" for k in (1, 2, 3, 4)]
     for above, below in zip(reaches, reaches[1:], strict=False):
         common = [d for d in above.dates if d in below.dates]
@@ -148,8 +139,3 @@ def test_in_a_cascade_each_reach_gets_what_the_one_above_let_out():
     assert arrivals == sorted(arrivals) and arrivals[-1] > 2 * arrivals[0]
     alone = simulate(cascade.reaches()[0])
     np.testing.assert_array_equal(alone.level, reaches[0].level)
-
-
-def test_a_plain_scenario_is_a_cascade_of_one():
-    one = simulate_cascade(Scenario(days=2))
-    assert len(one) == 1 and one[0].place == 0

@@ -42,6 +42,8 @@ def test_weekends_swing_less():
 
 
 def test_moves_are_whole_limited_and_come_on_their_share_of_samples():
+    fives = planned(quantum=5.0)
+    assert (fives % 5 == 0).all() and len(np.unique(fives)) > 20
     moves = np.diff(planned(activity=0.25, ramp=12.0).ravel())
     assert (moves % 1 == 0).all() and np.abs(moves).max() == 12
     assert 0.15 < (moves != 0).mean() < 0.25
@@ -51,11 +53,6 @@ def test_a_dry_river_is_not_shifted_below_its_smallest_command():
     u = planned(means=60.0, lowest=40.0)
     assert u.min() >= 40
     assert np.ptp(u, axis=1).mean() < 0.7 * np.ptp(planned(), axis=1).mean()
-
-
-def test_commands_in_steps_of_five():
-    u = planned(quantum=5.0)
-    assert (u % 5 == 0).all() and len(np.unique(u)) > 20
 
 
 def test_the_river_has_its_season_and_its_limits():

