@@ -1,5 +1,6 @@
 """Wheel and sdist are complete, and rivid installed from them works in a clean environment."""
 
+import os
 import subprocess
 import sys
 import sysconfig
@@ -20,16 +21,24 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 WHEEL, SDIST = f"rivid-{rivid.__version__}-py3-none-any.whl", f"rivid-{rivid.__version__}.tar.gz"
 
 
-def run(*argv, **more):
-    done = subprocess.run([str(one) for one in argv], capture_output=True, text=True, timeout=300, **more)
+ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+
+
+def run(*argv, cwd=None):
+    words = [str(one) for one in argv]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, cwd=cwd, env=ENVIRONMENT)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 def build(source, kind, out):
     """Call the build backend without a network."""
-    code = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
-    run(sys.executable, "-c", code, out, cwd=source)
+    run(
+        sys.executable,
+        "-c",
+        f"from setuptools import build_meta; build_meta.build_{kind}({str(out)!r})",
+        cwd=source,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,39 +55,23 @@ def built(tmp_path_factory):
     return out
 
 
-def expected():
-    """All files of the package."""
-    return {
-        path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "rivid").rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
-
-
-def in_wheel(wheel):
+def contents(wheel):
+    """The names of the files in a wheel with their bytes."""
     with zipfile.ZipFile(wheel) as archive:
-        return set(archive.namelist())
+        return {name: archive.read(name) for name in archive.namelist()}
 
 
-def test_the_wheel_holds_exactly_the_package(built):
-    held = in_wheel(built / WHEEL)
-    package = {name for name in held if ".dist-info/" not in name}
-    assert package == expected()
-    assert {"rivid/py.typed", "rivid/templates/report.html.j2", "rivid/api/day.py"} <= package
+def test_wheel_and_sdist_hold_exactly_the_package_with_its_metadata(built):
+    paths = [path for path in (ROOT / "rivid").rglob("*") if path.is_file()]
+    expected = {path.relative_to(ROOT).as_posix() for path in paths if "__pycache__" not in path.parts}
+    assert {"rivid/py.typed", "rivid/templates/report.html.j2", "rivid/api/day.py"} <= expected
+    held = contents(built / WHEEL)
+    assert {name for name in held if ".dist-info/" not in name} == expected
     assert any(name.endswith("licenses/LICENSE") for name in held)
-
-
-def test_the_sdist_holds_the_sources_of_a_wheel(built):
     with tarfile.open(built / SDIST) as archive:
-        held = {name.partition("/")[2] for name in archive.getnames()}
-    assert expected() <= held
-    assert {"pyproject.toml", "README.md", "LICENSE"} <= held
-
-
-def test_metadata_have_version_pythons_and_licence(built):
-    with zipfile.ZipFile(built / WHEEL) as archive:
-        name = next(n for n in archive.namelist() if n.endswith("METADATA"))
-        metadata = archive.read(name).decode("utf-8")
+        sources = {name.partition("/")[2] for name in archive.getnames()}
+    assert expected | {"pyproject.toml", "README.md", "LICENSE"} <= sources
+    (metadata,) = (data.decode("utf-8") for name, data in held.items() if name.endswith("METADATA"))
     for line in (
         f"Version: {rivid.__version__}", "Requires-Python: >=3.11", "License-Expression: MIT",
         *(f"Classifier: Programming Language :: Python :: 3.{minor}" for minor in range(11, 15)),
@@ -96,11 +89,7 @@ def test_the_sdist_builds_the_same_wheel(built, tmp_path):
     with tarfile.open(built / SDIST) as archive:
         archive.extractall(tmp_path, filter="data")
     build(tmp_path / SDIST.removesuffix(".tar.gz"), "wheel", tmp_path)
-    contents = []
-    for wheel in (built / WHEEL, tmp_path / WHEEL):
-        with zipfile.ZipFile(wheel) as archive:
-            contents.append({name: archive.read(name) for name in archive.namelist()})
-    assert contents[0] == contents[1]
+    assert contents(built / WHEEL) == contents(tmp_path / WHEEL)
 
 
 def test_the_wheel_works_in_a_clean_environment(built, tmp_path):

@@ -1,5 +1,6 @@
 """The notebook of the tour runs from its first cell to its last."""
 
+import ast
 import json
 import os
 from pathlib import Path
@@ -23,7 +24,8 @@ def run(cells, monkeypatch):
     for cell in cells:
         if cell["cell_type"] != "code":
             continue
-        *before, last = _statements("".join(cell["source"]))
+        source = "".join(cell["source"])
+        *before, last = (ast.get_source_segment(source, node) for node in ast.parse(source).body)
         for statement in before:
             exec(compile(statement, cell["id"], "exec"), names)
         try:
@@ -35,20 +37,13 @@ def run(cells, monkeypatch):
     return names, shown
 
 
-def _statements(source):
-    import ast
-
-    return [ast.get_source_segment(source, node) for node in ast.parse(source).body]
-
-
 def test_all_but_the_diagnosis_runs_and_shows_pictures(monkeypatch, capsys):
     every = cells()
     before = next(i for i, cell in enumerate(every) if "".join(cell["source"]).startswith(LAST))
     names, shown = run(every[:before], monkeypatch)
-    assert [one for one in shown if one.endswith("-plot")] == [
-        "day-plot", "jmap-plot", "posterior-plot", "simulate-plot",
-    ]  # fmt: skip
-    assert all(shown[one]._repr_png_().startswith(b"\x89PNG") for one in shown if one.endswith("-plot"))
+    plots = {name: value for name, value in shown.items() if name.endswith("-plot")}
+    assert list(plots) == ["day-plot", "jmap-plot", "posterior-plot", "simulate-plot"]
+    assert all(plot._repr_png_().startswith(b"\x89PNG") for plot in plots.values())
     assert isinstance(shown["day"], rivid.Day) and names["probable"].status == "ok"
     assert "right on" in capsys.readouterr().out
 
