@@ -75,19 +75,6 @@ def test_a_day_has_a_repr_and_cannot_be_changed(day):
     assert copied.inflow[0] == 0.0
 
 
-@pytest.mark.parametrize(
-    "series, expected",
-    [
-        ((np.zeros(5), np.zeros(4)), "output has shape"),
-        ((np.zeros((2, 5)), np.zeros((2, 5))), "inflow has shape"),
-        ((np.zeros(5), np.array([0, 1, np.nan, 2, 3])), "output is not finite at sample 2"),
-    ],
-)
-def test_invalid_series_are_refused(series, expected):
-    with pytest.raises(RividError, match=expected):
-        rivid.Day(*series)
-
-
 def test_arrays_and_a_day_give_the_same_estimate(day):
     of_day, of_arrays = rivid.jmap(day), rivid.jmap(day.u, day.y, day.config.jmap_settings())
     core = core_jmap(day.u, day.y, day.config.jmap_settings())
@@ -136,6 +123,9 @@ def test_posterior_of_arrays_is_that_of_days(season):
         (lambda d: rivid.read_day(WEEK / "none.csv"), NoDataError, "does not exist"),
         (lambda d: rivid.read_day(WEEK, config={"reach": {"lenght": 1}}), ConfigError, "reach.lenght"),
         (lambda d: rivid.simulate(dayz=3), ConfigError, "dayz"),
+        (lambda d: rivid.Day(d.u, d.y[:-1]), RividError, "output has shape"),
+        (lambda d: rivid.Day(d.u[None], d.y[None]), RividError, "inflow has shape"),
+        (lambda d: rivid.Day(d.u, np.where(d.hours, d.y, np.nan)), RividError, "not finite at sample 0"),
         (lambda d: rivid.simulate(ROOT / "configs/scenarios/cascade.toml"), ConfigError, "cascade"),
     ],
 )
@@ -145,13 +135,10 @@ def test_errors_are_one_line(day, call, kind, expected):
     assert "\n" not in str(error.value)
 
 
-def test_a_log_that_cannot_be_read_names_its_file(tmp_path):
+def test_consecutive_days_are_one_data_set_and_an_unreadable_log_is_named(tmp_path):
     (tmp_path / "2008-03-14.csv").write_text("time,u_Qi,u_Qo,h_L\n2008-03-14T00:00:00+01:00,x,1,2\n")
     with pytest.raises(DataError, match="2008-03-14.csv"):
         rivid.read_day(tmp_path)
-
-
-def test_consecutive_days_are_one_data_set():
     two = rivid.read_day(WEEK, "2008-03-12", {"run": {"window_days": 2}})
     assert (two.date, len(two.inflow)) == (dt.date(2008, 3, 12), 1300)
     with pytest.raises(NoDataError, match="2008-03-09"):

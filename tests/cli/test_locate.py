@@ -58,15 +58,6 @@ def test_the_nearest_applies_as_a_whole_and_is_named_on_stderr(logs, rivid):
     assert column(Path("out"), "reach") == {"near"} and column(Path("out"), "estimator") == {"jmap"}
 
 
-def test_config_wins(logs, tmp_path, capsys):
-    put(logs, "not = 'read'\n")
-    given = tmp_path / "x.toml"
-    assert locate.configuration(given, logs, Console()) == given
-    assert capsys.readouterr().err == ""
-    assert locate.configuration(None, logs, Console(quiet=True)) == logs / "rivid.toml"
-    assert capsys.readouterr().err == ""
-
-
 def test_every_command_that_takes_a_configuration_finds_it(logs, rivid, monkeypatch):
     path = put(logs.parent, "[reach]\nlenght = 3\n")
     for command in ("run", "check", "diagnose", "bounds"):
@@ -77,17 +68,17 @@ def test_every_command_that_takes_a_configuration_finds_it(logs, rivid, monkeypa
     assert rivid("bounds").stdout.startswith("here: 8200 m long")
 
 
-def test_links_are_resolved_before_the_search(logs, tmp_path):
-    path = put(logs.parent)
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "link").symlink_to(logs)
-    put(tmp_path / "other", "not = 'read'\n")
-    assert locate.find(tmp_path / "other" / "link") == path
-
-
-def test_the_search_ends_at_the_home_directory_and_at_the_filesystem(logs, tmp_path, monkeypatch):
+def test_the_search_resolves_links_and_ends_at_the_home_directory_and_at_the_filesystem(
+    logs, tmp_path, monkeypatch, capsys
+):
     path = put(tmp_path)
-    assert locate.find(logs) == locate.find(logs / "2008-03-10.csv") == path
+    put(tmp_path / "other", "not = 'read'\n")
+    (tmp_path / "other" / "link").symlink_to(logs)
+    for data_dir in (logs, logs / "2008-03-10.csv", tmp_path / "other" / "link"):
+        assert locate.find(data_dir) == path
+    given = tmp_path / "x.toml"
+    assert locate.configuration(given, logs, Console()) == given
+    assert locate.configuration(None, logs, Console(quiet=True)) == path and capsys.readouterr().err == ""
     with monkeypatch.context() as patch:
         patch.setattr(locate, "_device", lambda folder: int(folder in (logs, logs.parent)))
         assert locate.find(logs) is None and locate.find(tmp_path) == path
@@ -102,12 +93,15 @@ def facts(uid, mode=stat.S_IFREG | 0o644):
     return os.stat_result((mode, 0, 0, 1, uid, 0, 0, 0, 0, 0))
 
 
-def test_a_file_of_another_user_or_a_link_to_it_is_refused():
+def test_a_file_of_another_user_or_that_everybody_can_write_to_is_refused():
     path, mine = Path("rivid.toml"), facts(os.geteuid())
     locate._refuse_foreign(path, [mine, facts(0)])
+    locate._refuse_foreign(path, [facts(os.geteuid(), stat.S_IFREG | 0o664)])
     for both in ([facts(54321), mine], [mine, facts(54321)]):
         with pytest.raises(ConfigError, match=r"belongs to user 54321, .* --config rivid.toml"):
             locate._refuse_foreign(path, both)
+    with pytest.raises(ConfigError, match="writable by everybody"):
+        locate._refuse_foreign(path, [facts(os.geteuid(), stat.S_IFREG | 0o666)])
 
 
 def test_a_foreign_file_stops_a_run_before_anything_is_written(logs, rivid, monkeypatch):
@@ -120,15 +114,6 @@ def test_a_foreign_file_stops_a_run_before_anything_is_written(logs, rivid, monk
     assert done.code == 2 and "belongs to" in str(done.exception) and "\n" not in str(done.exception)
     assert not (logs.parent / "hostile").exists() and not Path("out").exists()
     assert rivid("run", logs, "--no-figures", "--config", path).code == 0  # named by the user
-
-
-def test_a_file_that_everybody_can_write_to_is_refused(logs):
-    path = put(logs)
-    path.chmod(0o666)
-    with pytest.raises(ConfigError, match="writable by everybody"):
-        locate.find(logs)
-    path.chmod(0o664)
-    assert locate.find(logs) == path
 
 
 # OUT
@@ -152,12 +137,6 @@ def test_out_is_relative_to_the_configuration_and_the_option_wins(logs, tmp_path
     assert locate.results(None, None, logs) == locate.results(None, put(logs), logs) == Path("out")
     (tmp_path / "elsewhere" / "defaults.toml").write_text("[run]\nout = '../fleet'\n")
     assert locate.results(None, tmp_path / "elsewhere", logs).resolve() == tmp_path / "fleet"
-
-
-def test_diagnose_writes_where_run_writes(logs, rivid):
-    put(logs, MINE + "[run]\nout = 'results'\n")
-    done = rivid("diagnose", logs, "--no-figures", "--quiet")
-    assert (done.code, done.output) == (3, "") and (logs / "results" / "diagnosis.json").is_file()
 
 
 def test_results_of_other_logs_are_replaced_only_by_the_option(logs, rivid, tmp_path):

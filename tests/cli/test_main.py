@@ -64,7 +64,7 @@ def test_a_closed_pipe_ends_it_without_a_message(words):
     assert done.stderr == "" and done.returncode in (1, 2)
 
 
-@pytest.mark.parametrize("closed", [1, 2])
+@pytest.mark.parametrize("closed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_closed_streams_change_neither_results_nor_exit_code(tmp_path, closed):
     words = [*REAL, "run", str(WEEK), "--out", str(tmp_path), "--no-figures", "--estimator", "ml"]
     done = subprocess.run(words, capture_output=True, text=True, preexec_fn=lambda: os.close(closed))
