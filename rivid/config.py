@@ -389,24 +389,12 @@ MOST_DEPTH = 20
 
 
 def load_toml(path: Path, model: type[T]) -> T:
-    """Read a TOML file into a model.
-
-    Raises
-    ------
-    ConfigError
-        In one line: the file, the key, what came and what is valid.
-    """
+    """Read a TOML file into a model; ConfigError names in one line the file, the key and what is valid."""
     return parse(read_toml(path), model, str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises
-    ------
-    ConfigError
-        In one line, where it cannot be read or is not TOML.
-    """
+    """Read a TOML file; ConfigError in one line where it cannot be read or is not TOML."""
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)  # a device never ends

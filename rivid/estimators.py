@@ -25,24 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Days:
-    """Data sets of one length, as deviations from their first samples.
+    """Data sets of one length, as deviations from their first samples."""
 
-    Attributes
-    ----------
-    u : ndarray, shape (days, N)
-        Inflow [m3/s].
-    y : ndarray, shape (days, N)
-        Output [m for a level, m3/s for a discharge].
-    o : ndarray, shape (days, N), or None
-        Outflow [m3/s]; None where it is not logged.
-    base : ndarray, shape (days,), or None
-        Inflow at the first sample [m3/s]. The celerity depends on the discharge itself.
-    """
-
-    u: Floats
-    y: Floats
-    o: Floats | None = None
-    base: Floats | None = None
+    u: Floats  # inflow [m3/s], (days, N)
+    y: Floats  # output [m for a level, m3/s for a discharge], (days, N)
+    o: Floats | None = None  # outflow [m3/s], (days, N); None where it is not logged
+    base: Floats | None = None  # inflow at the first sample [m3/s], (days,): celerity depends on it
 
     @classmethod
     def of(cls, inflow: Floats, output: Floats, outflow: Floats | None, min_motion: float) -> Days:
@@ -62,76 +50,40 @@ class Days:
 class Answer:
     """What an estimator returns for a batch of days; None where it does not estimate a quantity.
 
-    Attributes
-    ----------
-    status : ndarray of str, shape (days,)
-        "ok", "degenerate" or "unidentifiable".
-    delay : ndarray, shape (days,)
-        d [samples]; NaN on a day without one.
-    candidates : ndarray of int, shape (K,)
-        The delays tried [samples].
-    criterion : ndarray, shape (days, K)
-        The function of the delay that the estimate minimises.
-    curve : ndarray, shape (days, K)
-        The values stored for every candidate: the criterion, CUSUM's g at lag d + 1, or the probability.
-    fir, fir_sd : ndarray, shape (days, M)
-        h and its standard deviation [output unit per m3/s].
-    alpha, noise_variance, roughness_variance, condition, iterations, prior_only : ndarray, shape (days,)
-        As in :class:`rivid.core.jmap.JmapResult`.
-    reason : ndarray of str, shape (days,)
-        Why a day has no estimate; empty where u and y show the reason (a constant series).
-    travel : ndarray, shape (days,)
-        Travel time with its fraction [samples], about d to d + 1; NaN on a day without a delay.
-    probability : ndarray, shape (days,)
-        Probability that the likeliest delay is right; NaN on a day without probabilities.
-    delay_low, delay_high : ndarray, shape (days,)
-        Ends of the smallest set of delays with a probability of 90 % [samples].
-    outside : ndarray of bool, shape (days,)
-        The delay lies beyond the candidates.
+    Arrays have shape (days,) where no other is given; alpha, variances, condition, iterations and prior_only
+    are those of :class:`rivid.core.jmap.JmapResult`.
     """
 
-    status: Strings
-    delay: Floats | None = None
-    candidates: NDArray[np.intp] | None = None
-    criterion: Floats | None = None
-    curve: Floats | None = None
-    fir: Floats | None = None
+    status: Strings  # "ok", "degenerate" or "unidentifiable"
+    delay: Floats | None = None  # d [samples]; NaN on a day without one
+    candidates: NDArray[np.intp] | None = None  # the delays tried [samples], (K,)
+    criterion: Floats | None = None  # minimised over the delay, (days, K)
+    curve: Floats | None = None  # stored: criterion, CUSUM's g at lag d + 1, or probability; (days, K)
+    fir: Floats | None = None  # h [output unit per m3/s], (days, M)
     alpha: Floats | None = None
     noise_variance: Floats | None = None
     roughness_variance: Floats | None = None
     condition: Floats | None = None
     iterations: NDArray[np.intp] | None = None
     prior_only: Bools | None = None
-    reason: Strings | None = None
-    fir_sd: Floats | None = None
-    travel: Floats | None = None
-    probability: Floats | None = None
-    delay_low: Floats | None = None
+    reason: Strings | None = None  # why a day has no estimate; empty where u and y show it (constant)
+    fir_sd: Floats | None = None  # standard deviation of h, (days, M)
+    travel: Floats | None = None  # travel time with its fraction [samples], about d to d + 1
+    probability: Floats | None = None  # that the likeliest delay is right; NaN without probabilities
+    delay_low: Floats | None = None  # ends of the smallest set of delays with a probability of 90 %
     delay_high: Floats | None = None
-    outside: Bools | None = None
+    outside: Bools | None = None  # the delay lies beyond the candidates
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """An estimator with the settings of a configuration.
-
-    Attributes
-    ----------
-    estimate : callable
-        ``estimate(days)`` returns an :class:`Answer`.
-    min_samples : int
-        Shortest data set [samples].
-    needed_for, key : str
-        What needs that length, and the key of the configuration that reduces it.
-    max_iterations : int or None
-        Iterations after which the estimator stops.
-    """
+    """An estimator with the settings of a configuration."""
 
     estimate: Callable[[Days], Answer]
-    min_samples: int
-    needed_for: str
-    key: str
-    max_iterations: int | None = None
+    min_samples: int  # shortest data set
+    needed_for: str  # what needs that length
+    key: str  # key of the configuration that reduces it
+    max_iterations: int | None = None  # iterations after which the estimator stops
 
 
 @dataclass(frozen=True)

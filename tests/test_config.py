@@ -46,6 +46,9 @@ def test_bounds_come_from_the_reach():
         ({"search": {"dmax": 9}}, ["unknown key search.dmax", "d_max, d_min"]),
         ({"search": {"d_max": 1001}}, ["search.d_max = 1001", "less than or equal to 1000"]),
         ({"search": {"d_min": 0}}, ["search.d_min = 0", "greater than or equal to 1"]),
+        ({"posterior": {"wave_temperature": 0.9}}, ["posterior.wave_temperature = 0.9"]),
+        ({"posterior": {"answer_above": 1.1}}, ["posterior.answer_above = 1.1"]),
+        ({"posterior": {"store_error": 0.0}}, ["posterior.store_error = 0.0"]),
         ({"cusum": {"threshold": 0}}, ["cusum.threshold = 0", "greater than 0"]),
         ({"cusum": {"drift": -0.1}}, ["cusum.drift = -0.1"]),
         ({"cusum": {"sd": float("inf")}}, ["cusum.sd = inf", "finite"]),
@@ -70,22 +73,14 @@ def test_a_fault_names_the_key_what_came_and_what_is_valid(raw, words):
         assert word in str(caught.value)
 
 
-def test_delays_beyond_the_fir_are_told():
-    with pytest.raises(ConfigError, match="order >= 33"):
-        parse({"jmap": {"d_max": 30}}, Config).jmap_settings()
-
-
 @pytest.mark.parametrize("text", ["[reach", "a = " + "[" * 5000, "x = 1\nx = 2"])
-def test_a_file_that_is_not_toml_is_told(tmp_path, text):
+def test_a_file_that_is_missing_or_not_toml_is_refused(tmp_path, text):
     path = tmp_path / "c.toml"
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_config(path)
     path.write_text(text)
     with pytest.raises(ConfigError, match="not valid TOML"):
         load_config(path)
-
-
-def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(ConfigError, match="cannot read"):
-        load_config(tmp_path / "none.toml")
 
 
 def test_searches_and_cusum_have_the_defaults_of_the_core_and_the_delays_of_jmap():
@@ -98,13 +93,19 @@ def test_searches_and_cusum_have_the_defaults_of_the_core_and_the_delays_of_jmap
     assert bounds.search_settings().d_max == bounds.jmap_settings().d_max < 15
 
 
-def test_searches_and_cusum_refuse_contradictions_and_name_their_table():
-    for table, settings in (("search", "search_settings"), ("cusum", "cusum_settings")):
+def test_contradictions_are_refused_with_their_table():
+    for table in ("search", "cusum", "posterior"):
         with pytest.raises(ConfigError, match=rf"\[{table}\] d_min = 9 and d_max = 4: expected 1 <= d_min"):
-            getattr(parse({table: {"d_min": 9, "d_max": 4}}, Config), settings)()
+            getattr(parse({table: {"d_min": 9, "d_max": 4}}, Config), f"{table}_settings")()
     assert parse({"search": {"d_max": 28}}, Config).search_settings().d_max == 28, "it has no FIR"
     with pytest.raises(ConfigError, match=r"\[cusum\] d_max = 28 needs an FIR of order >= 31, .*order = 30"):
         parse({"cusum": {"d_max": 28}}, Config).cusum_settings()
+    with pytest.raises(
+        ConfigError, match=r"\[posterior\] d_max = 30 needs an FIR of order >= 31, .*order = 30"
+    ):
+        parse({"posterior": {"d_max": 30}}, Config).posterior_settings()
+    with pytest.raises(ConfigError, match="order >= 33"):
+        parse({"jmap": {"d_max": 30}}, Config).jmap_settings()
 
 
 def test_an_indirect_search_needs_no_outflow():
@@ -141,15 +142,3 @@ def test_every_setting_of_the_posterior_has_its_key_and_comes_back_from_toml(tmp
     made = config.posterior_settings()
     assert {name: getattr(made, name) for name in odd} == odd
     assert parse(json.loads(config.model_dump_json(exclude_none=True)), Config) == config
-
-
-def test_the_posterior_refuses_contradictions_and_names_its_table():
-    for table, words in (
-        ({"d_min": 9, "d_max": 4}, r"\[posterior\] d_min = 9 and d_max = 4: expected 1 <= d_min"),
-        ({"d_max": 30}, r"\[posterior\] d_max = 30 needs an FIR of order >= 31, got \[jmap\] order = 30"),
-    ):
-        with pytest.raises(ConfigError, match=words):
-            parse({"posterior": table}, Config).posterior_settings()
-    for key, value in (("wave_temperature", 0.9), ("answer_above", 1.1), ("store_error", 0.0), ("sharp", -1)):
-        with pytest.raises(ConfigError, match=rf"posterior\.{key} = {value}"):
-            parse({"posterior": {key: value}}, Config)

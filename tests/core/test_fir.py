@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from rivid.core.fir import half_time, map_fir, ml, second_difference
-from rivid.errors import RividError
+from rivid.core.fir import half_time, map_fir, ml
 from tests.core.transcription import second_differences, toeplitz_matrix
 
 
@@ -20,10 +19,6 @@ def days(n, N=200, seed=0):
     return u, y - y[:, :1]
 
 
-def test_second_difference_is_the_toeplitz_matrix_of_20():
-    assert np.array_equal(second_difference(7), second_differences(7))
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_ml_is_least_squares(seed):
     u, y = days(4, seed=seed)
@@ -36,7 +31,7 @@ def test_ml_is_least_squares(seed):
         assert result.condition[i] == pytest.approx((singular[0] / singular[-1]) ** 2, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("alpha", [1e-2, 1.0, 1e4])
 def test_map_is_least_squares_with_the_prior_as_rows(seed, alpha):
     u, y = days(3, seed=seed)
@@ -49,7 +44,7 @@ def test_map_is_least_squares_with_the_prior_as_rows(seed, alpha):
         assert result.noise_variance[i] == pytest.approx(rss / len(y[i]), rel=1e-8)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("alpha", [0.0, 1.0, 1e4])
 def test_a_free_start_is_least_squares_with_a_constant_on_the_full_rows(seed, alpha):
     M, (u, y) = 12, days(3, seed=seed)
@@ -88,30 +83,11 @@ def test_half_time_of_a_pure_lag_is_the_lag(lag):
     assert np.isnan(half_time(-h)[0])
 
 
-def test_one_day_comes_without_an_axis_of_days():
-    u, y = days(1)
-    assert ml(u[0], y[0], order=12).fir.shape == (12,)
-    assert ml(u[0], y[0], order=12).status == "ok"
-
-
 def test_a_constant_input_is_unidentifiable_and_its_neighbours_are_not():
     u, y = days(3)
     u[1] = 0.0
     result = ml(u, y, order=12)
     assert result.status.tolist() == ["ok", "unidentifiable", "ok"]
+    assert ml(u[0], y[0], order=12).fir.shape == (12,)
     assert np.isnan(result.fir[1]).all()
     assert np.isfinite(result.fir[[0, 2]]).all()
-
-
-@pytest.mark.parametrize(
-    ("u", "y", "words"),
-    [
-        (np.zeros(50), np.zeros(49), "expected that of u"),
-        (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "expected"),
-        (np.zeros(10), np.zeros(10), "needs 13 or more"),
-        (np.full(50, np.nan), np.zeros(50), "not finite"),
-    ],
-)
-def test_input_that_does_not_fit_is_refused(u, y, words):
-    with pytest.raises(RividError, match=words):
-        ml(u, y, order=12)

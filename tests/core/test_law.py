@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from rivid.core.law import BAND_SD, LawSettings, alike, block_covariance, bulk, delay_law, fit_line
-from rivid.errors import ConfigError, RividError
+from rivid.errors import RividError
 
 T0, B, Q0 = 7.5, 0.3, 280.0
 
@@ -108,7 +108,7 @@ def test_the_blocks_left_out_one_by_one_are_lines_fitted_without_them():
     ids=["unrelated days", "related days", "some wrong days", "a hundred days"],
 )
 def test_a_known_law_is_found_and_its_intervals_hold_it(n, scatter_memory, wrong):
-    seeds = 60
+    seeds = 40
     laws = [delay_law(*river([s, n], n, scatter_memory=scatter_memory, wrong=wrong)) for s in range(seeds)]
     powers = np.array([law.b for law in laws])
     assert abs(powers.mean() - B) < 3.5 * powers.std() / np.sqrt(seeds)
@@ -143,7 +143,7 @@ def test_the_correlation_time_is_that_of_an_autoregression():
 
 def test_the_covariance_of_unrelated_days_is_the_information_of_students_t():
     estimated, found = [], []
-    for seed in range(60):
+    for seed in range(40):
         rng = np.random.default_rng([seed, 6])
         x = rng.normal(size=300)
         y = 2.0 - 0.5 * x + 0.1 * student.rvs(4.0, size=300, random_state=rng)
@@ -151,7 +151,7 @@ def test_the_covariance_of_unrelated_days_is_the_information_of_students_t():
         found.append(fit.slope)
         estimated.append(block_covariance(x, y, fit, np.arange(300) // 10)[1, 1])
     known = 0.1**2 * (4.0 + 3.0) / (4.0 + 1.0) / 300
-    assert np.var(found) == pytest.approx(known, rel=3.0 * np.sqrt(2.0 / 59))
+    assert np.var(found) == pytest.approx(known, rel=3.0 * np.sqrt(2.0 / 39))
     assert np.mean(estimated) == pytest.approx(known, rel=0.1)
 
 
@@ -221,21 +221,3 @@ def test_shapes_that_do_not_fit_are_refused(arguments, said):
         delay_law(*arguments)
     with pytest.raises(RividError, match="does not rise"):
         delay_law([1.0, 2.0], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0], day=[3, 3])
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"discharge_error": -1.0},
-        {"tails": 2.0},
-        {"least_blocks": 3},
-        {"block": 0},
-        {"classes": 0},
-        {"level": 1.0},
-        {"least_range": 0.0},
-        {"least_sd": np.inf},
-    ],
-)
-def test_settings_out_of_range_are_refused(changes):
-    with pytest.raises(ConfigError, match=next(iter(changes))):
-        LawSettings(**changes)

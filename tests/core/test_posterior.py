@@ -5,7 +5,7 @@ import pytest
 
 from rivid.core.posterior.daily import BLOCK, posterior
 from rivid.core.settings import PosteriorSettings
-from rivid.errors import ConfigError, RividError
+from rivid.errors import RividError
 from tests.core.posterior_days import linear_days, wave_days
 
 ROWS = ("probability", "beyond", "delay", "right", "in_set", "place", "place_low", "place_high",
@@ -162,16 +162,3 @@ def test_impossible_days_are_refused_in_one_line(change, words):
     with pytest.raises(RividError, match=words) as error:
         posterior(*change(u, y, o))
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("values", "key"),
-    [
-        ({"d_min": 0}, "d_min"), ({"d_min": 9, "d_max": 8}, "d_max"), ({"order": 15}, "order"),
-        ({"store_temperature": 0.9}, "store_temperature"), ({"wave_error": 0.0}, "wave_error"),
-        ({"sharp": 1.1}, "sharp"), ({"answer_above": -0.1}, "answer_above"), ({"wave_lag": 1.0}, "wave_lag"),
-    ],
-)  # fmt: skip
-def test_impossible_settings_are_refused_by_name(values, key):
-    with pytest.raises(ConfigError, match=key):
-        PosteriorSettings(**values)

@@ -48,7 +48,7 @@ def test_a_hayami_wave_is_the_integral_of_its_density(cv, t):
     assert area[0] == pytest.approx(quad(step, 0, t, args=(cv,), points=near)[0], abs=1e-8)
 
 
-@pytest.mark.parametrize("t", [0.5, 1.0, 1.5, 3.0])
+@pytest.mark.parametrize("t", [0.5, 1.2, 2.0])
 @pytest.mark.parametrize("cv", EXCHANGE_CV)
 def test_an_exchange_is_a_wave_of_which_a_share_is_held(cv, t):
     arrived, area = exchange(np.array([t]), cv)

@@ -13,7 +13,7 @@ from rivid.core.posterior.noise import SINE, daily_sine, river_noises, whitened_
 from rivid.core.posterior.response import hastened, response_grid
 from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, marginal, nothing, posterior_river
 from rivid.core.settings import RiverSettings
-from rivid.errors import ConfigError, RividError
+from rivid.errors import RividError
 from tests.core.river_windows import river_windows
 
 
@@ -116,23 +116,6 @@ def test_unit_and_constant_do_not_matter():
     p, q = posterior_river(u, y), posterior_river(35.3 * u, 35.3 * y + 400.0)
     assert q.place == pytest.approx(p.place, abs=1e-5)
     assert q.gain == pytest.approx(p.gain, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"d_min": 0},
-        {"d_min": 9, "d_max": 9},
-        {"warm": 50},
-        {"temperature": 0.5},
-        {"gain_sd": 0.0},
-        {"link_above": 1.5},
-        {"spread": -1.0},
-    ],
-)
-def test_wrong_settings_are_named(wrong):
-    with pytest.raises(ConfigError, match=next(iter(wrong))):
-        RiverSettings(**wrong)
 
 
 def test_wrong_arrays_are_named():

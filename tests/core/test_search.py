@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.core.search import SearchSettings, direct, indirect
-from rivid.errors import ConfigError, RividError
+from rivid.core.search import direct, indirect
 from rivid.reach.integrator import theoretical_fir
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
@@ -88,36 +87,34 @@ def season():
     return simulate(Scenario(days=40, seed=3))
 
 
-@pytest.mark.parametrize("seed", range(4))
+def agree(found, loops, i, rtol, theta_rtol):
+    """Whether day i of a result is what plain loops give."""
+    J, theta = loops
+    np.testing.assert_allclose(found.criterion[i], J, rtol=rtol)
+    assert found.delay[i] == found.candidates[np.argmin(J)]
+    np.testing.assert_allclose(found.parameters[i], theta[np.argmin(J)], rtol=theta_rtol)
+    assert found.noise_variance[i] == pytest.approx(2 * J.min(), rel=rtol)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_both_searches_are_the_plain_loops_with_least_squares(seed):
     d = 3 + 2 * seed
     u, o, h = open_loop(d, seed, noise=0.003, n=2, N=200)
     found, delays = direct(u, o, h, d_max=12), range(1, 13)
     for i in range(2):
-        J, theta = plain_direct(u[i], o[i], h[i], delays)
-        np.testing.assert_allclose(found.criterion[i], J, rtol=1e-8)
-        assert found.delay[i] == delays[np.argmin(J)]
-        np.testing.assert_allclose(found.parameters[i], theta[np.argmin(J)], rtol=1e-8)
-        assert found.noise_variance[i] == pytest.approx(2 * J.min(), rel=1e-8)
+        agree(found, plain_direct(u[i], o[i], h[i], delays), i, 1e-8, 1e-8)
     u, h = regulated(d, seed, noise=0.003, n=2, N=200)
     found = indirect(u, h, d_max=12)
     for i in range(2):
-        J, theta = plain_indirect(u[i], h[i], delays)
-        np.testing.assert_allclose(found.criterion[i], J, rtol=1e-7)
-        assert found.delay[i] == delays[np.argmin(J)]
-        np.testing.assert_allclose(found.parameters[i], theta[np.argmin(J)], rtol=1e-6)
+        agree(found, plain_indirect(u[i], h[i], delays), i, 1e-7, 1e-6)
 
 
-def test_they_are_so_on_days_of_a_managed_reach_too(season):
+def test_both_searches_are_the_plain_loops_on_days_of_a_managed_reach(season):
     u, o, h = season.inflow[:3], season.outflow[:3], season.level[:3]
     one, other = direct(u, o, h), indirect(u, h)
     for i in range(3):
-        J, theta = plain_direct(u[i], o[i], h[i], range(1, 16))
-        np.testing.assert_allclose(one.criterion[i], J, rtol=1e-8)
-        np.testing.assert_allclose(one.parameters[i], theta[np.argmin(J)], rtol=1e-6)
-        J, theta = plain_indirect(u[i], h[i], range(1, 16))
-        np.testing.assert_allclose(other.criterion[i], J, rtol=1e-7)
-        np.testing.assert_allclose(other.parameters[i], theta[np.argmin(J)], rtol=1e-5)
+        agree(one, plain_direct(u[i], o[i], h[i], range(1, 16)), i, 1e-8, 1e-6)
+        agree(other, plain_indirect(u[i], h[i], range(1, 16)), i, 1e-7, 1e-5)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005])
@@ -202,29 +199,3 @@ def test_one_day_comes_without_an_axis_of_days_and_deviations_are_as_good_as_rea
     assert found.status == "ok" and found.identifiable
     np.testing.assert_array_equal(found.criterion, days.criterion[0])
     assert indirect(u[0], h[0]).parameters.shape == (3,)
-
-
-def test_no_days_give_no_days():
-    nothing = np.empty((0, 100))
-    assert direct(nothing, nothing, nothing).criterion.shape == (0, 15)
-    assert indirect(nothing, nothing).parameters.shape == (0, 3)
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 15), (5, 4), (-1, -1)])
-def test_bounds_in_the_wrong_order_are_refused(low, high):
-    with pytest.raises(ConfigError, match=f"d_min = {low}"):
-        SearchSettings(d_min=low, d_max=high)
-
-
-@pytest.mark.parametrize(
-    ("u", "h", "words"),
-    [
-        (np.zeros(50), np.zeros(49), "level has shape"),
-        (np.zeros((2, 2, 50)), np.zeros((2, 2, 50)), "inflow has shape"),
-        (np.zeros(19), np.zeros(19), "needs 20 or more"),
-        (np.full((2, 50), np.nan), np.zeros((2, 50)), "inflow: not finite on 2 days"),
-    ],
-)
-def test_input_that_does_not_fit_is_refused(u, h, words):
-    with pytest.raises(RividError, match=words):
-        indirect(u, h)

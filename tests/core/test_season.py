@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from rivid.core.season import PARTS, SeasonSettings, drift_kernel, independent_likelihood, season
-from rivid.errors import ConfigError, RividError
+from rivid.errors import RividError
 
 
 def some_days(n, D, seed, sharpness=1.0):
@@ -248,19 +248,3 @@ def test_days_that_share_a_distribution_are_foretold_by_it():
 def test_what_is_no_season_is_refused(arguments, said):
     with pytest.raises(RividError, match=said):
         season(*arguments)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"drifts": ()},
-        {"drifts": (-1.0,)},
-        {"exponents": (3.0,)},
-        {"trust": 1.0},
-        {"jump": 1.5},
-        {"independent": -0.1},
-    ],
-)
-def test_settings_that_make_no_sense_name_their_key(changes):
-    with pytest.raises(ConfigError, match=next(iter(changes))):
-        SeasonSettings(**changes)
