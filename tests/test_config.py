@@ -1,4 +1,4 @@
-"""The configuration: defaults are the paper's, faults are told in one line."""
+"""The configuration: defaults are the paper's, an error is one line."""
 
 import dataclasses
 import json

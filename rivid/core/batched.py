@@ -162,7 +162,7 @@ def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats
 def back_substitute(R: Floats, v: Floats) -> Floats:
     """Solve ``R h = v`` with R (M, M, lanes) of :func:`cholesky` and v (M, lanes)."""
     M = len(v)
-    h = np.empty(v.shape)  # C order whatever v's: einsum's order of summation follows the layout
+    h = np.empty(v.shape)  # C order for any v: einsum's order of summation follows the layout
     for j in range(M - 1, -1, -1):
         h[j] = v[j]
         if j < M - 1:

@@ -32,7 +32,7 @@ class SeasonSettings(Checked):
         Powers by which the travel time falls as the discharge grows, equally likely; 0 alone without a
         discharge.
     jump : float
-        Probability that the travel time of a day is anywhere, whatever it was the day before.
+        Probability that the travel time of a day is anywhere, independent of the day before.
     trust : float
         Probability that the probability of a day is right.
     independent : float

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def commands(rng, n, N):
-    """Held steps of the inflow, and people who follow it late and by steps."""
+    """Held steps of the inflow, and operators who follow it late and in steps."""
     steps = rng.normal(size=(n, N)) * (rng.random((n, N)) < 0.15) * 15
     u = 300 + np.cumsum(steps, axis=1).round()
     o = np.empty_like(u)

@@ -103,7 +103,7 @@ def test_false_alarms_come_as_often_as_the_exact_run_lengths_predict():
     assert abs(share - expected) < 4 * np.sqrt(expected * (1 - expected) / n)
 
 
-def test_the_scatter_is_that_of_the_noise_whatever_the_jump():
+def test_the_scatter_is_that_of_the_noise_for_any_jump():
     # for normal noise the estimate is right on average but for its small-sample bias
     sd = [cusum(rough_firs(3000, M=200, seed=1, jump=j)[0]).sd for j in (0.0, 3.0, 1e3)]
     for values in sd:

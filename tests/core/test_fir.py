@@ -48,7 +48,7 @@ def test_map_is_least_squares_with_the_prior_as_rows(seed, alpha):
 @pytest.mark.parametrize("alpha", [0.0, 1.0, 1e4])
 def test_a_free_start_is_least_squares_with_a_constant_on_the_full_rows(seed, alpha):
     M, (u, y) = 12, days(3, seed=seed)
-    y += 7.0  # whatever happened before
+    y += 7.0  # a state before the first sample
     result = map_fir(u, y, M, alpha, free_start=True) if alpha else ml(u, y, M, free_start=True)
     for i in range(3):
         U = np.c_[toeplitz_matrix(u[i], M)[M - 1 :], np.ones(len(y[i]) - M + 1)]

@@ -40,7 +40,7 @@ def test_still_water_carries_a_gravity_wave_and_no_kinematic_one():
     assert np.isinf(bounds.kinematic)
 
 
-def test_beyond_froude_2_nothing_is_said():
+def test_beyond_froude_2_there_are_no_bounds():
     bounds = travel_bounds(5000.0, length=8200, width=20.0, depth=1.0)
     assert bounds.froude > 2
     assert np.isnan(bounds.gravity) and np.isnan(bounds.kinematic)

@@ -209,15 +209,15 @@ def test_too_few_days_and_an_even_discharge_give_no_law():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "words"),
     [
         (([[1.0]], [[1.0]], [[1.0]], [[1.0]]), "expected \\(days,\\)"),
         (([1.0, 2.0], [1.0], [1.0], [1.0]), "place has shape"),
         (([1.0, 2.0], [1.0, 1.0], [1.0, 1.0], [1.0]), "place_high has shape"),
     ],
 )
-def test_shapes_that_do_not_fit_are_refused(arguments, said):
-    with pytest.raises(RividError, match=said):
+def test_shapes_that_do_not_fit_are_refused(arguments, words):
+    with pytest.raises(RividError, match=words):
         delay_law(*arguments)
     with pytest.raises(RividError, match="does not rise"):
         delay_law([1.0, 2.0], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0], day=[3, 3])

@@ -117,7 +117,7 @@ def test_an_uncertain_day_is_refused_with_its_probabilities():
 
 @WORLDS
 @pytest.mark.parametrize("with_outflow", [True, False])
-def test_a_days_answer_is_the_same_bits_whatever_stands_beside_it(days, with_outflow):
+def test_a_days_bits_do_not_depend_on_the_other_days(days, with_outflow):
     u, y, o, _ = days(BLOCK + 5, 7, N=300)
     o = o if with_outflow else None
 

@@ -1,4 +1,4 @@
-"""Days without outflow: evidence against dense likelihoods, honesty, and who is refused."""
+"""Days without outflow: evidence against dense likelihoods, calibration, refusals."""
 
 import numpy as np
 import pytest
@@ -130,24 +130,19 @@ def test_shuffled_days_are_never_sure(days):
     assert np.nanmax(found.right) < 0.6
 
 
-def test_probabilities_sum_to_one_and_a_response_comes_along():
-    u, y, _, _ = linear_days(3, 2)
-    found = posterior_blind(u, y)
-    assert np.allclose(found.probability.sum(axis=1), 1.0)
-    assert found.fir.shape == (3, PosteriorSettings().order)
-    assert (found.fir_sd > 0).any(axis=1).all()
-
-
 def test_a_day_does_not_depend_on_its_neighbours_or_on_units():
     u, y, _, _ = linear_days(20, 8)
     all_days, one = posterior_blind(u, y), posterior_blind(u[17:18], y[17:18])
+    assert np.allclose(all_days.probability.sum(axis=1), 1.0)
+    assert all_days.fir.shape == (20, PosteriorSettings().order)
+    assert (all_days.fir_sd > 0).any(axis=1).all()
     assert np.array_equal(all_days.probability[17], one.probability[0])
     assert np.array_equal(all_days.fir[17], one.fir[0])
     other = posterior_blind(3.0 * u, 100.0 * y - 7.0)
     assert np.allclose(all_days.probability, other.probability, atol=1e-5)
 
 
-def test_a_still_day_is_told_and_the_others_answered():
+def test_a_still_day_has_a_reason_and_the_others_are_estimated():
     u, y, _, _ = wave_days(4, 9)
     flat = u.copy()
     flat[2] = 250.0

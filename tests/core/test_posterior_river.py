@@ -1,4 +1,4 @@
-"""t50 of small rivers, its honesty, and who is refused."""
+"""t50 of small rivers, calibration, refusals."""
 
 from itertools import product
 
@@ -30,9 +30,13 @@ def test_t50_of_rivers_that_are_no_member_of_a_family_is_found(days, seed):
     assert (p.link > 0.95).all()
 
 
-def test_the_response_has_its_gain_and_its_half_time():
+def test_a_window_has_probabilities_of_sum_one_a_set_of_nine_in_ten_and_a_response():
     u, y, t50 = river_windows(4, 5)
     p = posterior_river(u, y)
+    assert np.allclose(p.probability.sum(axis=1), 1.0)
+    assert np.array_equal(p.delay, np.floor(p.place + 0.5))
+    assert (np.where(p.in_set, p.probability, 0.0).sum(axis=1) >= 0.9).all()
+    assert (p.right >= p.probability.max(axis=1) - 1e-6).all()
     assert np.allclose(p.fir.sum(axis=1), p.gain)
     arrived = np.cumsum(p.fir, axis=1) / p.gain[:, None]
     half = [np.interp(0.5, row, np.arange(len(row)) + 0.5) for row in arrived]
@@ -71,16 +75,6 @@ def test_weights_are_the_flattened_evidence_of_every_model():
         assert share == pytest.approx(np.mean((np.abs(draws - d) < 0.5)[inside]), abs=0.004)
 
 
-def test_probabilities_sum_to_one_and_the_set_holds_nine_in_ten():
-    u, y, t50 = river_windows(4, 6)
-    p = posterior_river(u, y)
-    assert np.allclose(p.probability.sum(axis=1), 1.0)
-    assert np.array_equal(p.delay, np.floor(p.place + 0.5))
-    held = np.where(p.in_set, p.probability, 0.0).sum(axis=1)
-    assert (held >= 0.9).all()
-    assert (p.right >= p.probability.max(axis=1) - 1e-6).all()
-
-
 def test_another_rivers_inflow_is_not_answered():
     u, y, _ = river_windows(8, 8)
     p = posterior_river(np.roll(u, 1, axis=0), y)
@@ -100,7 +94,7 @@ def test_a_travel_time_beyond_the_range_is_no_answer(t50):
         assert (p.beyond[:, 1] > 0.5).all()
 
 
-def test_still_windows_are_told_and_do_not_touch_the_others():
+def test_still_windows_have_a_reason_and_leave_the_others_alone():
     u, y, _ = river_windows(3, 10, days=1)
     flat = u.copy()
     flat[1] = 70.0
@@ -179,10 +173,10 @@ def test_evidence_of_a_window_is_that_of_its_whitened_columns(seed):
         a, c = river_noises()[b]
         passed = lfilter(a, c, np.convolve(u - u[0], grid.h[shape, place])[: len(u)])[s.warm :]
         seen = lfilter(a, c, y - y[0])[s.warm :]
-        beside = [lfilter(a, c, x)[s.warm :] for x in daily_sine(len(u), 96)]
+        extra = [lfilter(a, c, x)[s.warm :] for x in daily_sine(len(u), 96)]
         for sine in (0, 1):
             columns = SINE if sine else 1
-            Q = np.linalg.qr(np.column_stack([np.ones(n), *beside])[:, :columns])[0]
+            Q = np.linalg.qr(np.column_stack([np.ones(n), *extra])[:, :columns])[0]
             x, z = passed - Q @ (Q.T @ passed), seen - Q @ (Q.T @ seen)
             slow = marginal(np.array([z @ z]), np.array([x @ z]), np.array([x @ x]), n, GAIN, SD)
             penalty = 0.5 * columns * np.log(n)

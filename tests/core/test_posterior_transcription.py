@@ -55,7 +55,7 @@ def slow_evidence(y, u, o, structure, C, n_kinds, d, w, n_lags):
 
 
 def slow_is_echo(y, u, o, candidate, n_lags):
-    """Whether a front of a third of the delay, beside free coefficients of its echo, is likelier by one
+    """Whether a front of a third of the delay, with free coefficients of its echo, is likelier by one
     regression for each kind of noise and share."""
     first, second = structures(True)[:2]
     n, bank = len(y) - n_lags, noise_bank()
@@ -196,7 +196,7 @@ def test_probability_is_the_flattened_sum_over_all_models(days):
     u, y, o, _ = days(2, 5, N)
     s = PosteriorSettings(d_min=3, d_max=6, order=20)
     result = posterior(u, y, o, s)
-    for i in range(1):
+    for i in range(1):  # a regression for each of thousands of models
         weight, places, stores = slow_posterior(u[i], y[i], o[i], s)
         tenths = np.arange(10 * (s.d_min - GUARD) + 1, 10 * (s.d_max + GUARD + 1)) / 10
         F = weight @ np.array([slow_below(tenths, x, st, s) for x, st in zip(places, stores, strict=True)])

@@ -41,8 +41,8 @@ def series(draw, n=N):
     return scale * (values + draw(st.sampled_from([0.0, 1.0, -1.0, 1e6])))
 
 
-def everything_is_said(answer, days):
-    """Each day has an answer of finite numbers, or a status that says there is none."""
+def is_complete(answer, days):
+    """Each day has an answer of finite numbers, or the status unidentifiable."""
     assert set(answer.status.tolist()) <= STATUS
     for i in range(days):
         if answer.status[i] == "unidentifiable":
@@ -67,7 +67,7 @@ def test_any_finite_input_gives_a_result_or_a_reason(name):
         u, y, o = (deviations(x[None]) for x in (u, y, o))
         with np.errstate(all="ignore"):
             answer = estimator.estimate(Days(u, y, o, np.array([300.0])))
-        everything_is_said(answer, 1)
+        is_complete(answer, 1)
 
     holds()
 
@@ -122,7 +122,7 @@ def test_shifting_the_inflow_by_a_sample_shifts_d_by_one(seed, delay, gap, by):
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(2, 14), st.floats(0.3, 2.0))
 def test_noise_free_the_delay_is_found(seed, delay, gap):
-    """People act at once, the inflow after d: two jumps (10). Next to the first, d = 1 is never the best."""
+    """Operators act at once, the inflow after d: two jumps (10). Next to the first, d = 1 never wins."""
     u = restful(seed)
     h = np.r_[0.0, np.linspace(-1.0, -0.4, 29)]
     h[delay + 1 :] += gap

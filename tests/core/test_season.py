@@ -25,14 +25,14 @@ def drifting_days(rng, n=60, D=10, hit=0.7, start=5.5, sd=0.08, step_at=None, st
     x[0] = start
     for t in range(1, n):
         x[t] = np.clip(x[t - 1] + sd * rng.normal() + (step if t == step_at else 0.0), 1.05, D + 0.95)
-    return told(rng, np.floor(x).astype(int), D, hit), np.floor(x).astype(int)
+    return sensed(rng, np.floor(x).astype(int), D, hit), np.floor(x).astype(int)
 
 
-def told(rng, d, D, hit=0.7):
+def sensed(rng, d, D, hit=0.7):
     """A sensor of the delay whose likelihood is exact: right with `hit`, else any other."""
     likelihood = np.full((D, D), (1.0 - hit) / (D - 1)) + np.eye(D) * (hit - (1.0 - hit) / (D - 1))
-    said = np.array([rng.choice(D, p=likelihood[k - 1]) for k in d])
-    return likelihood[:, said].T
+    seen = np.array([rng.choice(D, p=likelihood[k - 1]) for k in d])
+    return likelihood[:, seen].T
 
 
 def by_paths(p, link, flow, d_min, s, both_ways):
@@ -134,7 +134,7 @@ def test_both_ways_is_the_same_from_the_other_end_where_the_days_are_related():
     np.testing.assert_allclose(ahead, behind, atol=1e-12)
 
 
-def test_the_first_day_alone_keeps_what_it_said_but_for_the_distrust():
+def test_the_first_day_alone_keeps_its_probabilities_but_for_the_trust():
     p, _, _ = some_days(1, 9, 4)
     s = SeasonSettings(independent=0.0, trust=0.9)
     np.testing.assert_allclose(season(p, settings=s).probability, 0.9 * p + 0.1 / 9, atol=1e-12)
@@ -182,7 +182,7 @@ def test_a_step_is_followed_on_the_second_day_after_it():
 
 
 def test_where_the_model_holds_the_probabilities_hold_and_neighbours_help():
-    alone, forward, both, said = [], [], [], []
+    alone, forward, both, tops = [], [], [], []
     for seed in range(24):
         rng = np.random.default_rng([seed, 1])
         p, d = drifting_days(rng, start=rng.uniform(3, 8), sd=rng.choice([0.03, 0.1, 0.3]))
@@ -191,11 +191,11 @@ def test_where_the_model_holds_the_probabilities_hold_and_neighbours_help():
         for found, way in ((forward, False), (both, True)):
             q = season(p, both_ways=way).probability
             found.append(q[rows, d - 1])
-            said.append((q.max(axis=1), np.argmax(q, axis=1) + 1 == d))
+            tops.append((q.max(axis=1), np.argmax(q, axis=1) + 1 == d))
     means = [np.log(np.concatenate(part)).mean() for part in (alone, forward, both)]
     assert means[1] > means[0] + 0.3 and means[2] > means[1] + 0.1
     # of seasons, not days: days of one season share their fortune
-    gap = np.array([right.mean() - top.mean() for top, right in said])
+    gap = np.array([right.mean() - top.mean() for top, right in tops])
     assert abs(gap.mean()) < 3.0 * gap.std(ddof=1) / np.sqrt(len(gap)) + 0.01
 
 
@@ -204,7 +204,7 @@ def test_independent_days_are_found_to_be_and_lose_next_to_nothing():
     for seed in range(8):
         rng = np.random.default_rng([seed, 2])
         d = rng.integers(1, 11, 60)
-        p = told(rng, d, 10, 0.9)
+        p = sensed(rng, d, 10, 0.9)
         found = season(p)
         rows = np.arange(60)
         lost.append(np.mean(np.log(p[rows, d - 1]) - np.log(found.probability[rows, d - 1])))
@@ -218,7 +218,7 @@ def test_the_discharge_explains_what_else_would_be_a_drift():
     flow = 200.0 * np.exp(0.5 * rng.normal(size=80))
     for b in (0.1, 0.3):
         d = np.floor(7.5 * (flow / 200.0) ** -b).astype(int)
-        p = told(rng, d, 15, 0.9)
+        p = sensed(rng, d, 15, 0.9)
         plain, law = season(p, both_ways=True), season(p, None, flow, both_ways=True)
         rows = np.arange(80)
         assert np.log(law.probability[rows, d - 1]).mean() > np.log(plain.probability[rows, d - 1]).mean()
@@ -234,7 +234,7 @@ def test_days_that_share_a_distribution_are_foretold_by_it():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "words"),
     [
         (([0.5, 0.5],), "expected \\(days, D\\)"),
         (([[0.5, 0.4]],), "row 0 is no distribution"),
@@ -245,6 +245,6 @@ def test_days_that_share_a_distribution_are_foretold_by_it():
         (([[0.5, 0.5]], None, [1.0, 2.0]), "discharge has shape"),
     ],
 )
-def test_what_is_no_season_is_refused(arguments, said):
-    with pytest.raises(RividError, match=said):
+def test_what_is_no_season_is_refused(arguments, words):
+    with pytest.raises(RividError, match=words):
         season(*arguments)
