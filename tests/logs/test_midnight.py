@@ -59,14 +59,6 @@ class TestAFilePerDayStampedAtTheEnd:
             assert same(data, read_window(one, [b], settings)) and data.notes == ""
         assert same(read_window(folder, days, settings), read_window(one, whole, settings))
 
-    def test_of_one_column_only(self, folder, tmp_path):
-        settings = config(RIVER, stamp={"u_Qi": "end"})
-        one = put(tmp_path / "one", river(), name="all.csv", head=HEAD)
-        days, whole = days_of(folder, settings), days_of(one, settings)
-        assert [d.date for d in days] == [d.date for d in whole] == DATES[:-1]
-        for a, b in list(zip(days, whole, strict=True))[1:]:  # Q_L begins 15 min late on the first day
-            assert same(read_window(folder, [a], settings), read_window(one, [b], settings))
-
     def test_a_change_of_the_next_file_is_a_change_of_the_day(self, folder, settings):
         before = days_of(folder, settings)
         file = folder / f"{DATES[1]}.csv"
@@ -98,21 +90,15 @@ class TestAFilePerDayStampedAtTheEnd:
             read_window(folder, [second], settings)
         assert read_window(folder, [third], settings).n_filled == 0
 
-    def test_a_faulty_closing_row_is_not_taken(self, folder, settings):
-        file = folder / f"{DATES[1]}.csv"
-        lines = file.read_text().splitlines()
-        lines[1] = lines[1].split(",")[0] + ",-9999,210"
-        file.write_text("\n".join(lines) + "\n")
-        for day in days_of(folder, settings)[:2]:
-            with pytest.raises(DataError, match=r"2008-03-11.csv, line 2: column 'u_Qi' holds -9999"):
-                read_window(folder, [day], settings)
-
-    def test_a_faulty_closing_row_in_a_file_of_many_days_is_not_taken(self, tmp_path, settings):
+    @pytest.mark.parametrize("in_one_file", [False, True])
+    def test_a_faulty_closing_row_is_not_taken(self, tmp_path, settings, in_one_file):
         lines = river()
         lines[95][1] = "-9999"
-        folder = put(tmp_path, lines, name="march.csv", head=HEAD)
+        folder = (
+            put(tmp_path, lines, name="march.csv", head=HEAD) if in_one_file else by_label(tmp_path, lines)
+        )
         for day in days_of(folder, settings)[:2]:
-            with pytest.raises(DataError, match="line 97: column 'u_Qi' holds -9999"):
+            with pytest.raises(DataError, match=r"line (2|97): column 'u_Qi' holds -9999"):
                 read_window(folder, [day], settings)
 
     def test_its_own_closing_row_comes_first(self, folder, settings):
@@ -138,18 +124,15 @@ class TestAFilePerDayStampedAtTheEnd:
 
 
 class TestARowAtMidnightAlone:
-    @pytest.mark.parametrize("stamp", [{}, {"u_Qi": "end"}, {"h_L": "end"}])
-    def test_is_no_day_at_the_end_of_an_export(self, tmp_path, stamp):
-        lines = rows() + rows(DATES[1]) + rows(DATES[2])[:1]
+    @pytest.mark.parametrize(
+        ("stamp", "after"),
+        [({}, 1), ({"u_Qi": "end"}, 1), ({"h_L": "end"}, 1), ({"u_Qi": "end"}, 0),
+         ({"u_Qi": "end", "u_Qo": "end", "h_L": "end"}, 0)],
+    )  # fmt: skip
+    def test_is_no_day_at_the_end_or_the_start_of_an_export(self, tmp_path, stamp, after):
+        lines = rows() + rows(DATES[1]) + rows(DATES[2])[:after]
         folder = put(tmp_path, lines, name="march.csv")
-        settings = config(stamp=stamp)
-        assert [d.date for d in days_of(folder, settings)] == DATES[:2]
-
-    @pytest.mark.parametrize("stamp", [{"u_Qi": "end"}, {"u_Qi": "end", "u_Qo": "end", "h_L": "end"}])
-    def test_is_no_day_at_its_start(self, tmp_path, stamp):
-        settings = config(stamp=stamp)
-        folder = put(tmp_path, rows() + rows(DATES[1]), name="march.csv")
-        assert [d.date for d in days_of(folder, settings)] == DATES[:2]
+        assert [d.date for d in days_of(folder, config(stamp=stamp))] == DATES[:2]
 
     def test_completes_a_day_of_another_file(self, tmp_path):
         lines = river()
@@ -171,16 +154,13 @@ class TestARowAtMidnightAlone:
         folder = put(tmp_path, lines, name="march.csv")
         assert [d.date for d in days_of(folder, config())] == DATES[:2]
 
-    def test_a_days_own_file_cut_after_its_first_row_still_fails(self, tmp_path):
-        folder = put(tmp_path, rows()[:1])
-        (day,) = days_of(folder, config())
+    def test_fails_in_a_days_own_file_and_is_no_data_elsewhere(self, tmp_path):
+        own = put(tmp_path / "own", rows()[:1])
         with pytest.raises(DataError, match="gap of"):
-            read_window(folder, [day], config())
-
-    def test_is_nothing_to_work_on(self, tmp_path):
-        put(tmp_path, rows()[:1], name="march.csv")
-        with pytest.raises(NoDataError, match="holds more of a day than the row at its midnight"):
-            find_days(tmp_path, config())
+            read_window(own, days_of(own, config()), config())
+        put(tmp_path / "other", rows()[:1], name="march.csv")
+        with pytest.raises(NoDataError, match="more of a day than the row at its midnight"):
+            find_days(tmp_path / "other", config())
 
 
 def test_a_log_from_midnight_to_midnight_drops_nothing(tmp_path):

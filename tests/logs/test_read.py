@@ -151,14 +151,14 @@ def test_too_many_short_gaps_fail_the_day(tmp_path):
         ({"sample_time": 120}, r"\[reach\] sample_time = 120 s, but the log comes every 300 s"),
     ],
 )
-def test_a_log_that_comes_less_often_than_the_sample_time_asks_for_that_first(tmp_path, reach, hint):
+def test_a_log_coarser_than_the_sample_time_names_that_key_first(tmp_path, reach, hint):
     put(tmp_path, rows(n=288, step=300))
     with pytest.raises(DataError, match=hint + r": set \[reach\] sample_time = 300; or, .*interval\] u_Qi"):
         read(tmp_path, reach=reach)
     assert read(tmp_path, reach={"sample_time": 300}).n_filled == 0
 
 
-def test_one_column_that_comes_less_often_than_the_others_is_asked_for_its_interval(tmp_path):
+def test_one_column_coarser_than_the_others_names_its_interval(tmp_path):
     lines = [[r[0], r[1] if k % 3 == 0 else "", *r[2:]] for k, r in enumerate(rows(n=288, step=300))]
     with pytest.raises(DataError, match=r"; u_Qi comes every 15 min: .* set \[input.interval\] u_Qi = 900$"):
         read(put(tmp_path, lines), reach={"sample_time": 300})
@@ -256,26 +256,21 @@ class TestToday:
             read(tmp_path, today=DAY)
 
     @pytest.mark.parametrize(
-        ("zone", "last_hour", "first_hour_after"),
+        ("zone", "given", "last_hour", "first_hour_after"),
         [
-            ("+01:00", "2008-03-10T22:59", "2008-03-10T23:00"),
-            ("-07:00", "2008-03-11T06:59", "2008-03-11T07:00"),
+            ("+01:00", {}, "2008-03-10T22:59", "2008-03-10T23:00"),
+            ("-07:00", {}, "2008-03-11T06:59", "2008-03-11T07:00"),
+            ("", {"time_zone": "Asia/Tokyo"}, "2008-03-10T14:59", "2008-03-10T15:00"),
         ],
     )
-    def test_of_a_moment_the_day_is_that_of_the_logs_own_zone(
-        self, tmp_path, zone, last_hour, first_hour_after
-    ):
+    def test_a_moment_is_a_day_of_the_logs_zone(self, tmp_path, zone, given, last_hour, first_hour_after):
         folder = put(tmp_path, rows(zone=zone)[:400])
-        with pytest.raises(PendingError):
-            read(folder, today=dt.datetime.fromisoformat(last_hour + "Z"))
-        with pytest.raises(PendingError):  # any aware datetime is the same moment
-            read(folder, today=dt.datetime.fromisoformat(last_hour + "Z").astimezone(dt.timezone.max))
+        moment, after = (dt.datetime.fromisoformat(text + "Z") for text in (last_hour, first_hour_after))
+        for same in (moment, moment.astimezone(dt.timezone.max)):
+            with pytest.raises(PendingError):
+                read(folder, today=same, **given)
         with pytest.raises(DataError) as caught:
-            read(folder, today=dt.datetime.fromisoformat(first_hour_after + "Z"))
-        assert not isinstance(caught.value, PendingError)
-        settled = {"time_zone": "Asia/Tokyo", "today": dt.datetime.fromisoformat("2008-03-10T15:00Z")}
-        with pytest.raises(DataError) as caught:
-            read(put(tmp_path / "naive", rows(zone="")[:400]), **settled)
+            read(folder, today=after, **given)
         assert not isinstance(caught.value, PendingError)
 
     def test_a_log_without_any_row_is_pending_until_its_day_is_over_everywhere(self, tmp_path):

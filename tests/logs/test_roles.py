@@ -6,8 +6,6 @@ import pytest
 
 from rivid.logs.sniff.propose import sniff
 
-UNITS = {"flow": "m3/s", "level": "m"}
-
 
 @pytest.fixture
 def proposed(tmp_path):
@@ -108,19 +106,20 @@ def test_no_sum_holds_columns_of_two_sites(proposed):
             assert isinstance(columns, str) or len({name.split(".")[0] for name in columns}) == 1
 
 
-def test_units_of_one_plant_are_summed_whatever_their_numbers(proposed):
-    found = given(proposed("inflow", "unit_1", "unit_2", "gates", "level"))
-    assert found["u_Qo"] == ["unit_1", "unit_2", "gates"]
-
-
-def test_a_level_that_is_called_like_a_side_of_the_dam_is_a_level(proposed):
-    found = given(proposed("OW [m]", "UW [m]", "Q OW [m3/s]", "Q UW [m3/s]"))
-    assert (found["h_L"], found["u_Qi"], found["u_Qo"]) == ("OW [m]", "Q OW [m3/s]", "Q UW [m3/s]")
-
-
-def test_the_opening_of_a_gate_is_no_discharge_taken_silently(proposed):
-    proposal = proposed("inflow", "outflow", "gate [m]", "level [m]")
-    assert given(proposal)["u_Qo"] == "outflow"
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("inflow", "unit_1", "unit_2", "gates", "level"), {"u_Qo": ["unit_1", "unit_2", "gates"]}),
+        (("inflow", "outflow", "gate [m]", "level [m]"), {"u_Qo": "outflow"}),  # an opening is no discharge
+        (
+            ("OW [m]", "UW [m]", "Q OW [m3/s]", "Q UW [m3/s]"),
+            {"h_L": "OW [m]", "u_Qi": "Q OW [m3/s]", "u_Qo": "Q UW [m3/s]"},
+        ),
+    ],
+)
+def test_units_and_kinds_of_columns_decide_their_roles(proposed, names, expected):
+    found = given(proposed(*names))
+    assert {key: found[key] for key in expected} == expected
 
 
 def test_two_discharges_of_a_river_are_asked_about_unless_named(proposed):
