@@ -69,7 +69,7 @@ def failed(record: dict[str, Any]) -> int:
 def page(record: dict[str, Any]) -> str:
     """The page of a record."""
     seconds = sum(kept["seconds"] for kept in record.values())
-    long = any("many_random_moments" in test for test in record)
+    long = any("test_bombs" in test for test in record)
     summary = (
         f"{len(ROWS)} faults, {len(record):,} tests, {failed(record)} failed, {seconds:,.0f} s of tests; "
         f"{'with' if long else 'without'} the long loops. {platform.system()}, Python {platform.python_version()}, "
