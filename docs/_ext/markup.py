@@ -1,5 +1,6 @@
-"""Markdown tables, and what a numpydoc docstring says of its parameters."""
+"""Markdown tables, and the descriptions of parameters in docstrings."""
 
+import ast
 import inspect
 import re
 from collections.abc import Iterable, Sequence
@@ -25,7 +26,7 @@ def code(text: str) -> str:
 
 
 def parameters(cls: type) -> dict[str, tuple[str, str]]:
-    """Unit and meaning of each parameter in a numpydoc docstring, its own classes' before it; "-" is no unit.
+    """Unit and meaning of each parameter, of the numpydoc docstring or of the fields' own; "-" is no unit.
 
     Examples
     --------
@@ -42,7 +43,7 @@ def parameters(cls: type) -> dict[str, tuple[str, str]]:
     ('m', 'levels, the higher one first')
     """
     lines = inspect.cleandoc(cls.__doc__ or "").splitlines()
-    found: dict[str, tuple[str, str]] = {}
+    found = _of_fields(cls)
     for head in ("Parameters", "Attributes"):
         if head not in lines:
             continue
@@ -57,6 +58,22 @@ def parameters(cls: type) -> dict[str, tuple[str, str]]:
             else:
                 text.append(line.strip())
     return found
+
+
+def _of_fields(cls: type) -> dict[str, tuple[str, str]]:
+    """Unit and meaning of each field that a string follows."""
+    try:
+        (node,) = ast.parse(inspect.cleandoc("\n" + inspect.getsource(cls))).body
+    except (OSError, SyntaxError, TypeError):  # a class without a source file
+        return {}
+    assert isinstance(node, ast.ClassDef)
+    return {
+        field.target.id: _unit_and_meaning(" ".join(after.value.value.split()))
+        for field, after in zip(node.body, node.body[1:], strict=False)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        and isinstance(after.value.value, str)
+    }  # fmt: skip
 
 
 def _unit_and_meaning(text: str) -> tuple[str, str]:
