@@ -35,7 +35,7 @@ test: setup  ## all tests but the long loops
 	$(BIN)/python -m pytest -n auto -m "not long"
 
 test-long: setup  ## the long loops and the tests of the benchmarks too
-	$(BIN)/python -m pytest -n auto tests rivid benchmarks/tests
+	RIVID_LONG=1 $(BIN)/python -m pytest -n auto tests rivid benchmarks/tests
 
 check: setup  ## ruff, mypy strict, and the layers
 	$(BIN)/ruff check .

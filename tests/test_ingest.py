@@ -22,6 +22,7 @@ from rivid.errors import ConfigError, DataError, RividError
 from rivid.logs.catalog import find_days
 from rivid.logs.ingest.work import ingest
 from rivid.logs.read import read_window
+from tests import examples
 from tests.faults.test_mutations import mutated
 
 DAY = dt.date(2008, 3, 10)
@@ -513,7 +514,9 @@ SEEDS = {
 
 @pytest.mark.parametrize("kind", SEEDS)
 @given(data=st.data())
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=examples(40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 def test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reason(tmp_path, kind, data):
     path = tmp_path / "export.csv"
     path.write_bytes(data.draw(mutated(SEEDS[kind])))

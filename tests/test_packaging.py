@@ -92,6 +92,7 @@ def test_the_sdist_builds_the_same_wheel(built, tmp_path):
     assert contents(built / WHEEL) == contents(tmp_path / WHEEL)
 
 
+@pytest.mark.long
 def test_the_wheel_works_in_a_clean_environment(built, tmp_path):
     environment = tmp_path / "clean"
     venv.EnvBuilder(symlinks=True).create(environment)

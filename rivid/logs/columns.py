@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from rivid.errors import DataError
+from rivid.errors import DataError, printable
 from rivid.logs.spec import Spec
 from rivid.types import Floats, Ints
 
@@ -166,7 +166,7 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
     lower = {name.lower(): name for name in names if name}
     near = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.3)
     nearest = f"nearest is {lower[near[0]]!r}; " if near else ""
-    listed = ", ".join(name[:40] for name in names[:12]) + (", ..." if len(names) > 12 else "")
+    listed = ", ".join(printable(name[:40]) for name in names[:12]) + (", ..." if len(names) > 12 else "")
     none = ' or "" where it is not logged' if role == "u_Qo" else ""
     own = "; for an export of another system `rivid sniff FILE` proposes [input]"
     if {"time", "u_Qi"} <= set(names):

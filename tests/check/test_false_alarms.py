@@ -28,11 +28,12 @@ def alarms(paths, seeds, n):
     return count, found
 
 
-@pytest.mark.parametrize("n", [2, pytest.param(24, marks=pytest.mark.long)])
-def test_sound_seasons_give_no_finding(tried, n):
-    count, found = alarms(SCENARIOS, [1], n)
+@pytest.mark.parametrize(("n", "every"), [(2, 6), pytest.param(24, 1, marks=pytest.mark.long)])
+def test_sound_seasons_give_no_finding(tried, n, every):
+    count, found = alarms(SCENARIOS[::every], [1], n)
+    assert count > 5
     assert found == []
-    tried(f"a sound simulated season of {n} days, of every scenario: no finding", count)
+    tried(f"a sound simulated season of {n} days: no finding", count)
 
 
 @pytest.mark.parametrize("name", ["basse_isere", "hydraulic_short", "effects/leakage"])

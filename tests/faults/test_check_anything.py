@@ -13,6 +13,7 @@ from rivid.check.findings import render
 from rivid.config import Config, parse
 from rivid.errors import RividError
 from rivid.logs.read import DataSet
+from tests import examples
 from tests.daily import write_days
 from tests.faults.test_config_attacks import DEEP
 from tests.faults.test_mutations import CSV, REACH, mutated
@@ -57,7 +58,9 @@ def records(draw):
 def test_any_finite_days_give_finite_findings(tried):
     found = seen = 0
 
-    @settings(max_examples=250, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=examples(250), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    )
     @given(records())
     def holds(record):
         nonlocal found, seen
@@ -80,7 +83,9 @@ def test_any_finite_days_give_finite_findings(tried):
 def test_any_bytes_checked(tmp_path, tried):
     path, seen = tmp_path / f"{DAY}.csv", 0
 
-    @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=examples(150), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    )
     @given(mutated(CSV))
     def attack(content):
         nonlocal seen

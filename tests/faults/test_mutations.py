@@ -14,6 +14,7 @@ from rivid.errors import RividError
 from rivid.logs.catalog import find_days
 from rivid.logs.read import read_window
 from rivid.logs.sniff.propose import sniff
+from tests import examples
 from tests.logs.helpers import DAY, config, rows, text
 
 REACH = {"sample_time": 900}
@@ -59,7 +60,9 @@ def mutated(draw, seed):
     return bytes(content)
 
 
-LOOP = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+LOOP = settings(
+    max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 def outcome(folder, settings_):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rivid.config import Config, parse
 from rivid.errors import ConfigError
 from rivid.results.tables import FORMULA
+from tests import examples
 from tests.daily import FIRST, text_of, write_days
 from tests.run.test_run import command, rivid
 
@@ -149,7 +150,7 @@ def test_names_of_devices_and_options_for_reaches_logs_and_directories(tmp_path,
     )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.text(max_size=90))
 def test_a_reach_is_called_by_letters_digits_dot_underscore_hyphen(name):
     allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from rivid.errors import DataError
 from rivid.logs.grid import make_grid, on_grid
 from rivid.logs.spec import spec_of
+from tests import examples
 from tests.logs.helpers import config
 
 DAY = 86_400
@@ -26,7 +27,7 @@ def plain(times, values, instants, held, late):
     return np.array(out)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(
     steps=st.lists(st.integers(20, 900), min_size=100, max_size=1200),
     period=st.sampled_from([60.0, 133.0, 300.0, 900.0]),
@@ -48,7 +49,7 @@ def test_held_and_interpolated_values(steps, period, held, seed):
     assert len(samples) == int(np.ceil(DAY / period))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(lost=st.lists(st.integers(1, 648), max_size=60, unique=True), held=st.booleans())
 def test_filled_samples_are_the_lost_ones(lost, held):
     spec = spec_of(config(max_gap=86_400))
@@ -61,7 +62,7 @@ def test_filled_samples_are_the_lost_ones(lost, held):
         np.testing.assert_allclose(samples, values, rtol=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(first=st.integers(0, 640), count=st.integers(1, 20), limit=st.integers(0, 3000))
 def test_the_limit_of_a_gap_is_time_without_a_value(first, count, limit):
     spec = spec_of(config(max_gap=limit))

@@ -62,7 +62,7 @@ def test_a_scenario_gives_the_reaches_of_its_cascade(tmp_path):
 
 
 def test_without_any_cascade_the_reach_is_drawn_alone_and_a_message_names_it(out, monkeypatch):
-    monkeypatch.setattr(cli, "_default_cascade", lambda: [out / "no.toml"])
+    monkeypatch.setattr(cli, "CASCADE", out / "no.toml")
     drawn = []
     monkeypatch.setattr(
         "rivid.plots.paper.draw_paper", lambda y, e, reaches, *a, **k: drawn.append(reaches) or []
