@@ -1,6 +1,7 @@
 """Estimates of a day or of arrays: the paper's estimator, and the probability of each delay."""
 
 import datetime as dt
+from abc import abstractmethod
 from collections import Counter
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -33,11 +34,11 @@ class _DelayResult(Result):
     output_unit: str
     date: dt.date | None
 
-    def _day_facts(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _day_facts(self) -> str: ...
 
-    def _day_panels(self) -> "list[Panel]":
-        raise NotImplementedError
+    @abstractmethod
+    def _day_panels(self) -> "list[Panel]": ...
 
     def _response_and(
         self,

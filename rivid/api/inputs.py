@@ -1,6 +1,7 @@
 """Conversion of arguments to configurations, scenarios and dates; the base class of the library's results."""
 
 import datetime as dt
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,19 +19,19 @@ GivenScenario = Scenario | Path | str | Mapping[str, Any] | None
 GivenDate = dt.date | str | None
 
 
-class Result:
+class Result(ABC):
     """A frozen result with a repr of one line, and a figure with the same facts in its heading."""
 
     _between = 0.34
 
-    def _facts(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _facts(self) -> str: ...
 
-    def _title(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _title(self) -> str: ...
 
-    def _panels(self) -> "Sequence[Panel]":
-        raise NotImplementedError
+    @abstractmethod
+    def _panels(self) -> "Sequence[Panel]": ...
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._facts()})"

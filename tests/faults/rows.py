@@ -30,7 +30,7 @@ The parent is killed
   -> its workers are gone within 2 s
   faults/test_kills: test_killed_at_random_moments
 SIGINT, SIGTERM
-  -> exit 130 or 143 in less than 2 s, nobody left, what was done is kept
+  -> exit 130 or 143 in less than 2 s, no process remains, finished work is kept
   faults/test_signals: test_signals_in_the_middle_of_a_run
       test_a_signal_is_not_lost_while_file_after_file_is_refused test_what_was_done_before_a_signal_is_kept
 Two runs into one OUT
@@ -174,7 +174,7 @@ Pickles
   -> never read
   faults/test_reading: test_pickles_are_never_opened
 An upgrade; results of another version
-  -> old results are read and taken up; newer ones are told and left alone
+  -> old results are read and taken up; newer ones are refused and left unchanged
   faults/test_old_results: test_old_results_are_read_drawn_and_taken_up
       test_newer_results_are_refused_and_left_alone
       test_damaged_results_are_refused_by_readers_and_replaced_by_a_run
