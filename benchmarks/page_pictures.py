@@ -161,7 +161,7 @@ def keep(tab: Tab, page: Path, path: Path) -> int:
     tab.value(SHOWN)
     tab.picture(path)
     image = Image.open(io.BytesIO(path.read_bytes())).convert("RGB")
-    image.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)
+    image.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)
     return path.stat().st_size
 
 
