@@ -13,8 +13,7 @@ from rivid.config import Config, load_config
 from rivid.core.fir import half_time, map_fir
 from rivid.core.jmap import jmap
 from rivid.core.settings import JmapSettings
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT / "sample_data" / "glen_canyon"

@@ -19,9 +19,8 @@ from hypothesis import strategies as st
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, DataError, RividError
-from rivid.logs.catalog import find_days
+from rivid.logs.days import find_days, read_window
 from rivid.logs.ingest.work import ingest
-from rivid.logs.read import read_window
 from tests import examples
 from tests.faults.test_mutations import mutated
 

@@ -14,9 +14,8 @@ from click.testing import CliRunner
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
-from rivid.logs.catalog import find_days
+from rivid.logs.days import find_days, read_window
 from rivid.logs.ingest.work import ingest
-from rivid.logs.read import read_window
 
 HERE = Path(__file__).parent / "data" / "exports"
 _spec = importlib.util.spec_from_file_location("corpus", HERE / "make.py")

@@ -12,9 +12,8 @@ from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
 from rivid.input_config import USUAL_ZONES
-from rivid.logs.catalog import find_days
+from rivid.logs.days import find_days, read_window
 from rivid.logs.ingest.work import ingest
-from rivid.logs.read import read_window
 from rivid.logs.sniff.propose import sniff
 from tests.test_ingest_corpus import CASES, HERE, differences, expected_of, files_of, found_in
 

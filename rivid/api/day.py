@@ -157,8 +157,7 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     >>> read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
     Day(2008-03-14, basse-isere: 650 samples of 133 s, inflow 350 to 452 m3/s)
     """
-    from rivid.logs.catalog import find_days
-    from rivid.logs.read import read_window
+    from rivid.logs.days import find_days, read_window
     from rivid.run.workers import without_pandas
 
     settings, wanted, root = as_config(config), as_date(date), Path(path)

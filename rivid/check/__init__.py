@@ -14,8 +14,7 @@ from rivid.check.spacing import Spacing
 from rivid.check.units import units
 from rivid.config import Config
 from rivid.errors import DataError, PendingError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import DataSet, read_window, refuse_columns
+from rivid.logs.days import DataSet, find_days, read_window, refuse_columns
 from rivid.types import ONE_DAY
 
 __all__ = ["DayReport", "Finding", "Report", "check", "check_days"]
@@ -33,7 +32,7 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
         DATA_DIR, or one file.
     config : Config
     today : date or aware datetime, optional
-        A log of this day may be unfinished; see :func:`rivid.logs.read.read_window`.
+        A log of this day may be unfinished; see :func:`rivid.logs.days.read_window`.
 
     Returns
     -------

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rivid.config import ReachConfig
 from rivid.core.hydraulics import propose_delays
 from rivid.errors import ConfigError
-from rivid.logs.read import DataSet
+from rivid.logs.days import DataSet
 from rivid.types import HOUR, ONE_DAY, Floats
 
 Kept = NDArray[np.float32]

@@ -8,10 +8,9 @@ import numpy as np
 from rivid.check.findings import Finding, list_dates
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.logs.catalog import DaySource
+from rivid.logs.days import DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, spec_of
-from rivid.logs.times import local
+from rivid.logs.spec import MICRO, local, spec_of
 from rivid.types import Ints
 
 OFF = 0.02

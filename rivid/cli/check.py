@@ -88,7 +88,7 @@ def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.datetime | None) 
     from rivid.check.findings import render, render_sound
     from rivid.errors import RividError
     from rivid.fleet.outcome import worst
-    from rivid.logs.files import shown
+    from rivid.logs.spec import shown
 
     codes: list[int] = []
     answer: dict[str, Any] = {}

@@ -13,8 +13,7 @@ from rivid.config import Config
 from rivid.core.hydraulics import propose_delays
 from rivid.effects.base import World
 from rivid.errors import DataError, NoDataError, RividError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.types import DAY, Floats
 
 Kind = Literal["pool", "river"]

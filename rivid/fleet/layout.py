@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.logs.files import shown, suffix_of
+from rivid.logs.spec import shown, suffix_of
 
 if TYPE_CHECKING:
     from rivid.config import Config

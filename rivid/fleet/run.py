@@ -12,7 +12,7 @@ from pathlib import Path
 from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
 from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
-from rivid.logs.files import shown
+from rivid.logs.spec import shown
 from rivid.results import record
 from rivid.results.store import Store
 from rivid.run.plan import Options

@@ -14,8 +14,7 @@ import pyarrow.parquet as pq
 
 from rivid.atomic import replacing
 from rivid.errors import RividError
-from rivid.logs.spec import MICRO
-from rivid.logs.times import EPOCH
+from rivid.logs.spec import EPOCH, MICRO
 from rivid.types import Floats, Ints
 
 Format = Literal["csv", "csv.gz", "parquet"]

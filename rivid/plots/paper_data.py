@@ -14,8 +14,7 @@ from rivid.core.hydraulics import TravelBounds, propose_delays, travel_bounds
 from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS, Days
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.results.read import EstimatorResults, Results
 from rivid.types import Floats, Ints
 

@@ -25,8 +25,7 @@ from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import DataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared
-from rivid.logs.catalog import DaySource
-from rivid.logs.read import DataSet, read_window
+from rivid.logs.days import DataSet, DaySource, read_window
 from rivid.results.store import write_segment
 from rivid.results.tables import SEGMENT, to_table
 from rivid.run.workers import Engine, each

@@ -12,8 +12,7 @@ from zoneinfo import ZoneInfo
 
 from rivid.config import Config
 from rivid.errors import ConfigError, NoDataError
-from rivid.logs.catalog import Catalog, FileFacts, find_days
-from rivid.logs.read import refuse_columns
+from rivid.logs.days import Catalog, FileFacts, find_days, refuse_columns
 from rivid.results.store import METHOD_VERSION, digest
 from rivid.run.batch import Window
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from rivid.check import check_days
 from rivid.config import Config, parse
-from rivid.logs.read import DataSet
+from rivid.logs.days import DataSet
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 

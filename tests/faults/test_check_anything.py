@@ -12,7 +12,7 @@ from rivid.check import check, check_days
 from rivid.check.findings import render
 from rivid.config import Config, parse
 from rivid.errors import RividError
-from rivid.logs.read import DataSet
+from rivid.logs.days import DataSet
 from tests import examples
 from tests.daily import write_days
 from tests.faults.test_config_attacks import DEEP

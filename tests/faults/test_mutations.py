@@ -11,8 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rivid.errors import RividError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.logs.sniff.propose import sniff
 from tests import examples
 from tests.logs.helpers import DAY, config, rows, text

@@ -13,8 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.errors import ConfigError, DataError, NoDataError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from tests.daily import a_day, text_of, write_days
 from tests.logs.helpers import DAY, HEAD, config, put, read, rows, text
 

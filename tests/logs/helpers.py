@@ -3,8 +3,7 @@
 import datetime as dt
 
 from rivid.config import Config, parse
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from tests.daily import a_day
 
 DAY = dt.date(2008, 3, 10)

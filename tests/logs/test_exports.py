@@ -7,8 +7,7 @@ import pytest
 
 from rivid.config import Config, load_config, parse
 from rivid.errors import DataError, RividError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.logs.sniff.propose import sniff
 from tests.logs.exports import EXPORTS, STEP, Export, N
 

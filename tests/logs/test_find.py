@@ -9,8 +9,7 @@ import shutil
 import pytest
 
 from rivid.errors import ConfigError, NoDataError
-from rivid.logs.catalog import FileFacts, find_days
-from rivid.logs.read import read_window, refuse_columns
+from rivid.logs.days import FileFacts, find_days, read_window, refuse_columns
 from tests.daily import text_of, write_days
 from tests.logs.helpers import DAY, HEAD, config, rows, text
 
@@ -90,11 +89,11 @@ def test_changing_one_cell_changes_one_day(many):
 def test_known_files_are_neither_hashed_nor_opened(many, monkeypatch):
     before = find_days(many / "many", config())
     known = {name: FileFacts.from_json(facts.to_json()) for name, facts in before.files.items()}
-    monkeypatch.setattr("rivid.logs.catalog._split", None)
+    monkeypatch.setattr("rivid.logs.days._split", None)
     assert find_days(many / "many", config(), known).days == before.days
     monkeypatch.undo()
     before = find_days(many / "single", config())
-    monkeypatch.setattr("rivid.logs.catalog._hash", None)
+    monkeypatch.setattr("rivid.logs.days._hash", None)
     assert find_days(many / "single", config(), before.files).days == before.days
     with pytest.raises(TypeError):  # it does hash when asked to
         find_days(many / "single", config(), before.files, verify=True)

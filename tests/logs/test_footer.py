@@ -8,9 +8,8 @@ import pytest
 
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, PendingError, RividError
-from rivid.logs.catalog import find_days
+from rivid.logs.days import find_days, read_window
 from rivid.logs.ingest.work import ingest
-from rivid.logs.read import read_window
 from rivid.logs.sniff.propose import sniff
 from tests.logs.helpers import DAY, config, read, rows
 

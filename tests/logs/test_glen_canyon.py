@@ -8,8 +8,7 @@ import pytest
 
 from rivid.check import check
 from rivid.config import UNITS, load_config
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 
 HOME = Path(__file__).parents[2]
 LOGS = HOME / "sample_data" / "glen_canyon"

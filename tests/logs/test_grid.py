@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rivid.errors import DataError
-from rivid.logs.grid import make_grid, on_grid
+from rivid.logs.days import make_grid, on_grid
 from rivid.logs.spec import spec_of
 from tests import examples
 from tests.logs.helpers import config

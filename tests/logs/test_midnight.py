@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError, NoDataError, PendingError
-from rivid.logs.catalog import FileFacts, find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import FileFacts, find_days, read_window
 from tests.logs.helpers import DAY, config, put, rows, text
 
 STEP, N_DAYS = 900, 3
@@ -110,7 +109,7 @@ class TestAFilePerDayStampedAtTheEnd:
         before = find_days(folder, settings)
         known = {name: FileFacts.from_json(facts.to_json()) for name, facts in before.files.items()}
         assert known == before.files
-        monkeypatch.setattr("rivid.logs.catalog._hash", None)
+        monkeypatch.setattr("rivid.logs.days._hash", None)
         assert days_of(folder, settings, known=known) == before.days
 
     def test_off_the_hour(self, tmp_path):

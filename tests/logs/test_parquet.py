@@ -8,10 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.errors import DataError
-from rivid.logs.catalog import find_days
-from rivid.logs.files import DAY as LIMITS
-from rivid.logs.files import read_bytes
-from rivid.logs.read import read_window, refuse_columns
+from rivid.logs.days import find_days, read_window, refuse_columns
+from rivid.logs.spec import DAY as LIMITS
+from rivid.logs.spec import read_bytes
 from tests.logs.helpers import DAY, config, put, read, rows
 
 

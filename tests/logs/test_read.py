@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError, PendingError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from tests.daily import a_day, write_days
 from tests.logs.helpers import DAY, HEAD, config, put, read, rows
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rivid.errors import DataError
-from rivid.logs.times import day_bounds, read_text, to_utc
+from rivid.logs.spec import day_bounds, read_text, to_utc
 from tests.logs.helpers import put, read
 
 MARCH, OCTOBER = dt.date(2024, 3, 31), dt.date(2024, 10, 27)

@@ -12,8 +12,7 @@ import pytest
 
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.logs.write import write_days
 
 HOUR = dt.timedelta(hours=1)

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from rivid.cli.simulate import command
 from rivid.config import load_config
 from rivid.errors import ConfigError
-from rivid.logs.catalog import find_days
-from rivid.logs.read import read_window
+from rivid.logs.days import find_days, read_window
 from rivid.simulation import observables, simulate
 from rivid.simulation.scenario import load_scenario
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rivid.errors import DataError
-from rivid.logs.columns import Fault
-from rivid.logs.grid import Grid, TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
+from rivid.logs.days import Grid, TrailingGap, make_grid, on_grid, refuse_filled, refuse_supposed
 from rivid.logs.ingest.series import Gathered, Series, ValueStatus
 from rivid.logs.log import days_of
-from rivid.logs.spec import MICRO, Signal, Spec
-from rivid.logs.times import day_bounds
+from rivid.logs.spec import MICRO, Signal, Spec, day_bounds
+from rivid.logs.text import Fault
 from rivid.types import ONE_DAY, Floats, Ints
 
 Origins = list[tuple[Series, Ints]]

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rivid.input_config import InputConfig
-from rivid.logs.columns import FLAG, Columns, Fault, Table, UndeclaredError
-from rivid.logs.files import MANY, shown
 from rivid.logs.log import LARGEST, in_utc, logged_twice, read_table, too_large, undeclared, zone_of
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
-from rivid.logs.spec import Spec
-from rivid.logs.times import day_bounds
+from rivid.logs.spec import MANY, Spec, day_bounds, shown
+from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.types import Floats, Ints
 
 EMPTY = frozenset(InputConfig().missing)

@@ -14,11 +14,10 @@ import tomli_w
 from rivid.atomic import replacing, write_text
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, NoDataError
-from rivid.logs.columns import Table, UndeclaredError
-from rivid.logs.files import SUFFIXES, is_day_file, shown, suffix_of
 from rivid.logs.ingest.days import DayLog, canonical, dates_of, judge
 from rivid.logs.ingest.series import Gathered, Ledger, ValueStatus, gather, ledger_of, read_exports
-from rivid.logs.spec import spec_of
+from rivid.logs.spec import SUFFIXES, is_day_file, shown, spec_of, suffix_of
+from rivid.logs.text import Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
 
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")

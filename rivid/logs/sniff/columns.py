@@ -8,12 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from rivid.logs.columns import NumberReader
-from rivid.logs.files import stem_of
 from rivid.logs.log import sentinels_in
 from rivid.logs.sniff.layout import Layout, TimeLayout
-from rivid.logs.text import MANY_TEXTS, is_unit_column
-from rivid.logs.times import read_text
+from rivid.logs.spec import read_text, stem_of
+from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
 
 MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (".", "'"), (",", "'"))
 """Decimal and thousands marks that are tried, the plainest first."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from rivid.errors import DataError
+from rivid.logs.spec import read_text
 from rivid.logs.text import LINE, unmarked_utf16
-from rivid.logs.times import read_text
 
 SEPARATORS = (";", "\t", "|", ",")
 """In this order where several fit: a comma may be a decimal mark, the others hardly anything else."""

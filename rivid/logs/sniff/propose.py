@@ -9,8 +9,6 @@ from typing import Any
 
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
-from rivid.logs.columns import NumberReader
-from rivid.logs.files import Limits, read_bytes, shown
 from rivid.logs.sniff.columns import (
     Flags,
     Group,
@@ -22,9 +20,8 @@ from rivid.logs.sniff.columns import (
     roles_of,
 )
 from rivid.logs.sniff.layout import ZRXP_TAG, Layout, TimeLayout, guess_layout, guess_time
-from rivid.logs.spec import MICRO
-from rivid.logs.text import LINE, TAIL, footer_lines
-from rivid.logs.times import clock_turns_back, read_text
+from rivid.logs.spec import MICRO, Limits, clock_turns_back, read_bytes, read_text, shown
+from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
 
 WIDTH = 80
 """Characters of a line of the proposal."""

@@ -1,0 +1,715 @@
+"""The days in DATA_DIR: a file a day, or files of many days; changes are found by content."""
+
+import datetime as dt
+import os
+import stat
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rivid.config import Config
+from rivid.errors import ConfigError, DataError, NoDataError, PendingError
+from rivid.logs.log import Log, load
+from rivid.logs.spec import (
+    DAY,
+    LAST_ZONE,
+    MICRO,
+    SUFFIXES,
+    CutError,
+    Signal,
+    Spec,
+    clock,
+    day_bounds,
+    is_day_file,
+    local,
+    shown,
+    spec_of,
+    suffix_of,
+    zone_named,
+)
+from rivid.logs.text import ColumnError
+from rivid.types import ONE_DAY, Bools, Floats, Ints
+
+
+@dataclass(frozen=True)
+class Part:
+    """The part of one file that is of one day."""
+
+    path: str  # relative to the root, with ``/``
+    # SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many
+    # days
+    digest: str
+
+    @property
+    def name(self) -> str:
+        """File name for messages."""
+        return shown(self.path)
+
+    def closes(self, date: dt.date) -> bool:
+        """Whether it is the next day's file, of which only the rows that close `date` count."""
+        return is_day_file(self.path) and self.path[:10] != date.isoformat()
+
+
+@dataclass(frozen=True)
+class DaySource:
+    """A day and the files that hold a part of it."""
+
+    date: dt.date
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What is known of a file; stored, so that it is not hashed and opened again."""
+
+    # a file whose size, modification time and change time are the same is not hashed again. The change
+    # time cannot be set: it finds a file whose modification time was restored
+    size: int
+    mtime_ns: int
+    ctime_ns: int
+    digest: str  # SHA-256 (hex) of the file
+    # of a file of many days: ISO date and digest of each. Empty for a day's file that holds no more
+    # than the row at its midnight
+    days: tuple[tuple[str, str], ...] | None = None
+    settings: str = ""  # digest of the settings that this was found with
+    # of `days`, those of which the file holds no more than the row at one of their midnights
+    edges: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        days = None if self.days is None else [list(day) for day in self.days]
+        return {**self.__dict__, "days": days, "edges": list(self.edges)}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
+        """The inverse of :meth:`to_json`."""
+        days = value.get("days")
+        return cls(
+            int(value["size"]),
+            int(value["mtime_ns"]),
+            int(value.get("ctime_ns", -1)),
+            str(value["digest"]),
+            None if days is None else tuple((str(date), str(digest)) for date, digest in days),
+            str(value.get("settings", "")),
+            tuple(map(str, value.get("edges", ()))),
+        )
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """The content of DATA_DIR.
+
+    Attributes
+    ----------
+    days : list of DaySource
+        In date order.
+    bad_files : list of (str, str)
+        Relative path, printable, and reason, of files of no day.
+    files : dict of FileFacts
+        By relative path.
+    """
+
+    days: list[DaySource]
+    bad_files: list[tuple[str, str]] = field(default_factory=list)
+    files: dict[str, FileFacts] = field(default_factory=dict)
+
+
+FEW_ROWS, FEW_BYTES = 4, 8192
+"""A day's file of more rows or bytes holds more than the single row at its midnight, and is not opened."""
+
+
+def find_days(
+    root: Path, config: Config, known: Mapping[str, FileFacts] | None = None, *, verify: bool = False
+) -> Catalog:
+    """List the days in a directory of logs.
+
+    Hidden files and files that are no logs are ignored.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or one file.
+    config : Config
+    known : mapping of str to FileFacts, optional
+        The `files` of an earlier catalog.
+    verify : bool
+        Hash every file, also where size and modification time are as known.
+
+    Returns
+    -------
+    Catalog
+
+    Raises
+    ------
+    NoDataError
+        Where there is no log.
+    ConfigError
+        Where the configuration is for exports of the long layout.
+    """
+    key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
+    if key:
+        raise ConfigError(
+            f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
+            "configuration that it writes with these"
+        )
+    paths, folder = _candidates(root, shown(str(root)))
+    within = os.path.realpath(folder) if folder == root else None
+    spec = spec_of(config)
+    settings = spec.digest
+    parts: dict[dt.date, list[Part]] = {}
+    bad: list[tuple[str, str]] = []
+    files: dict[str, FileFacts] = {}
+    next_files: dict[dt.date, list[Part]] = {}
+    edges: list[tuple[dt.date, Part]] = []
+    for path in paths:
+        name = path.name
+        try:
+            files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
+        except DataError as error:
+            bad.append((shown(name), _without_name(str(error), shown(name))))
+            continue
+        if is_day_file(name):
+            date, part = _date_of(name), Part(name, facts.digest)
+            next_files.setdefault(date - ONE_DAY, []).append(part)
+            if facts.days is None:
+                parts.setdefault(date, []).append(part)
+            continue
+        for iso, digest in facts.days or ():
+            date, part = dt.date.fromisoformat(iso), Part(name, digest)
+            if iso in facts.edges:
+                edges.append((date, part))
+            else:
+                parts.setdefault(date, []).append(part)
+    for date, part in edges:
+        if date in parts:  # a row at midnight alone makes no day; with others it may complete one
+            parts[date].append(part)
+    if spec.latest:
+        for date in parts:  # the row that closes it may be in the next day's file
+            parts[date] += next_files.get(date, [])
+    if not parts:
+        _refuse_empty(shown(str(root)), bool(files), bad)
+    return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
+
+
+def _refuse_empty(root: str, any_file: bool, bad: list[tuple[str, str]]) -> None:
+    if any_file:
+        raise NoDataError(f"no log in {root} holds more of a day than the row at its midnight")
+    if bad:
+        raise NoDataError(f"no log in {root} can be used: {bad[0][0]}: {bad[0][1]}")
+    names = ", YYYY-MM-DD".join(SUFFIXES)
+    raise NoDataError(
+        f"no logs in {root}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
+    )
+
+
+def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
+    """Paths that may be logs, in order of name, and the folder they are in."""
+    try:
+        if root.is_file():
+            if suffix_of(root.name) is None:
+                raise NoDataError(
+                    f"{name} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
+                )
+            return [root], root.parent
+        names = sorted(os.listdir(root))
+    except OSError as error:
+        raise NoDataError(f"{name} cannot be read: {error.strerror}; expected a directory of logs") from None
+    return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
+
+
+def _look(
+    path: Path, inside: str | None, spec: Spec, settings: str, known: FileFacts | None, verify: bool
+) -> FileFacts:
+    """The facts of a file; a link must not lead out of `inside`."""
+    try:
+        status = os.lstat(path)
+        if stat.S_ISLNK(status.st_mode):
+            target = os.path.realpath(path, strict=True)
+            if inside is not None and os.path.commonpath([inside, target]) != inside:
+                raise DataError(
+                    "is a link that leads out of the directory of logs: put the file itself there"
+                )
+            status = os.stat(path)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise DataError("is a link to another drive: put the file itself there") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise DataError("is a directory: expected a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise DataError("is not a regular file")
+    same = not verify and known is not None and (known.size, known.mtime_ns, known.ctime_ns) == _stamp(status)
+    single = is_day_file(path.name)
+    date = _date_of(path.name) if single else None
+    if same and known is not None and known.settings == settings and (single or known.days is not None):
+        return known
+    if date is None:
+        return _split(path, spec, status, settings)
+    digest, rows = _hash(path, status.st_size)
+    few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
+    days = () if spec.latest and few and _is_edge(path, spec, date) else None
+    return FileFacts(*_stamp(status), digest, days, settings)
+
+
+def _stamp(status: os.stat_result) -> tuple[int, int, int]:
+    """Size, modification time and change time of a file."""
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
+    """Whether a day's file holds no more than the row at its midnight: an end of the day before."""
+    try:
+        log = load(path, shown(path.name), spec, fresh=True)
+    except DataError:
+        return False
+    start, end = log.bounds(date)
+    return log.is_edge(date) and start <= log.times[0] and log.times[-1] < end
+
+
+def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> FileFacts:
+    """The days of a file of many."""
+    log = load(path, shown(path.name), spec, fresh=True)
+    dates = log.dates()
+    days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
+    if not days:
+        raise DataError("has no values in the required columns")
+    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
+    return FileFacts(*_stamp(status), log.digest, days, settings, edges)
+
+
+def _date_of(name: str) -> dt.date:
+    try:
+        return dt.date.fromisoformat(name[:10])
+    except ValueError:
+        raise DataError(f"{name[:10]} is no date: expected YYYY-MM-DD") from None
+
+
+def _hash(path: Path, size: int) -> tuple[str, int]:
+    """Digest of a day's file, and about how many lines it has, or bytes where they cannot be counted.
+
+    One beyond the limit of size is not read: its data will not be either.
+    """
+    if size > DAY.bytes:
+        return sha256(f"too large: {size}".encode()).hexdigest(), size
+    try:
+        with open(path, "rb", buffering=0) as file:
+            content = file.read(size + 1)
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}") from None
+    packed = suffix_of(path.name) != ".csv"
+    rows = max(size - FEW_BYTES, 0) if packed else content.count(b"\n")
+    return sha256(content).hexdigest(), rows
+
+
+def _without_name(reason: str, name: str) -> str:
+    """The reason without the file name that it begins with: both are shown together."""
+    return reason.removeprefix(name).lstrip(" ,:") or reason
+
+
+UNLIKE = 0.02
+"""Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
+
+MISSED = 1.5
+"""A step of this many usual intervals means that a value is missing between; less is an unsteady clock."""
+
+
+class TrailingGap(DataError):
+    """The log ends before its day does."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Regular instants of consecutive local days."""
+
+    start: int  # first local midnight and the one after the last day [us UTC]
+    end: int
+    times: Ints  # (N,) ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC]
+    zone: dt.tzinfo  # for messages
+    n_days: int
+
+
+def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
+    """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
+
+    Examples
+    --------
+    >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
+    650
+    """
+    count = -int(-(end - start) // (period * MICRO))
+    times: Ints = start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64)
+    return Grid(start, end, times, zone, n_days)
+
+
+def on_grid(
+    times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec
+) -> tuple[Floats, Bools | None]:
+    """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged (None: nowhere).
+
+    Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
+    """
+    late = spec.tolerance
+    if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
+        return values, None
+    if not len(times):
+        raise TrailingGap(f"no {signal.name} at all ({_limit(spec)})")
+    _refuse_gaps(times, grid, signal, spec)
+    after = times.searchsorted(grid.times + late, side="right")
+    before = np.maximum(after - 1, 0)  # ahead of the first value, that one
+    samples = values[before] if signal.held else np.interp(grid.times, times, values)
+    # where a value is missing, what comes later than one interval after the last is not measured but bridged
+    bounded = np.append(times, max(grid.end, int(times[-1])))
+    missed = np.diff(bounded) > MISSED * signal.spacing
+    age = grid.times - times[before]
+    filled = (missed[before] & (age >= signal.spacing - late)) | (age < -late)
+    if not signal.held:
+        exact = np.minimum(np.abs(age), np.abs(bounded[before + 1] - grid.times)) <= late
+        filled |= missed[before] & (age > late)
+        filled &= ~exact | (age < -late)
+    return samples, filled
+
+
+def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
+    """A gap is the time without a value: it begins one interval after the last one before it."""
+    spacing = signal.spacing
+    ends = np.append(times, grid.end)
+    begins = np.append(grid.start, times + spacing)
+    gaps = np.where(ends - begins > (MISSED - 1) * spacing, ends - begins, 0)
+    gaps[0] = ends[0] - begins[0] if ends[0] - begins[0] > spacing + spec.tolerance else 0
+    allowed = spec.max_gap + spec.tolerance
+    if gaps.max() <= allowed:
+        return
+    worst = int(np.argmax(gaps))
+    begin = clock(int(begins[worst]), grid.zone, grid.n_days > 1)
+    text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
+    usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
+    if usual > MISSED * spacing:
+        raise DataError(f"{text}: {_coarse(signal, usual, spec)}")
+    kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
+    if kind is TrailingGap and gaps[-1] <= signal.shift + spec.tolerance:
+        text += ": the row that closes the day is the first of the next one's log, and is not there"
+    raise kind(f"{text} ({_limit(spec)})")
+
+
+def refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
+    """Raise DataError where stamps were moved by T_s but the intervals differ: the shift decides d."""
+    usual = int(np.median(np.diff(times))) if len(times) > 2 else signal.spacing
+    if abs(usual - signal.spacing) > max(UNLIKE * signal.spacing, spec.tolerance):
+        raise DataError(
+            f'{signal.name} is stamped at the end of its interval ([input.stamp] "end") and comes every '
+            f"{usual / MICRO:g} s, not every {signal.spacing / MICRO:g} s as [reach] sample_time: "
+            + _declare(signal, usual)
+        )
+
+
+def _declare(signal: Signal, usual: int) -> str:
+    return f"set [input.interval] {signal.name} = {usual / MICRO:g}"
+
+
+def refuse_filled(filled: Bools, series: dict[str, tuple[Ints, Floats]], spec: Spec) -> None:
+    """Raise DataError for a data set of which too much was bridged."""
+    share = float(filled.mean())
+    if share <= spec.input.max_filled:
+        return
+    text = f"{share:.0%} of the samples lie in gaps (limit {spec.input.max_filled:.0%}, [input] max_filled)"
+    steps = {
+        signal.name: int(np.median(np.diff(times))) if len(times := series[signal.name][0]) > 1 else 0
+        for signal in spec.signals
+    }
+    coarse = [signal for signal in spec.signals if steps[signal.name] > MISSED * signal.spacing]
+    if coarse:
+        finest = min(steps.values()) if len(coarse) == len(spec.signals) else 0
+        text += f"; {_coarse(coarse[0], steps[coarse[0].name], spec, finest)}"
+    raise DataError(text)
+
+
+def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -> str:
+    """What to do with a column that comes less often than it should.
+
+    `finest` is the step of the column that comes most often: 0 where one of them comes often enough, None
+    where the others are not known.
+    """
+    interval = f"if that is its interval, {_declare(signal, usual)}"
+    if finest == 0 or signal.spacing != round(spec.period * MICRO):
+        return f"{signal.name} comes every {_span(usual)}: {interval}"
+    period = "[reach] sample_time is not set:"
+    if spec.period_set:
+        period = f"[reach] sample_time = {spec.period:g} s, but"
+    if finest:
+        every = f"{finest / MICRO:g}"
+        only = f"or, where that is the interval of one column only, {_declare(signal, usual)}"
+        return f"{period} the log comes every {every} s: set [reach] sample_time = {every}; {only}"
+    every = f"{signal.name} comes every {_span(usual)}"
+    return f"{period} {every}: set [reach] sample_time = {usual / MICRO:g} if all columns do; {interval}"
+
+
+def _limit(spec: Spec) -> str:
+    return f"limit {_span(spec.max_gap)}, [input] max_gap"
+
+
+def _span(micros: int) -> str:
+    seconds = micros / MICRO
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+Series = dict[str, tuple[Ints, Floats]]
+"""Times [us UTC] and values by canonical column."""
+OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
+
+
+class ChangedError(DataError):
+    """A log that is not what was listed."""
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """Samples of consecutive days at T_s.
+
+    Attributes
+    ----------
+    date : date
+        The last day's.
+    inflow : ndarray, (N,)
+        u_Qi [m3/s].
+    outflow : ndarray, (N,), or None
+        u_Qo [m3/s]; None where it is not logged, and for a river.
+    output : ndarray, (N,)
+        Level h_L [m], or a river's discharge Q_L [m3/s].
+    n_filled : int
+        Samples that bridge a gap in any column.
+    notes : str
+        What was dropped, masked or sorted, with counts; empty where nothing was.
+    """
+
+    date: dt.date
+    inflow: Floats
+    outflow: Floats | None
+    output: Floats
+    n_filled: int
+    notes: str
+
+
+def read_window(
+    root: Path, sources: Sequence[DaySource], config: Config, *, today: dt.date | dt.datetime | None = None
+) -> DataSet:
+    """Read consecutive days and put them on one grid.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or the one file that was given for it.
+    sources : sequence of DaySource
+        In date order.
+    config : Config
+    today : date or aware datetime, optional
+        A log of this day may be unfinished; of a moment, the day is that of the log's own zone.
+
+    Returns
+    -------
+    DataSet
+
+    Raises
+    ------
+    DataError
+        The reason for which these days cannot be used; it names file and, where known, line.
+    PendingError
+        Where the last day is `today` or later and its log is not finished.
+    """
+    spec, folder, last = spec_of(config), root if root.is_dir() else root.parent, sources[-1]
+    try:
+        return _read(folder, sources, spec)
+    except TrailingGap as error:
+        if _may_grow(folder, last, spec, today):
+            raise PendingError(f"the log of {last.date} is not finished: {error}") from None
+        raise DataError(str(error)) from None
+    except CutError as error:
+        torn = any(part.name in str(error) for part in last.parts)
+        if torn and _may_grow(folder, last, spec, today):
+            raise PendingError(f"the log of {last.date} is being written: {error}") from None
+        raise DataError(str(error)) from None
+
+
+def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.datetime | None) -> bool:
+    """Whether a day's log may be unfinished."""
+    if not isinstance(today, dt.datetime):
+        return today is not None and source.date >= today
+    declared = spec.input.time_zone
+    zone = zone_named(declared) if declared else LAST_ZONE
+    for part in source.parts if not declared else ():
+        try:
+            zone = load(root / part.path, part.name, spec).zone
+        except DataError:
+            continue  # not a row of it can be read yet
+        break
+    return source.date >= today.astimezone(zone).date()
+
+
+def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:
+    """Refuse, before any work, a configuration that names columns which the logs do not have.
+
+    Parameters
+    ----------
+    root : Path
+    days : sequence of DaySource
+        All days; the first, the middle and the last are read.
+    config : Config
+
+    Raises
+    ------
+    ConfigError
+        Where a column is missing or doubled in each of these; one odd log among others fails its day only.
+    """
+    folder, spec = root if root.is_dir() else root.parent, spec_of(config)
+    reasons = []
+    for at in {0, len(days) // 2, len(days) - 1}:
+        part = days[at].parts[0]
+        try:
+            load(folder / part.path, part.name, spec)
+        except ColumnError as error:
+            reasons.append(str(error))
+        except DataError:
+            return  # the day's own fault
+        else:
+            return
+    if reasons:
+        raise ConfigError(min(reasons))
+
+
+def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
+    notes: Counter[str] = Counter()
+    days = [_day(root, source, spec, notes) for source in sources]
+    bounds = [day_bounds(source.date, zone) for source, (_, zone) in zip(sources, days, strict=True)]
+    for k, ((_, end), (start, _)) in enumerate(pairwise(bounds)):
+        if end != start:
+            a, b = sources[k].date, sources[k + 1].date
+            if b - a == ONE_DAY:
+                raise DataError(f"{a} and {b} {OFFSETS}")
+            raise DataError(f"{a} and {b} are not consecutive days")
+    series = days[0][0]
+    if len(days) > 1:
+        series = {name: _join([day[name] for day, _ in days]) for name in series}
+    grid = make_grid(bounds[0][0], bounds[-1][1], spec.period, days[0][1], len(sources))
+    samples: dict[str, Floats] = {}
+    all_filled = None
+    for signal in spec.signals:
+        if signal.supposed:
+            refuse_supposed(series[signal.name][0], signal, spec)
+        samples[signal.name], filled = on_grid(*series[signal.name], grid, signal, spec)
+        if filled is not None:
+            all_filled = filled if all_filled is None else all_filled | filled
+    if all_filled is not None:
+        refuse_filled(all_filled, series, spec)
+    return DataSet(
+        date=sources[-1].date,
+        inflow=samples["u_Qi"],
+        outflow=samples.get("u_Qo"),
+        output=samples[spec.output],
+        n_filled=0 if all_filled is None else int(all_filled.sum()),
+        notes=", ".join(f"{count} {kind}" for kind, count in sorted(notes.items())),
+    )
+
+
+def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[Series, dt.tzinfo]:
+    """The series of a day from all its files."""
+    date = source.date
+    own = [part for part in source.parts if not part.closes(date)]
+    logs = []
+    for part in own:
+        log = _as_listed(root, part, date, spec)
+        faults = log.faults if is_day_file(part.path) else log.faults_of(date)
+        if faults:
+            more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+            kind = CutError if all(fault.cut for fault in faults) else DataError
+            raise kind(f"{part.name}, {faults[0].text}{more}")
+        notes.update(log.events_of(date))
+        if is_day_file(part.path):
+            _count_outside(log, part, date, notes)
+        logs.append(log)
+    series, zone = logs[0].of_day(date), logs[0].zone
+    if len(logs) > 1:
+        if len({day_bounds(date, log.zone) for log in logs}) > 1:
+            raise DataError(f"the logs of {date} {OFFSETS}")
+        parts = [log.of_day(date) for log in logs]
+        paths = " and ".join(part.name for part in own)
+        series = {name: _merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
+    for part in source.parts:
+        if part.closes(date):
+            series = _closed(series, root, part, date, logs[0].bounds(date)[1], spec)
+    return series, zone
+
+
+def _join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
+    return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _merge(
+    parts: list[tuple[Ints, Floats]], name: str, paths: str, zone: dt.tzinfo, notes: Counter[str]
+) -> tuple[Ints, Floats]:
+    """One column of a day from several files; where they overlap they must agree."""
+    times, values = _join(parts)
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    repeated = np.r_[False, np.diff(times) == 0][: len(times)]
+    conflict = np.flatnonzero(repeated & (values != np.roll(values, 1)))
+    if len(conflict):
+        i = int(conflict[0])
+        moment = clock(int(times[i]), zone, with_date=True)
+        raise DataError(f"{paths} disagree about {name} at {moment}: {values[i - 1]:.6g} and {values[i]:.6g}")
+    if repeated.any():
+        notes[f"values of {name} in two files"] += int(repeated.sum())
+    return times[~repeated], values[~repeated]
+
+
+def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spec: Spec) -> Series:
+    """A day with the rows of the next day's file that belong to it; its own file's come first."""
+    try:
+        log = _as_listed(root, part, date, spec)
+    except ChangedError:
+        raise
+    except DataError:
+        return series  # the next day's fault: without its row, the gap at the end decides
+    closed = {}
+    for name, (times, values) in log.closing(end).items():
+        own = series[name]
+        new = times > own[0][-1] + spec.tolerance if len(own[0]) else np.ones(len(times), bool)
+        closed[name] = _join([own, (times[new], values[new])]) if new.any() else own
+    if any(closed[name] is not series[name] for name in closed):
+        for fault in log.faults:
+            if fault.at < end + spec.latest:
+                raise DataError(f"{part.name}, {fault.text}")
+    return closed
+
+
+def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
+    """The log of a part. Results are stored under the digest of what was listed: refuse anything else."""
+    for fresh in (False, True):
+        log = load(root / part.path, part.name, spec, fresh=fresh)
+        if (log.digest if is_day_file(part.path) else log.digest_of(date)) == part.digest:
+            return log
+    raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")
+
+
+def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> None:
+    """Count the rows of a day's file that are of other days."""
+    start, end = log.bounds(date)
+    if log.times[0] >= start and log.times[-1] < end:
+        return
+    # a row of the first midnight may close the day before
+    low, high = log.times.searchsorted((start, end + log.spec.latest)).tolist()
+    outside = len(log.times) - (high - low)
+    if outside == len(log.times):
+        held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
+        span = " to ".join(str(day) for day in held)
+        raise DataError(
+            f"{part.name} holds {span} and nothing of {date}: check its name and [input] time_zone"
+        )
+    if outside:
+        notes["rows of other days dropped"] += outside
