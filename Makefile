@@ -100,7 +100,7 @@ pictures: run glen-canyon  ## the pictures of the README and the guide (the page
 	$(BIN)/python -m benchmarks.guide_pictures
 
 sample-data: setup  ## make the simulated sample data again, the same bytes
-	$(BIN)/python sample_data/make.py
+	PYTHONPATH=. $(BIN)/python sample_data/make.py
 
 $(VENV)/.docs-ready: $(VENV)/.ready docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt

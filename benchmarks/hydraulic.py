@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy import one_season, settings_of, spread
 from benchmarks.measure import table
+from benchmarks.observables import observables
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.jmap import jmap
 from rivid.plots import style
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation import observables, simulate
+from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 from rivid.simulation.season import Water
 

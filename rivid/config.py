@@ -7,6 +7,7 @@ are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -375,11 +376,31 @@ def load_config(path: Path | None) -> Config:
     """The configuration in a file, or the defaults (Table I, section VI) without one."""
     if path is None:
         return Config()
+    return parse(read_config(path), Config, str(path))
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Read the tables of a configuration, with the effects file relative to it."""
     raw = read_toml(path)
     diagnose = raw.get("diagnose")
     if isinstance(diagnose, dict) and isinstance(diagnose.get("effects_file"), str):
         diagnose["effects_file"] = str(path.parent / diagnose["effects_file"])
-    return parse(raw, Config, str(path))
+    return raw
+
+
+def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Merge tables key by key into a new one; any other own value replaces the shared one.
+
+    Examples
+    --------
+    >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
+    {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
+    """
+    both = deepcopy(shared)
+    for key, value in own.items():
+        mine = both.get(key)
+        both[key] = merged(mine, value) if isinstance(mine, dict) and isinstance(value, dict) else value
+    return both
 
 
 MOST_BYTES = 1_000_000

@@ -59,21 +59,13 @@ def time_unit(longest: float) -> tuple[str, int]:
 
 
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
-    """Durations in minutes, in hours where all of them are two hours or longer.
-
-    Parameters
-    ----------
-    seconds : sequence of float
-        One duration, or several in order [s].
-    joint : str
-        The word between them.
+    """Durations [s] in minutes, in hours where all of them are two hours or longer, with `joint` between them.
 
     Examples
     --------
     >>> duration([798]), duration([798, 931]), duration([3714, 21900]), duration([23400])
     ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h')
     """
-
     unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
     return f"{listed(list(dict.fromkeys(spelt([s / size for s in seconds]))), joint)} {unit}"
 
@@ -101,14 +93,7 @@ def samples(values: Sequence[float]) -> str:
 
 
 def delays(values: Sequence[float], sample_time: float) -> str:
-    """One lag, or several alternatives, in samples and in minutes or hours: d as d T_s, or a t50.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Lags [samples], lowest first.
-    sample_time : float
-        T_s [s].
+    """One lag, or several alternatives, the lowest first, in samples and in minutes or hours: a delay or a t50.
 
     Examples
     --------
@@ -122,13 +107,6 @@ def delays(values: Sequence[float], sample_time: float) -> str:
 
 def minutes_first(value: float, sample_time: float) -> str:
     """A t50 in minutes or hours, then in samples.
-
-    Parameters
-    ----------
-    value : float
-        t50 [samples].
-    sample_time : float
-        T_s [s].
 
     Examples
     --------
@@ -218,17 +196,10 @@ def step(sample_time: float) -> str:
 
 
 def travel(values: Sequence[float], sample_time: float) -> str:
-    """The travel time that a delay stands for, or several alternatives.
+    """The travel time that a delay stands for, or several alternatives, the lowest first [samples].
 
     At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; a median between two delays
     stands for both.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Delays d [samples], lowest first.
-    sample_time : float
-        T_s [s].
 
     Examples
     --------
@@ -308,5 +279,15 @@ def power(value: float) -> str:
     if value == 0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:,.0f}" if abs(value) >= 10 else f"{value:.2g}"
     digits, exponent = f"{value:.1e}".split("e")
-    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{digits} × 10{superscript}"
+    return f"{digits} × {ten_to(int(exponent))}"
+
+
+def ten_to(exponent: int) -> str:
+    """A power of ten.
+
+    Examples
+    --------
+    >>> ten_to(-4)
+    '10⁻⁴'
+    """
+    return "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -1,6 +1,6 @@
 """Make the simulated sample data again, the same bytes: the year, a week of CSV, the truth, the READMEs.
 
-Usage: python sample_data/make.py
+Usage, in the root of the repository: PYTHONPATH=. python sample_data/make.py
 """
 
 import datetime as dt
@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.observables import ORDER, observables
 from rivid.atomic import write_text
 from rivid.logs.write import write_days
 from rivid.simulation import Season, simulate
-from rivid.simulation import truth as observables
 from rivid.simulation.scenario import load_scenario
-from rivid.simulation.truth import ORDER, write_truth
+from rivid.simulation.truth import write_truth
 
 HERE = Path(__file__).parent
 SCENARIO = HERE.parent / "configs" / "scenarios" / "basse_isere.toml"

@@ -29,6 +29,7 @@ class _DelayResult(Result):
     _heading: str
     status: Strings
     delay: Floats
+    candidates: NDArray[np.intp]
     fir: Floats
     sample_time: float | None
     output_unit: str
@@ -38,24 +39,8 @@ class _DelayResult(Result):
     def _day_facts(self) -> str: ...
 
     @abstractmethod
-    def _day_panels(self) -> "list[Panel]": ...
-
-    def _response_and(
-        self,
-        name: str,
-        candidates: NDArray[np.intp],
-        values: Floats,
-        sd: Floats | None = None,
-        reason: str = "",
-    ) -> "list[Panel]":
-        """Return the panels of a day: its response, and a value of each candidate delay."""
-        from rivid.plots import library
-
-        delay, order = float(self.delay), len(self.fir)
-        return [
-            (1.9, lambda axes: library.response(axes, self.fir, sd, delay, self.output_unit)),
-            (1.2, lambda axes: library.by_delay(axes, candidates, values, delay, order, name, reason)),
-        ]
+    def _curve(self) -> tuple[str, Floats, Floats | None, str]:
+        """Name and values of what each candidate has, standard deviation of the FIR, and why it has none."""
 
     def _facts(self) -> str:
         return describe_days(self.status, self.delay) if np.ndim(self.delay) else self._day_facts()
@@ -64,11 +49,16 @@ class _DelayResult(Result):
         return self._heading + (f", {self.date}" if self.date else "")
 
     def _panels(self) -> "list[Panel]":
-        from rivid.plots.library import responses
+        from rivid.plots import library
 
         if np.ndim(self.delay):
-            return [(2.9, lambda axes: responses(axes, self.fir, self.delay))]
-        return self._day_panels()
+            return [(2.9, lambda axes: library.responses(axes, self.fir, self.delay))]
+        name, values, sd, reason = self._curve()
+        d, order = float(self.delay), len(self.fir)
+        return [
+            (1.9, lambda axes: library.response(axes, self.fir, sd, d, self.output_unit)),
+            (1.2, lambda axes: library.by_delay(axes, self.candidates, values, d, order, name, reason)),
+        ]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -94,8 +84,8 @@ class DelayEstimate(_DelayResult, JmapResult):
             f"alpha {float(self.alpha):.2g}, condition {float(self.condition):.2g}"
         )
 
-    def _day_panels(self) -> "list[Panel]":
-        return self._response_and("criterion", self.candidates, self.criterion)
+    def _curve(self) -> tuple[str, Floats, Floats | None, str]:
+        return "criterion", self.criterion, None, ""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -154,9 +144,8 @@ class DelayProbabilities(_DelayResult):
             f"{float(self.delay_high):.0f}"
         )
 
-    def _day_panels(self) -> "list[Panel]":
-        reason = str(self.reason)
-        return self._response_and("probability", self.candidates, self.probabilities, self.fir_sd, reason)
+    def _curve(self) -> tuple[str, Floats, Floats | None, str]:
+        return "probability", self.probabilities, self.fir_sd, str(self.reason)
 
 
 def jmap(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @shared.talk()
 @shared.today()
 def command(
-    data_dir: Path, config: Path | None, as_json: bool, quiet: bool, verbose: bool, today: dt.datetime | None
+    data_dir: Path, config: Path | None, as_json: bool, quiet: bool, verbose: bool, today: dt.date | None
 ) -> int:
     """Report faults in the logs in DATA_DIR, without estimating.
 
@@ -70,7 +70,7 @@ def command(
     return report.exit_code
 
 
-def _report(data_dir: Path, settings: "Config", today: dt.datetime | None) -> "Report":
+def _report(data_dir: Path, settings: "Config", today: dt.date | None) -> "Report":
     from zoneinfo import ZoneInfo
 
     from rivid.check import check
@@ -78,10 +78,10 @@ def _report(data_dir: Path, settings: "Config", today: dt.datetime | None) -> "R
     zone = settings.input.time_zone
     # without a configured zone, the zone of each log determines its day
     now = dt.datetime.now(ZoneInfo(zone)).date() if zone else dt.datetime.now(dt.UTC)
-    return check(data_dir, settings, today.date() if today else now)
+    return check(data_dir, settings, today or now)
 
 
-def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.datetime | None) -> int:
+def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.date | None) -> int:
     """Check each reach by itself; an error of one does not stop the others."""
     import json
 

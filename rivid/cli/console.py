@@ -53,15 +53,7 @@ def abbreviate(name: str, most: int = 40) -> str:
 class Console:
     """Notes on stderr, and the duration of each phase with --verbose.
 
-    Parameters
-    ----------
-    quiet, verbose : bool
-        The options of the same names.
-
-    Raises
-    ------
-    click.UsageError
-        If both are given.
+    `quiet` and `verbose` are the options of these names; click.UsageError if both are given.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
@@ -137,6 +129,24 @@ class Console:
                 self.detail(name, str(place))
                 if name == "logs":
                     self.detail("", files_in(Path(place)))
+
+
+@contextmanager
+def progress(total: int, name: str = "estimating", quiet: bool = False) -> Iterator[Callable[..., None]]:
+    """Yield a function to call with a number of finished steps and, optionally, the name of the next.
+
+    On a terminal it moves a bar, unless `quiet`; elsewhere it does nothing.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda n, name=None: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=total)
+        yield lambda n, name=None: bar.update(task, advance=n, description=name)
 
 
 def versions() -> str:

@@ -20,7 +20,7 @@ from rivid.cli.console import Console
 @shared.talk()
 def command(
     data_dir: Path, config: Path | None, out: Path | None, model: Path | None, no_figures: bool,
-    first: dt.datetime | None, last: dt.datetime | None, as_json: bool, quiet: bool, verbose: bool,
+    first: dt.date | None, last: dt.date | None, as_json: bool, quiet: bool, verbose: bool,
 ) -> int:  # fmt: skip
     """Find the missing effect: where simulation and measurement disagree, and why.
 
@@ -48,8 +48,7 @@ def command(
     settings = load_config(config)
     with console.steps("starting") as step:
         step("reading the logs")
-        begin, end = (day.date() if day else None for day in (first, last))
-        diagnosed = diagnose(data_dir, settings, first=begin, last=end, model=model, report=step)
+        diagnosed = diagnose(data_dir, settings, first=first, last=last, model=model, report=step)
         step("writing")
         page = diagnosed.write(place, pictures=not no_figures)
     if as_json:

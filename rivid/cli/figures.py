@@ -1,15 +1,13 @@
 """``rivid figures``."""
 
 import datetime as dt
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console
+from rivid.cli.console import Console, progress
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import CascadeReach
@@ -29,7 +27,7 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
 )  # fmt: skip
 @shared.talk()
 def command(
-    out: Path, day: dt.datetime | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
+    out: Path, day: dt.date | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
     quiet: bool, verbose: bool,
 ) -> int:  # fmt: skip
     """Redraw the figures and the report of a finished run.
@@ -50,7 +48,7 @@ def command(
         raise click.UsageError("--logs and --cascade are options of --paper: add --paper, or leave them out.")
     console.begin(("results", out), ("logs", logs))
     if paper:
-        return _paper(out, day.date() if day else None, logs, cascade, console)
+        return _paper(out, day, logs, cascade, console)
     import json
 
     from rivid.plots.draw import draw_all
@@ -63,7 +61,7 @@ def command(
     console.phase("reading the results")
     with Store(out):
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
-        figures = draw_all(results, out, day=day.date() if day else None)
+        figures = draw_all(results, out, day=day)
         page = write_report(results, figures, out, summary=summary)
     console.phase("figures and report")
     if not quiet:
@@ -82,25 +80,28 @@ def _paper(
     default = (CASCADE, Path(__file__).parents[2] / CASCADE)
     given = list(cascade) or [path for path in default if path.is_file()][:1]
     console.phase("starting")
-    with _progress(len(FIGURES) + 2 + max(len(given), 1), console.quiet) as step:
+    steps = len(FIGURES) + 2 + max(len(given), 1)
+    with progress(steps, "paper's figures", console.quiet) as step:
         year = read_run(out, logs)
-        step("reading the logs")
+        step(1, "reading the logs")
         console.phase("reading the logs")
         estimates = estimate(year)
-        step("estimating")
+        step(1, "estimating")
         console.phase("estimating")
         reaches: list[CascadeReach] = []
         for path in given:
-            step(f"cascade: {path}")
+            step(1, f"cascade: {path}")
             reaches += simulated_cascade(path) if path.suffix == ".toml" else [of_year(read_run(path))]
         if not reaches:
-            step("cascade")
+            step(1, "cascade")
             reaches = [of_year(year)]
             console.info(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
         console.phase("the cascade")
         with Store(out):
             place = out / "paper"
-            figures = draw_paper(year, estimates, reaches, place, day=day, progress=lambda: step("drawing"))
+            figures = draw_paper(
+                year, estimates, reaches, place, day=day, progress=lambda: step(1, "drawing")
+            )
             page = write_gallery(year, figures, place)
     console.phase("drawing")
     if not console.quiet:
@@ -122,20 +123,3 @@ def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
         year = year_of(config, season.dates, season.inflow, season.outflow, season.level)
         reaches.append(of_year(year, season.delay.astype(float)))
     return reaches
-
-
-@contextmanager
-def _progress(total: int, quiet: bool) -> Iterator[Callable[[str], Any]]:
-    """Yield a function to call before each step with its name; on a terminal it moves a progress bar."""
-    import sys
-
-    if quiet or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("paper's figures", total=total)
-        yield lambda name: bar.update(task, advance=1, description=name)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,7 +76,7 @@ def run_all(
     for outcome in run_fleet(data_dir, reaches, out, options, progress, engine):
         outcomes.append(outcome)
         if as_json:
-            click.echo(json.dumps(outcome.to_json()))
+            click.echo(json.dumps(asdict(outcome)))
     outcomes.sort(key=lambda outcome: outcome.reach)
     for outcome in outcomes:
         if outcome.error:

@@ -14,36 +14,26 @@ from rivid.cli.console import Console, print_error, wrap
 @shared.exports()
 @shared.config("What the exports look like: [input] (TOML).", required=True)
 @shared.logs_out()
-@click.option(
-    "--format", "form", type=shared.OneOf(["csv", "csv.gz", "parquet"]), default="csv", show_default=True,
-    metavar="NAME", help="Of the daily logs: csv, csv.gz or parquet.",
+@shared.value(
+    "--format", shared.OneOf(["csv", "csv.gz", "parquet"]), "NAME",
+    "Of the daily logs: csv, csv.gz or parquet.", default="csv", show_default=True,
 )  # fmt: skip
-@click.option(
-    "--run-config", type=shared.FILE, metavar="FILE",
-    help="Where the configuration for `rivid run` goes; default: <DATA_DIR>_run.toml. As "
-    "<DATA_DIR>/rivid.toml it is found without --config.",
+@shared.value(
+    "--run-config", shared.FILE, "FILE",
+    "Where the configuration for `rivid run` goes; default: <DATA_DIR>_run.toml. As <DATA_DIR>/rivid.toml it "
+    "is found without --config.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Overwrite logs that are there and differ.")
+@shared.flag("--force", "Overwrite logs that are there and differ.")
 @shared.days("write")
 @shared.dry_run("Count, and write nothing.")
 @shared.as_json()
 @shared.talk()
 @shared.today()
 def command(
-    exports: tuple[Path, ...],
-    config: Path,
-    out: Path,
-    form: Any,
-    run_config: Path | None,
-    force: bool,
-    first: dt.datetime | None,
-    last: dt.datetime | None,
-    dry_run: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-    today: dt.datetime | None,
-) -> int:
+    exports: tuple[Path, ...], config: Path, out: Path, format: Any, run_config: Path | None, force: bool,
+    first: dt.date | None, last: dt.date | None, dry_run: bool, as_json: bool, quiet: bool, verbose: bool,
+    today: dt.date | None,
+) -> int:  # fmt: skip
     """Make daily logs of EXPORTS, files of one dialect, long or wide, of any number of days.
 
     Only what the configuration declares is applied, every value that is dropped is counted, and a day that
@@ -72,17 +62,9 @@ def command(
     if target.resolve() == config.resolve():
         raise ConfigError(f"{target} is the --config itself: choose another --run-config")
     outcome = ingest(
-        exports,
-        out,
-        load_config(config),
-        format=form,
-        first=first.date() if first else None,
-        last=last.date() if last else None,
-        force=force,
-        dry_run=dry_run,
-        today=today.date() if today else None,
-        run_config=target,
-    )
+        exports, out, load_config(config), format=format, first=first, last=last, force=force,
+        dry_run=dry_run, today=today, run_config=target,
+    )  # fmt: skip
     console.phase(f"reading, judging and writing {len(outcome.days):,} days")
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))
@@ -91,7 +73,7 @@ def command(
     else:
         _print(outcome, out, dry_run)
     if outcome.exit_code == 10:
-        came = f"from {first.date() if first else 'the first'} to {last.date() if last else 'the last'}"
+        came = f"from {first or 'the first'} to {last or 'the last'}"
         print_error(f"no day of the exports lies {came}: look at --from and --to")
     return outcome.exit_code
 
@@ -118,12 +100,8 @@ def _print(outcome: Any, out: Path, dry_run: bool) -> None:
     click.echo()
     counts = outcome.counts
     words = {"written": "would be written" if dry_run else "written"}
-    words |= {
-        "identical": "there already",
-        "differs": "kept out",
-        "refused": "refused",
-        "pending": "unfinished",
-    }
+    words |= {"identical": "there already", "differs": "kept out", "refused": "refused"}
+    words |= {"pending": "unfinished"}
     shown = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
     click.echo(f"{len(outcome.days)} days: {shown or 'none'}")
     if not dry_run and (counts["written"] or counts["identical"]):

@@ -19,13 +19,7 @@ DEFAULT_OUT = Path("out")
 
 
 def configuration(given: Path | None, data_dir: Path, console: Console) -> Path | None:
-    """Return --config, or the nearest rivid.toml (named on stderr), or None for the defaults.
-
-    Raises
-    ------
-    ConfigError
-        As :func:`find`.
-    """
+    """Return --config, or the nearest rivid.toml (:func:`find`, named on stderr), or None without."""
     if given is not None:
         return given
     path = find(data_dir)
@@ -35,31 +29,19 @@ def configuration(given: Path | None, data_dir: Path, console: Console) -> Path 
 
 
 def find(data_dir: Path) -> Path | None:
-    """Return the nearest rivid.toml from DATA_DIR upward.
+    """Return the nearest rivid.toml from DATA_DIR, or the directory of a log file, upward; None without one.
 
-    Parameters
-    ----------
-    data_dir : Path
-        A directory of logs, or a log file: then the search starts in its directory.
-
-    Returns
-    -------
-    Path or None
-        Absolute, links resolved; None if there is none.
-
-    Raises
-    ------
-    ConfigError
-        If the nearest one belongs to another user or is writable by everybody.
+    The path is absolute, with links resolved. ConfigError if the nearest one belongs to another user or is
+    writable by everybody.
     """
     start = data_dir.resolve()
     if not start.is_dir():
         start = start.parent
     home = _home()
     try:
-        device = _device(start)
+        device = start.stat().st_dev
         for folder in (start, *start.parents):
-            if _device(folder) != device:
+            if folder.stat().st_dev != device:
                 return None
             if path := own(folder):
                 return path
@@ -71,13 +53,7 @@ def find(data_dir: Path) -> Path | None:
 
 
 def own(folder: Path) -> Path | None:
-    """Return the rivid.toml in a directory itself.
-
-    Raises
-    ------
-    ConfigError
-        As :func:`find`.
-    """
+    """Return the rivid.toml in a directory itself; errors as :func:`find`."""
     path = folder / NAME
     try:
         facts = [path.lstat(), path.stat()]  # of a link, and of its target
@@ -85,10 +61,6 @@ def own(folder: Path) -> Path | None:
         return None
     _refuse_foreign(path, facts)
     return path
-
-
-def _device(folder: Path) -> int:
-    return folder.stat().st_dev
 
 
 def _home() -> Path | None:
@@ -129,18 +101,8 @@ def _user(uid: int) -> str:
 def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
     """Return OUT: --out, or `[run] out` relative to the configuration, or ``out`` in this directory.
 
-    Parameters
-    ----------
-    given : Path or None
-        --out.
-    config : Path or None
-        A file, or a fleet's directory of configurations: then `[run] out` of its defaults.toml applies.
-    data_dir : Path
-
-    Raises
-    ------
-    ConfigError
-        If `[run] out` holds results of other logs, which the run would replace.
+    Of a fleet's directory of configurations, `[run] out` of its defaults.toml applies. ConfigError if
+    `[run] out` holds results of other logs, which the run would replace.
     """
     if given is not None:
         return given

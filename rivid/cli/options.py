@@ -44,9 +44,9 @@ class _Date(click.DateTime):
     """A date such as 2008-03-14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the date at midnight, or raise a usage error."""
+        """Return the date, or raise a usage error."""
         try:
-            return super().convert(value, param, ctx)
+            return super().convert(value, param, ctx).date()
         except click.BadParameter:
             self.fail(f"{value!r} came, a date like 2008-03-14 is expected.", param, ctx)
 
@@ -124,11 +124,6 @@ def days(verb: str) -> Decorator:
         return command
 
     return both
-
-
-def workers(text: str = "Number of processes; default: by the number of days and cores.") -> Decorator:
-    """--workers."""
-    return value("--workers", click.IntRange(1, 512), "N", text)
 
 
 def dry_run(text: str = "Print the plan, and stop.") -> Decorator:

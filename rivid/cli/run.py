@@ -1,16 +1,14 @@
 """``rivid run``."""
 
 import datetime as dt
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console, print_error
+from rivid.cli.console import Console, print_error, progress
 from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -27,55 +25,34 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
 @shared.data_dir()
 @shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
 @shared.out()
-@click.option(
-    "--estimator",
-    "estimators",
-    multiple=True,
-    type=shared.OneOf(ESTIMATORS),
-    metavar="NAME",
-    help=f"Use this one in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.",
-)
-@click.option("--force", is_flag=True, help="Estimate again what is done already.")
-@click.option("--verify", is_flag=True, help="Hash every file, also where size and time are unchanged.")
-@click.option("--strict", is_flag=True, help="Exit 3 for any failed day, also one that had failed before.")
-@click.option("--no-figures", is_flag=True, help="Tables only.")
-@click.option("--shard", metavar="I/N", help="Do the I-th of N parts; a run without --shard merges them.")
+@shared.value(
+    "--estimator", shared.OneOf(ESTIMATORS), "NAME",
+    f"Use this one in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.", multiple=True,
+)  # fmt: skip
+@shared.flag("--force", "Estimate again what is done already.")
+@shared.flag("--verify", "Hash every file, also where size and time are unchanged.")
+@shared.flag("--strict", "Exit 3 for any failed day, also one that had failed before.")
+@shared.flag("--no-figures", "Tables only.")
+@shared.value("--shard", str, "I/N", "Do the I-th of N parts; a run without --shard merges them.")
 @shared.days("estimate")
-@shared.workers("Processes that estimate and draw; default: as many as pay off.")
-@click.option(
-    "--engine",
-    type=shared.OneOf(["processes", "dask"]),
-    metavar="NAME",
-    help="What executes the work: processes or dask; default: processes.",
+@shared.value(
+    "--workers", click.IntRange(1, 512), "N", "Processes that estimate and draw; default: as many as pay off."
 )
-@click.option(
-    "--scheduler", metavar="URL", help="A standing Dask scheduler, or its scheduler file; implies dask."
-)
+@shared.value(
+    "--engine", shared.OneOf(["processes", "dask"]), "NAME",
+    "What executes the work: processes or dask; default: processes.",
+)  # fmt: skip
+@shared.value("--scheduler", str, "URL", "A standing Dask scheduler, or its scheduler file; implies dask.")
 @shared.dry_run()
 @shared.as_json("A JSON line per day, and one for the whole, on stdout.")
 @shared.talk()
 @shared.today()
 def command(
-    data_dir: Path,
-    config: Path | None,
-    out: Path | None,
-    estimators: tuple[str, ...],
-    force: bool,
-    verify: bool,
-    strict: bool,
-    no_figures: bool,
-    shard: str | None,
-    first: dt.datetime | None,
-    last: dt.datetime | None,
-    workers: int | None,
-    engine: str | None,
-    scheduler: str | None,
-    dry_run: bool,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-    today: dt.datetime | None,
-) -> int:
+    data_dir: Path, config: Path | None, out: Path | None, estimator: tuple[str, ...], force: bool,
+    verify: bool, strict: bool, no_figures: bool, shard: str | None, first: dt.date | None,
+    last: dt.date | None, workers: int | None, engine: str | None, scheduler: str | None, dry_run: bool,
+    as_json: bool, quiet: bool, verbose: bool, today: dt.date | None,
+) -> int:  # fmt: skip
     """Estimate every day of DATA_DIR that is new or changed.
 
     Reads daily logs, estimates the delay and the impulse response of each day, and writes tables, figures
@@ -120,18 +97,12 @@ def command(
     console.begin(("logs", data_dir), ("settings", found or "Table I"), ("results", place))
     console.phase("starting")
     options = Options(
-        workers=workers,
-        first=first.date() if first else None,
-        last=last.date() if last else None,
-        force=force,
-        verify=verify,
-        figures=not no_figures,
-        today=today.date() if today else None,
-        shard=Shard.parse(shard) if shard else None,
-    )
-    bar = None if quiet or as_json else _progress
+        workers=workers, first=first, last=last, force=force, verify=verify, figures=not no_figures,
+        today=today, shard=Shard.parse(shard) if shard else None,
+    )  # fmt: skip
+    bar = None if quiet or as_json else progress
     executing = _engine(on_dask, scheduler, workers)
-    reaches = find_fleet(data_dir, found, estimators, None if config else own)
+    reaches = find_fleet(data_dir, found, estimator, None if config else own)
     if reaches is not None:
         from rivid.cli.fleet import plan, run_all
 
@@ -148,7 +119,7 @@ def command(
     from rivid.cli.summary import print_json, print_summary
     from rivid.run.run import run
 
-    settings, notes = _settings(found, estimators)
+    settings, notes = _settings(found, estimator)
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
     with executing as engine_given:
@@ -220,21 +191,6 @@ def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") 
     if len(new) > 5:
         click.echo(f"  ... {new[-1].date}")
     return 0
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[int], None]]:
-    """A progress bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("estimating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("days", total=total)
-        yield lambda n: progress.advance(task, n)
 
 
 def _print_notes(summary: "Summary", console: Console, notes: list[str], options: "Options") -> None:

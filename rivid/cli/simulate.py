@@ -74,8 +74,9 @@ def command(
 
 def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
     """Write logs and truth; return the summary."""
+    import numpy as np
+
     from rivid.logs.write import write_days
-    from rivid.simulation import observables
     from rivid.simulation.truth import write_truth, write_water
 
     scenario = season.scenario
@@ -87,14 +88,19 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
     )  # fmt: skip
     write_truth(season, truth)
     write_water(season, truth.with_suffix(".parquet"))
-    seen = observables(season)
-    delays = ", ".join(f"{d} on {n} days" for d, n in seen.delays.items())
+    delays = ", ".join(
+        f"{d} on {n} days" for d, n in zip(*np.unique(season.delay, return_counts=True), strict=True)
+    )
     hidden = ", ".join(effect.name for effect in season.effects)
+    flow, level = (
+        season.inflow.mean(axis=1),
+        np.nanmax(season.level, axis=1) - np.nanmin(season.level, axis=1),
+    )
     return [
-        f"{scenario.name}, {scenario.reach.name}, seed {season.seed}: {seen.days} days from "
+        f"{scenario.name}, {scenario.reach.name}, seed {season.seed}: {len(season.dates)} days from "
         f"{season.dates[0]} to {season.dates[-1]}",
-        f"discharge {seen.discharge_lowest:.0f} to {seen.discharge_highest:.0f} m3/s; over a day the inflow "
-        f"moves by {seen.inflow_range:.0f} m3/s and the level by {seen.level_range:.2f} m",
+        f"discharge {flow.min():.0f} to {flow.max():.0f} m3/s; over a day the inflow moves by "
+        f"{np.ptp(season.inflow, axis=1).mean():.0f} m3/s and the level by {level.mean():.2f} m",
         f"true delay [samples of {season.sample_time:g} s]: {delays}",
         *([f"effects: {hidden}"] if hidden else []),
         f"{len(files)} files in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",

@@ -79,22 +79,23 @@ def _numbers(results: Results, e: EstimatorResults) -> list[str]:
         p = passage(results, e)
         of = "80 % of the days" if p.with_t50 > FEW else "all days"
         lines.append(f"t50 {delays([p.median], T_s)}, {of} {duration([p.low * T_s, p.high * T_s])}")
-    if f.with_delay:
-        if f.common_days < SPREAD_OUT * f.with_delay:
-            span = travel_within(f.low, f.high, T_s)
-            lines.append(f"delay {samples_first([f.median], T_s)}, 80 % of the days {span}")
+    n, edge = f["with_delay"], f["at_bound"]
+    if n:
+        if f["common_days"] < SPREAD_OUT * n:
+            span = travel_within(f["low"], f["high"], T_s)
+            lines.append(f"delay {samples_first([f['median']], T_s)}, 80 % of the days {span}")
         else:
-            of = f"{f.common_days:,} of {count(f.with_delay, 'day')}"
-            lines.append(f"delay {samples_first(f.common, T_s)} on {of}")
-        if f.prior_only:
+            of = f"{f['common_days']:,} of {count(n, 'day')}"
+            lines.append(f"delay {samples_first(f['common'], T_s)} on {of}")
+        if f["prior_only"]:
             what = "decided by the prior" if ESTIMATORS[e.estimator].rayleigh else "not decided by the data"
-            lines.append(f"{what} on {share(f.prior_only, f.with_delay)} of the days")
-        if math.isfinite(f.least):
-            low, median = probability(f.least), probability(f.probability)
+            lines.append(f"{what} on {share(f['prior_only'], n)} of the days")
+        if math.isfinite(f["least"]):
+            low, median = probability(f["least"]), probability(f["probability"])
             lines.append(f"probability {median} on the median day, {low} on the least certain")
-        if f.at_bound:
-            lines.append(f"at an end of the searched delays on {share(f.at_bound, f.with_delay)} of the days")
-    if beyond := int(e.at_bound.sum()) - f.at_bound:
+        if edge:
+            lines.append(f"at an end of the searched delays on {share(edge, n)} of the days")
+    if beyond := int(e.at_bound.sum()) - edge:
         lines.append(f"outside the searched delays on {count(beyond, 'day')}")
     return lines
 

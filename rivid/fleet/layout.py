@@ -27,26 +27,21 @@ class Reach:
     """One reach of a fleet, its configuration not yet validated.
 
     `name` is that of its directory of logs, `raw` its TOML, own keys over shared ones, and `source` the file
-    of it, for messages. `fault` is why it cannot be run, or empty; `fault_code` its exit code.
+    of it, for messages. `fault` is why it cannot be run.
     """
 
     name: str
     data_dir: Path
     raw: dict[str, Any]
     source: str
-    fault: str = ""
-    fault_code: int = 0
+    fault: RividError | None = None
 
     def config(self) -> "Config":
         """The validated configuration; ConfigError or NoDataError, in one line, where there is none."""
         from rivid.config import Config, parse
 
         if self.fault:
-            raise (
-                NoDataError(self.fault)
-                if self.fault_code == NoDataError.exit_code
-                else ConfigError(self.fault)
-            )
+            raise self.fault
         raw = deepcopy(self.raw)
         reach = raw.setdefault("reach", {})
         if isinstance(reach, dict) and reach.setdefault("name", self.name) != self.name:
@@ -95,7 +90,7 @@ def find_fleet(
             reaches.append(_reach(name, path, shared, mine, configs, data_dir, estimators, beside))
     for name, path in own.items():
         missing = f"{path} is of a reach without directory of logs: {data_dir / name} does not exist"
-        reaches.append(Reach(name, data_dir / name, {}, str(path), missing, NoDataError.exit_code))
+        reaches.append(Reach(name, data_dir / name, {}, str(path), NoDataError(missing)))
     if not reaches:
         raise NoDataError(
             f"no reach in {data_dir}: a directory of logs is expected for each, {data_dir}/<reach>/"
@@ -123,32 +118,23 @@ def holds_logs(folder: Path) -> bool:
 
 
 def _defaults(configs: Path | None) -> dict[str, Any]:
-    from rivid.config import Config, parse
+    from rivid.config import Config, parse, read_config
 
     if configs is None:
         return {}
     if not configs.is_dir():
-        raw = _read(configs)
-        parse(raw, Config, str(configs))  # report a fault of it once, not for each reach
+        parse(
+            raw := read_config(configs), Config, str(configs)
+        )  # report a fault of it once, not for each reach
         return raw
     path = configs / DEFAULTS
-    return _read(path) if path.exists() else {}
+    return read_config(path) if path.exists() else {}
 
 
 def _own(configs: Path) -> dict[str, Path]:
     """The files of single reaches, by reach."""
     paths = (path for path in configs.glob("*.toml") if path.name != DEFAULTS)
     return {path.name.removesuffix(".toml"): path for path in paths if not path.name.startswith(".")}
-
-
-def _read(path: Path) -> dict[str, Any]:
-    from rivid.config import read_toml
-
-    raw = read_toml(path)
-    diagnose = raw.get("diagnose")
-    if isinstance(diagnose, dict) and isinstance(diagnose.get("effects_file"), str):
-        diagnose["effects_file"] = str(path.parent / diagnose["effects_file"])  # relative to the file
-    return raw
 
 
 def _reach(
@@ -161,19 +147,23 @@ def _reach(
     estimators: Sequence[str],
     beside: Callable[[Path], Path | None] | None,
 ) -> Reach:
-    fault = _fault(name, path, data_dir)
+    from rivid.config import merged, read_config
+
+    fault: RividError | None = None
+    if text := _fault(name, path, data_dir):
+        fault = ConfigError(text)
     raw: dict[str, Any] = {}
     source = str(own or configs or "the defaults")
     try:
         if beside is not None and not fault:  # not through a link that leads elsewhere
             own = own or beside(path)
             source = str(own or source)
-        raw = merged(shared, _read(own) if own else {})
+        raw = merged(shared, read_config(own) if own else {})
     except RividError as error:
-        fault = fault or str(error)
+        fault = fault or ConfigError(str(error))
     if estimators:
         raw = merged(raw, {"run": {"estimators": list(estimators)}})
-    return Reach(name, path, raw, source, fault, ConfigError.exit_code if fault else 0)
+    return Reach(name, path, raw, source, fault)
 
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:
@@ -184,18 +174,3 @@ def _fault(name: str, path: Path, data_dir: Path) -> str:
     if path.is_symlink() and path.resolve().parent != data_dir.resolve():
         return f"{path} is a link that leads out of {data_dir}: put the directory itself there"
     return ""
-
-
-def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Merge tables key by key; any other own value replaces the shared one.
-
-    Examples
-    --------
-    >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
-    {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
-    """
-    both = deepcopy(shared)
-    for key, value in own.items():
-        mine = both.get(key)
-        both[key] = merged(mine, value) if isinstance(mine, dict) and isinstance(value, dict) else value
-    return both

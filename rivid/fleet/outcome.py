@@ -2,7 +2,6 @@
 
 import datetime as dt
 import json
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -23,12 +22,6 @@ WEEK = 7
 YEAR = 365
 """Days before the last week that make the band: all seasons."""
 
-FEWEST = 30
-"""Fewest days of a band: with fewer, its ends are the two most extreme days."""
-
-TAIL = 0.05
-"""Share of the year's days beyond each end of the band."""
-
 FOLDER = Path(".rivid", "outcomes")
 WORST_FIRST = (1, 2, 11, 10, 3, 0)
 """Exit codes, the worst first: failure, wrong configuration, held by another run, no data, days
@@ -38,48 +31,32 @@ MOST_FAILURES = 5
 """Most failed days of the last week that are listed for a reach."""
 
 
-@dataclass(frozen=True)
-class Band:
-    """The band of a reach over the year before its last week, and the week; of the days that the data decide.
-
-    90 % of the days lie between `low` and `high`; these and the medians are in samples. Of the answered
-    `days` of the last week, `above` and `below` lie outside; `week_median` is NaN without any.
-    """
-
-    low: float
-    high: float
-    median: float
-    week_median: float
-    days: int
-    above: int
-    below: int
-
-
-def band(days: Ints, values: Floats) -> Band | None:
+def band(days: Ints, values: Floats) -> dict[str, Any] | None:
     """Return the band of the year before the last week, and where the week lies.
 
     `days` are day numbers, ascending, of all days with a row; `values` are delays or t50 [samples], NaN
-    where the data give none. None where the year before has fewer than :data:`FEWEST` answered days.
+    where the data give none. 90 % of the year's values lie between `low` and `high`; these, `median` and
+    `week_median` (None without any answer in the week) are in samples. Of the answered `days` of the week,
+    `above` and `below` lie outside. None where the year has too few answered days for a band.
     """
-    if not len(days):
-        return None
-    ago = days[-1] - days
+    from rivid.report.attention import band as limits
+
+    ago = days[-1:] - days
     given = np.isfinite(values)
     year = values[given & (ago >= WEEK) & (ago < WEEK + YEAR)]
     week = values[given & (ago < WEEK)]
-    if len(year) < FEWEST:
+    ends = limits(year)
+    if ends is None:
         return None
-    low = float(np.quantile(year, TAIL, method="lower"))
-    high = float(np.quantile(year, 1 - TAIL, method="higher"))
-    return Band(
-        low=low,
-        high=high,
-        median=float(np.median(year)),
-        week_median=float(np.median(week)) if len(week) else math.nan,
-        days=len(week),
-        above=int(np.count_nonzero(week > high)),
-        below=int(np.count_nonzero(week < low)),
-    )
+    return {
+        "low": ends[0],
+        "high": ends[1],
+        "median": float(np.median(year)),
+        "week_median": float(np.median(week)) if len(week) else None,
+        "days": len(week),
+        "above": int(np.count_nonzero(week > ends[1])),
+        "below": int(np.count_nonzero(week < ends[0])),
+    }
 
 
 @dataclass(frozen=True)
@@ -90,11 +67,11 @@ class Outcome:
     its `data_sets`, `computed` were estimated in its last run; `dropped` of earlier runs have no logs any
     more. `new_failures` of the `failures` are reported for the first time; `bad_files` are no logs.
     `content` is a digest of the results, `first` and `last` are ISO dates of the record. `estimator` and
-    `quantity` (delay or t50) are those of the band, `sample_time` is T_s [s]. Of the `days_week` days of its
-    last week with a row, `answered_week` have an answer. `moved` is whether the delay has moved in the last
-    week, by :func:`rivid.report.summary.trend`, or None without a test; `change` the median of the last week
-    less that of the weeks before [samples], 0 without a test. `recent` are failed days of its last week and
-    their messages.
+    `quantity` (delay or t50) are those of the `band` (:func:`band`), `sample_time` is T_s [s]. Of the
+    `days_week` days of its last week with a row, `answered_week` have an answer. `moved` is whether the delay
+    has moved in the last week, by :func:`rivid.report.summary.trend`, or None without a test; `change` the
+    median of the last week less that of the weeks before [samples], 0 without a test. `recent` are failed
+    days of its last week and their messages.
     """
 
     reach: str
@@ -114,29 +91,16 @@ class Outcome:
     sample_time: float = 0.0
     answered_week: int = 0
     days_week: int = 0
-    band: Band | None = None
+    band: dict[str, Any] | None = None
     moved: bool | None = None
     change: float = 0.0
     recent: list[tuple[str, str]] = field(default_factory=list)
 
-    def to_json(self) -> dict[str, Any]:
-        """As a JSON object; null for NaN."""
-        value = asdict(self)
-        if value["band"] is not None and math.isnan(value["band"]["week_median"]):
-            value["band"]["week_median"] = None
-        return value
-
     @classmethod
     def from_json(cls, value: dict[str, Any]) -> "Outcome":
-        """The inverse of :meth:`to_json`."""
-        given = dict(value)
-        if given.get("band") is not None:
-            raw = dict(given["band"])
-            raw.pop("left", None)  # of an earlier version
-            raw["week_median"] = math.nan if raw["week_median"] is None else raw["week_median"]
-            given["band"] = Band(**raw)
-        given["recent"] = [(str(day), str(message)) for day, message in given.get("recent", [])]
-        return cls(**given)
+        """The outcome that :func:`dataclasses.asdict` made a JSON object of."""
+        recent = [(str(day), str(message)) for day, message in value.get("recent", [])]
+        return cls(**value | {"recent": recent})
 
 
 def worst(codes: Iterable[int]) -> int:
@@ -191,15 +155,15 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         answered_week=int(np.isfinite(values[week]).sum()),
         days_week=int(week.sum()),
         band=band(days, values),
-        moved=trend.moved if trend else None,
-        change=trend.now - trend.before if trend else 0.0,
+        moved=trend["moved"] if trend else None,
+        change=trend["now"] - trend["before"] if trend else 0.0,
         recent=sorted(failed.items())[-MOST_FAILURES:],
     )
 
 
 def keep(out: Path, outcome: Outcome) -> None:
     """Store an outcome under OUT of the fleet."""
-    write_text(out / FOLDER / f"{outcome.reach}.json", json.dumps(outcome.to_json(), sort_keys=True) + "\n")
+    write_text(out / FOLDER / f"{outcome.reach}.json", json.dumps(asdict(outcome), sort_keys=True) + "\n")
 
 
 def kept(out: Path) -> list[Outcome]:

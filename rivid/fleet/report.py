@@ -2,7 +2,6 @@
 
 import datetime as dt
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ from typing import Any
 import pyarrow as pa
 
 from rivid.atomic import write_text
-from rivid.fleet.outcome import FEWEST, Outcome, worst
+from rivid.fleet.outcome import Outcome, worst
+from rivid.report.attention import BAND_DAYS
 from rivid.report.page import write_page
 from rivid.report.summary import LEVEL
 from rivid.results.tables import (
@@ -51,13 +51,11 @@ FLEET, MEANINGS = described(
         ("above_last_week", WHOLE, "days", "of the last seven above the band"),
         ("below_last_week", WHOLE, "days", "of the last seven below the band"),
         (
-            "left_band",
-            FLAG,
-            "",
+            "left_band", FLAG, "",
             "the delay has moved in the last week, by the test of the report; empty without a test",
         ),
     ]
-)
+)  # fmt: skip
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
 
@@ -118,15 +116,15 @@ def _before(out: Path) -> dict[str, Any]:
 
 
 def _row(o: Outcome) -> dict[str, Any]:
-    b = o.band
-    week = None if b is None or math.isnan(b.week_median) else b.week_median
+    b = o.band or {}
     return {
         "reach": o.reach, "code": o.code, "error": o.error, "data_sets": o.data_sets,
         "failures": o.failures, "bad_files": o.bad_files, "first": o.first, "last": o.last,
         "estimator": o.estimator, "quantity": o.quantity, "sample_time_s": o.sample_time or None,
         "answered_last_week": o.answered_week, "days_last_week": o.days_week,
-        "median": b and b.median, "band_low": b and b.low, "band_high": b and b.high,
-        "median_last_week": week, "above_last_week": b and b.above, "below_last_week": b and b.below,
+        "median": b.get("median"), "band_low": b.get("low"), "band_high": b.get("high"),
+        "median_last_week": b.get("week_median"), "above_last_week": b.get("above"),
+        "below_last_week": b.get("below"),
         "left_band": o.moved,
     }  # fmt: skip
 
@@ -152,7 +150,7 @@ def _context(
         "silent": chosen["silent"],
         "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in chosen["changed"]],
         "all": outcomes,
-        "fewest": FEWEST,
+        "fewest": BAND_DAYS,
     }
 
 
@@ -163,4 +161,4 @@ def _minute(made: str) -> str:
 
 def _distance(o: Outcome) -> float:
     """The change of the last week, in widths of the band."""
-    return abs(o.change) / (1.0 if o.band is None else max(o.band.high - o.band.low, 1.0))
+    return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))

@@ -17,7 +17,7 @@ from scipy.stats import t as student
 
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import LoopDay
-from rivid.plots import captions, style
+from rivid.plots import style
 from rivid.plots.style import FigureFile
 from rivid.text import count, day_range, shorten
 from rivid.types import Bools, Floats
@@ -59,49 +59,43 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
 
 # The errors some hours ahead
 
-Row = tuple[str, Sequence[float], bool]
-"""A simulation: its name, its errors by horizon, and whether its events are timed on the day itself."""
+Row = tuple[str, str, Sequence[float]]
+"""A simulation: its kind, its name and errors by horizon, as of :func:`rivid.report.quantities.gap_rows`."""
 
 
-def draw_gap(
-    folder: Path, rows: Sequence[Row], hours: Sequence[float], floor: Sequence[float] | None, unit: str,
-    days: int,
-) -> FigureFile:  # fmt: skip
-    """Draw diagnosis_gap.png: a panel for each horizon [h], a bar for each simulation.
+def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: str, days: int) -> FigureFile:
+    """Draw diagnosis_gap.png: a panel for each horizon [h], a bar for each simulation, errors in `unit`.
 
-    The first row is without any effect; `floor` is the error from weather and gauge noise alone, and `days`
-    the number of days kept apart. Errors are in `unit`.
+    `days` is the number of days kept apart.
     """
-    title, events = "The gap on the days kept apart", any(described for _, _, described in rows)
+    bars, title = [row for row in rows if row[0] != "floor"], "The gap on the days kept apart"
     figure, panels = style.sheet(
-        title, f"{count(days, 'day')} · root mean square error", [0.36 * len(rows)], [1.0] * len(hours),
+        title, f"{count(days, 'day')} · root mean square error", [0.36 * len(bars)], [1.0] * len(hours),
         gap=(0.62, 0.0), left=2.45, right=0.3, top=1.04, bottom=0.62, heading=0.68,
     )  # fmt: skip
     for i, (ax, h) in enumerate(zip(panels, hours, strict=True)):
-        errors_ahead(ax, rows, i, None if floor is None else floor[i])
+        errors_ahead(ax, rows, i)
         ax.set_xlabel(f"error [{unit}]")
-        ax.set_yticklabels([shorten(name, NAME_LENGTH) for name, _, _ in rows] if i == 0 else [])
+        ax.set_yticklabels([shorten(name, NAME_LENGTH) for _, name, _ in bars] if i == 0 else [])
         style.heading(ax, f"{h:g} h ahead", fontweight="bold")
     style.figure_key(panels, down=0.58, left=0.68)
-    return style.written(figure, folder / "diagnosis_gap.png", title, captions.gap(events))
+    events = any(kind == "described" for kind, _, _ in rows)
+    return style.written(figure, folder / "diagnosis_gap.png", title, events=events)
 
 
-def errors_ahead(ax: Axes, rows: Sequence[Row], i: int, floor: float | None) -> Axes:
-    """The errors of simulations at horizon `i` as horizontal bars, the first at the top.
-
-    `floor` is the error that no simulation can avoid, where it is known.
-    """
+def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
+    """The errors of simulations at horizon `i` as bars, the first at the top; the floor as a line."""
     ax.spines["left"].set_color(style.LIGHT)
-    y = np.arange(len(rows), dtype=float)[::-1]
-    values = [float(errors[i]) for _, errors, _ in rows]
-    finite = [v for v in [*values, np.nan if floor is None else floor] if np.isfinite(v)]
-    ax.set_xlim(0, 1.28 * (max(finite, default=0.0) or 1.0))
-    ax.set_ylim(-0.5, len(rows) - 0.5)
-    for at, (_, _, described), value in zip(y, rows, values, strict=True):
+    values = [(kind, float(errors[i])) for kind, _, errors in rows]
+    bars = [row for row in values if row[0] != "floor"]
+    y = np.arange(len(bars), dtype=float)[::-1]
+    ax.set_xlim(0, 1.28 * (max((v for _, v in values if np.isfinite(v)), default=0.0) or 1.0))
+    ax.set_ylim(-0.5, len(bars) - 0.5)
+    for at, (kind, value) in zip(y, bars, strict=True):
         look: dict[str, Any] = {"color": AFTER, "label": "effects added, known in advance"}
-        if at == y[0]:
+        if kind == "baseline":
             look = {"color": BEFORE, "label": "without any effect"}
-        elif described:
+        elif kind == "described":
             look = {"facecolor": "white", "edgecolor": AFTER, "hatch": "/////", "linewidth": 0.8}
             look |= {"label": "events timed on the day"}
         if np.isfinite(value):
@@ -111,7 +105,7 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int, floor: float | None) -> 
             xytext=(4, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
-    if floor is not None and np.isfinite(floor):
+    for _, floor in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
         ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(FixedLocator(y.tolist()))
@@ -151,8 +145,7 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     bar.yaxis.tick_right()
     bar.set_ylabel("unexplained inflow [m³/s]")
     bar.yaxis.set_label_position("right")
-    caption = captions.missing_water(len(maps))
-    return style.written(figure, folder / "diagnosis_map.png", "When water is missing", caption)
+    return style.written(figure, folder / "diagnosis_map.png", "When water is missing", named=named)
 
 
 def hour_map(ax: Axes, dates: Sequence[dt.date], image: Floats, top: float) -> Axes:
@@ -225,7 +218,8 @@ def draw_inflow(
         ax.set_ylabel("inflow [m³/s]")
         step = "hourly means" if hours == 1 else f"means of {hours} h"
         style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
-    style.date_axes(panels, dates[0], dates[-1])
+    for ax in panels:
+        style.date_axis(ax, dates[0], dates[-1], labels=ax is panels[-1])
     if windows:
         names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
         text = shorten(f"grey: dates of {names}", 80)
@@ -252,8 +246,7 @@ def draw_inflow(
             style.message(ax, "does not vary")
     for ax in figure.axes[len(shown) :]:
         ax.set_ylim(-1.1 * limits(*ends), 1.1 * limits(*ends))
-    caption = captions.unexplained_inflow(named)
-    return style.written(figure, folder / "diagnosis_inflow.png", "The unexplained inflow", caption)
+    return style.written(figure, folder / "diagnosis_inflow.png", "The unexplained inflow", named=named)
 
 
 def banded(ax: Axes, x: Floats, mean: Floats, half: Floats, colour: str, **look: Any) -> Axes:
@@ -374,8 +367,10 @@ def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | N
         style.key(ax)
     upper.tick_params(axis="x", labelbottom=False)
     others = error[apart & np.isfinite(error)]
-    caption = captions.held_out_day(name, len(others), int((others > error[i]).sum()))
-    return style.written(figure, folder / "diagnosis_day.png", title, caption)
+    worse = int((others > error[i]).sum())
+    return style.written(
+        figure, folder / "diagnosis_day.png", title, output=name, days=len(others), worse=worse
+    )
 
 
 def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
@@ -437,7 +432,7 @@ def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureF
     style.key(upper)
     style.heading(lower, "grey: the logged inflow, the only input of the simulation", color=style.GREY)
     style.heading(lowest, "outflow, simulated less measured, mean of an hour", color=style.GREY)
-    return style.written(figure, folder / "diagnosis_loop.png", title, captions.LOOP)
+    return style.written(figure, folder / "diagnosis_loop.png", title)
 
 
 def hourly(values: Floats, hour: Floats) -> Floats:

@@ -3,6 +3,7 @@
 import datetime as dt
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
-from rivid.plots import captions, estimates, style
+from rivid.plots import estimates, style
 from rivid.plots.style import FigureFile
-from rivid.results.days import day_numbers, estimates_delay, found, has_t50, leading_response, thirds
+from rivid.results.days import CLEAR, day_numbers, estimates_delay, found, has_t50, leading_response, thirds
 from rivid.results.read import EstimatorResults, Results
 from rivid.text import (
     count,
@@ -31,44 +32,26 @@ KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_da
 Job = tuple[str, str]
 """A figure to draw: its kind, and the estimator it shows; empty for all of them."""
 
-Drawn = tuple[Figure, str, str]
-"""A figure, its title on a page and its caption."""
+Drawn = tuple[Figure, str, dict[str, Any]]
+"""A figure, its title on a page and the facts of its caption."""
 
 
 def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list[FigureFile]:
-    """Draw every figure of a run into OUT/figures, over those that are there.
+    """Draw every figure of a run into OUT/figures, over those there; equal results give equal bytes.
 
-    Parameters
-    ----------
-    results : Results
-        All of OUT.
-    out : Path
-        OUT; files are written to its folder ``figures``.
-    day : datetime.date, optional
-        The day of the impulse responses; a typical one by default.
-
-    Returns
-    -------
-    list of FigureFile
-        Per estimator: tdr, where it has impulse responses, and histogram, delay_map and delay_discharge,
-        where it estimates delays; then the responses of one day. Nothing for an estimator without a single
-        row. For a river, t50 and t50_discharge of the leading estimator.
-
-    Raises
-    ------
-    ConfigError
-        Where `day` is not among the results.
-    RividError
-        Where a file cannot be written.
+    Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
+    delay_discharge, where it estimates delays; then the responses of one `day`, a typical one by default. For
+    a river, t50 and t50_discharge of the leading estimator. ConfigError where `day` is not among the results,
+    RividError where a file cannot be written.
 
     Notes
     -----
-    Source: Figs 12-18. The same results give the same bytes.
+    Source: Figs 12-18.
     """
     folder = out / "figures"
     drawn = [draw(results, job, folder, day=day) for job in jobs(results)]
     files = [file for file in drawn if file is not None]
-    drop_old(folder, files)
+    style.drop_old(folder, files, KINDS)
     return files
 
 
@@ -89,116 +72,74 @@ def jobs(results: Results) -> list[Job]:
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
     """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has what it shows.
 
-    Raises
-    ------
-    ConfigError, RividError
-        As :func:`draw_all`.
+    Errors are those of :func:`draw_all`.
     """
     kind, name = job
     with style.styled():
         if kind == "fir_day":
             drawn = _fir_day(results, day)
         else:
-            drawn = FIGURES[kind](results, next(e for e in results.estimators if e.estimator == name))
+            drawn = _of_estimator(results, results.of(name), kind)
         if drawn is None:
             return None
         path = folder / (f"{kind}_{name}.png" if name else f"{kind}.png")
-        return style.written(drawn[0], path, *drawn[1:], kind=kind, estimator=name)
+        figure, title, facts = drawn
+        return style.written(figure, path, title, kind=kind, estimator=name, **facts)
 
 
-def drop_old(folder: Path, files: list[FigureFile]) -> None:
-    """Remove figures of estimators that are no longer part of the run."""
-    kept = {file.path.name for file in files}
-    for kind in KINDS:
-        for path in folder.glob(f"{kind}*.png"):
-            if path.name not in kept:
-                path.unlink(missing_ok=True)
+def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
+    """A figure of one estimator: of all its days, or of those with a mean inflow against it."""
+    title, height, plot = FIGURES[kind]
+    days = has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else found(e)
+    if kind.endswith("discharge"):
+        days = days & np.isfinite(e.mean_inflow)
+    shown, margins = count(int(days.sum()), "day"), dict[str, Any]()
+    if kind == "histogram":
+        without, margins = statuses(e.status), {"right": 0.25, "bottom": 0.92}
+        shown = f"n = {shown}" + (f" ({without} left out)" if without else "")
+    elif kind in DATED:
+        shown += f" of {len(e.dates):,}, {day_range(e.dates[0], e.dates[-1])}"
+    what = ["half of a step has arrived"] if kind.startswith("t50") else []
+    note = " · ".join([results.reach, *what, ESTIMATORS[e.estimator].words, shown])
+    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", note, [height], **margins)
+    if kind in DATED:
+        style.calendar(ax, e.dates, e.status)
+    plot(ax, results, e)
+    style.key(ax)
+    facts: dict[str, Any] = {
+        "unit": results.output_unit,
+        "bounds": bool(np.isfinite(e.bound_gravity_s).any()),
+        "delay": bool(found(e).any()),
+        "t50": bool(has_t50(e).any()),
+        "interval": e.probability is not None,
+    }
+    if t := thirds(e):
+        facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= CLEAR}
+    return figure, title, facts
 
 
-def _note(results: Results, e: EstimatorResults, facts: str) -> str:
-    return f"{results.reach} · {ESTIMATORS[e.estimator].words} · {facts}"
-
-
-def _days(e: EstimatorResults, n: int) -> str:
-    return f"{count(n, 'day')} of {len(e.dates):,}, {day_range(e.dates[0], e.dates[-1])}"
-
-
-def _tdr(results: Results, e: EstimatorResults) -> Drawn:
-    title, unit = "Impulse response of each day", results.output_unit
-    note = _note(results, e, _days(e, int(e.answered.sum())))
-    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", note, [2.82])
-    style.calendar(ax, e.dates, e.status)
-    delay, t50 = found(e), has_t50(e)
+def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
     fir = np.where(e.answered[:, None], e.fir, np.nan)
-    lag, name = (e.delay, "delay d") if delay.any() else (e.t50, "t50")
+    lag, name = (e.delay, "delay d") if found(e).any() else (e.t50, "t50")
     estimates.tdr(
         ax, day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
         sample_time=results.sample_time,
     )  # fmt: skip
     if e.answered.any():
-        estimates.grey_scale(ax, fir, response_unit(unit))
-    style.key(ax)
-    interval = e.probability is not None
-    return figure, title, captions.tdr(unit, delay=bool(delay.any()), t50=bool(t50.any()), interval=interval)
+        estimates.grey_scale(ax, fir, response_unit(results.output_unit))
 
 
-def _histogram(results: Results, e: EstimatorResults) -> Drawn:
-    title, without = "How often each delay", statuses(e.status)
-    facts = f"n = {count(int(found(e).sum()), 'day')}" + (f" ({without} left out)" if without else "")
-    figure, (ax,) = style.sheet(
-        f"{title}: {e.estimator}", _note(results, e, facts), [2.36], right=0.25, bottom=0.92
-    )
-    style.key(estimates.histogram(ax, results, e))
-    return figure, title, captions.histogram(e.estimator, results.output_unit)
-
-
-def _delay_map(results: Results, e: EstimatorResults) -> Drawn:
-    title = "Delay of each day"
-    note = _note(results, e, _days(e, int(found(e).sum())))
-    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", note, [2.42])
-    style.calendar(ax, e.dates, e.status)
-    style.key(estimates.delay_map(ax, results, e))
-    return figure, title, captions.delay_map(e.estimator, results.output_unit, bounds=_bounded(e))
-
-
-def _delay_discharge(results: Results, e: EstimatorResults) -> Drawn:
-    title, n = "Delay and discharge", int((found(e) & np.isfinite(e.mean_inflow)).sum())
-    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", _note(results, e, count(n, "day")), [2.62])
-    style.key(estimates.delay_discharge(ax, results, e))
-    return figure, title, captions.delay_discharge(e.estimator, results.output_unit, bounds=_bounded(e))
-
-
-def _t50(results: Results, e: EstimatorResults) -> Drawn:
-    title = "t50 of each day"
-    note = f"{results.reach} · half of a step has arrived · {ESTIMATORS[e.estimator].words}"
-    note += f" · {_days(e, int(has_t50(e).sum()))}"
-    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", note, [2.42])
-    style.calendar(ax, e.dates, e.status)
-    style.key(estimates.t50(ax, results, e))
-    return figure, title, captions.T50
-
-
-def _t50_discharge(results: Results, e: EstimatorResults) -> Drawn:
-    title, n = "t50 and discharge", int((has_t50(e) & np.isfinite(e.mean_inflow)).sum())
-    note = f"{results.reach} · half of a step has arrived · {ESTIMATORS[e.estimator].words}"
-    figure, (ax,) = style.sheet(f"{title}: {e.estimator}", f"{note} · {count(n, 'day')}", [2.62])
-    style.key(estimates.t50_discharge(ax, results, e))
-    return figure, title, captions.t50_discharge(thirds(e), results.sample_time, bounds=_bounded(e))
-
-
-def _bounded(e: EstimatorResults) -> bool:
-    return bool(np.isfinite(e.bound_gravity_s).any())
-
-
-FIGURES: dict[str, Callable[[Results, EstimatorResults], Drawn]] = {
-    "t50": _t50,
-    "t50_discharge": _t50_discharge,
-    "tdr": _tdr,
-    "histogram": _histogram,
-    "delay_map": _delay_map,
-    "delay_discharge": _delay_discharge,
+FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults], Any]]] = {
+    "t50": ("t50 of each day", 2.42, estimates.t50),
+    "t50_discharge": ("t50 and discharge", 2.62, estimates.t50_discharge),
+    "tdr": ("Impulse response of each day", 2.82, _tdr),
+    "histogram": ("How often each delay", 2.36, estimates.histogram),
+    "delay_map": ("Delay of each day", 2.42, estimates.delay_map),
+    "delay_discharge": ("Delay and discharge", 2.62, estimates.delay_discharge),
 }
-"""Figures of one estimator by kind."""
+"""Figures of one estimator by kind: title, height of the panel [inch] and what draws it."""
+DATED = ("t50", "tdr", "delay_map")
+"""Figures over the days of the record."""
 
 
 # All impulse responses of one day (Fig. 12)
@@ -248,9 +189,14 @@ def _fir_day(results: Results, day: dt.date | None) -> Drawn | None:
         ax.set_ylim(low - margin, high + margin)
     for ax in panels[len(shown) :]:
         ax.remove()
-    band = any(e.fir_sd is not None for e, _ in shown)
-    caption = captions.fir_day([e.estimator for e, _ in shown], unit, band=band)
-    return figure, f"Impulse responses of {chosen}", caption
+    used = [ESTIMATORS[e.estimator] for e, _ in shown]
+    facts = {
+        "unit": unit,
+        "band": any(e.fir_sd is not None for e, _ in shown),
+        "probable": any(one.has_probability for one in used),
+        "cusum": any(one.method == "CUSUM" for one in used),
+    }
+    return figure, f"Impulse responses of {chosen}", facts
 
 
 def _response(ax: Axes, e: EstimatorResults, i: int, sample_time: float) -> None:

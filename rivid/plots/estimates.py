@@ -82,21 +82,11 @@ def tdr(
 ) -> Axes:
     """Time-day representation: the impulse response of each day as a grey column, black is high.
 
-    Parameters
-    ----------
-    ax : Axes
-    day : array_like, shape (n,)
-        Whole day numbers in increasing order, ordinals of dates for example.
-    fir : ndarray, shape (n, M)
-        Impulse responses; NaN on days without one.
-    lag : ndarray, shape (n,), optional
-        Lag to mark on each day, the delay d or t50 [samples]; NaN for no mark.
-    label : str
-        Name of `lag` in the legend.
-    low, high : ndarray, shape (n,), optional
-        Ends of the 90 % set of delays [samples], drawn where the set holds more than one.
-    sample_time : float, optional
-        T_s [s], for a second axis in minutes.
+    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape
+    (n, M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
+    [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
+    90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
+    minutes.
 
     Notes
     -----
@@ -174,16 +164,10 @@ def _framed(ax: Axes) -> None:
 def response(
     ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
 ) -> Axes:
-    """The impulse response of one day with its jump from d to d + 1.
+    """The impulse response of one day, shape (M,), with its jump from d to d + 1.
 
-    Parameters
-    ----------
-    ax : Axes
-    fir : ndarray, shape (M,)
-    delay, t50 : float
-        Delay d, marked by a coloured step, and t50, by a dashed line [samples]; NaN for none.
-    sd : ndarray, shape (M,), optional
-        Standard deviation of `fir`, drawn as a band of two to either side.
+    The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none. A band shows two
+    standard deviations `sd`, shape (M,), to either side.
     """
     k = np.arange(len(fir))
     ax.axhline(0, color=style.LIGHT, lw=0.7)
@@ -209,22 +193,9 @@ def jump(ax: Axes, delay: float) -> Axes:
 
 
 def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11, bins: int = 8) -> Axes:
-    """A response as a bar of the time-day representation under its panel, with the lags as its axis.
+    """Draw a response as a bar of the time-day representation under its panel `ax`, and return the bar.
 
-    Parameters
-    ----------
-    ax : Axes
-        The panel of the response.
-    fir : ndarray, shape (M,)
-    below, height : float
-        Distance of the bar's lower edge from the panel, and its height [inch].
-    bins : int
-        Largest number of intervals between ticks.
-
-    Returns
-    -------
-    Axes
-        The bar.
+    Its lower edge is `below` the panel, `height` high [inch]; its axis of lags has up to `bins` intervals.
     """
     figure = ax.get_figure(root=True)
     assert figure is not None
@@ -279,14 +250,7 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> Axes:
     """Share of days at each candidate delay, with the prior or the mean probability over it.
 
-    Parameters
-    ----------
-    ax : Axes
-    results : Results
-        The run, for sample time and sigma_d.
-    e : EstimatorResults
-    counted : bool
-        Legend with numbers of days; without them several panels can share it.
+    The legend is `counted`: it has numbers of days; without them several panels can share it.
 
     Notes
     -----
@@ -339,22 +303,11 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
 def delay_map(
     ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True, bounds: bool = True
 ) -> Axes:
-    """Delay of each day over the record, on an x axis of day numbers.
-
-    Parameters
-    ----------
-    ax : Axes
-    results : Results
-        The run, for sample time and output unit.
-    e : EstimatorResults
-    counted : bool
-        Legend with numbers of days; without them several panels can share it.
-    bounds : bool
-        Draw the travel times (5) of the waves.
+    """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
     Notes
     -----
-    Source: Fig. 17; the bounds are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
+    Source: Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
     tau / T_s - 1.
     """
     x, tried = day_numbers(e.dates), candidates(e)
@@ -394,17 +347,8 @@ def probability_cells(
 ) -> Axes:
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
-    Parameters
-    ----------
-    ax : Axes
-    first : float
-        Day number of the first column.
-    delay : array_like, shape (D,)
-        Consecutive delays [samples].
-    probability : ndarray, shape (D, days)
-        0 to 1; 0 where there is none.
-    darkest : float
-        Opacity of probability 1.
+    `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
+    `probability`, shape (D, days), is 0 where there is none; probability 1 has the opacity `darkest`.
     """
     d = np.asarray(delay, float)
     image = np.zeros((*probability.shape, 4))
@@ -595,12 +539,7 @@ def _t50_days(
 def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
     """Lags [samples] that a panel of t50 shows: the days, and the bounds that leave them enough space.
 
-    Parameters
-    ----------
-    t50 : ndarray, shape (n,)
-        At least one [samples].
-    bounds : sequence of ndarray
-        Travel times [samples], the nearest first.
+    `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
 
     Examples
     --------

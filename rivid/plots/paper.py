@@ -15,12 +15,13 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import ConfigError
-from rivid.plots import captions, estimates, style
+from rivid.plots import estimates, style
 from rivid.plots.draw import typical_day
-from rivid.plots.paper_data import CascadeReach, Estimates, Year
+from rivid.plots.paper_data import CascadeReach, Year
 from rivid.plots.style import FigureFile
 from rivid.reach.integrator import theoretical_fir
 from rivid.results.days import day_numbers, rayleigh
+from rivid.results.read import Results
 from rivid.text import count, delays, listed, number, response_unit, share
 from rivid.types import Floats
 
@@ -51,64 +52,40 @@ Drawn = tuple[str, str, Figure]
 
 def draw_paper(
     year: Year,
-    estimates: Estimates,
+    estimated: Results,
     cascade: Sequence[CascadeReach],
     folder: Path,
     *,
     day: dt.date | None = None,
     progress: Callable[[], Any] = lambda: None,
 ) -> list[FigureFile]:
-    """Draw the paper's figures; the same logs give the same bytes.
+    """Draw the paper's figures as ``fig02.png``, ``fig02.svg`` and so on; the same logs give the same bytes.
 
-    Parameters
-    ----------
-    year, estimates
-        The logs, and the estimates of each estimator and day.
-    cascade : sequence of CascadeReach
-        The reaches of Fig. 19; at least one.
-    folder : Path
-        Directory of ``fig02.png``, ``fig02.svg`` and so on.
-    day : datetime.date, optional
-        The day of Figs 7 and 12; a typical one by default.
-    progress : callable, optional
-        Called after each of :data:`FIGURES`.
-
-    Returns
-    -------
-    list of FigureFile
-        In the paper's order; the kind of each is its number.
-
-    Raises
-    ------
-    ConfigError
-        If `day` has no impulse response.
-    RividError
-        If a file cannot be written.
+    `cascade` are the reaches of Fig. 19, at least one; `day` is that of Figs 7 and 12, a typical one by
+    default. `progress` is called after each of :data:`FIGURES`. Returns the files in the paper's order, the
+    kind of each being its number. ConfigError if `day` has no impulse response, RividError if a file cannot
+    be written.
     """
-    i = choose(estimates, day)
-    where = "downstream" if year.outflow else "upstream"
+    i = choose(estimated, day)
+    dam = "downstream" if year.outflow else "upstream"
     files = []
     with style.styled():
         for figure_of in FIGURES:
-            num, title, figure = figure_of(year, estimates, i, cascade)
+            num, title, figure = figure_of(year, estimated, i, cascade)
             path = folder / f"fig{int(num):02d}{'_priors' if num == '11' else ''}.png"
-            caption = captions.PAPER[num].format(where=where)
-            files.append(style.written(figure, path, title, caption, kind=num))
+            files.append(style.written(figure, path, title, kind=num, dam=dam))
             style.save_vector(figure, path.with_suffix(".svg"))
             progress()
     return files
 
 
-def choose(estimates: Estimates, day: dt.date | None = None) -> int:
+def choose(estimated: Results, day: dt.date | None = None) -> int:
     """The number of the day that represents the year: the given one, or a typical one.
 
-    Raises
-    ------
-    ConfigError
-        Where the given day has no impulse response.
+    ConfigError where the given day has no impulse response.
     """
-    e = estimates.of("jmap")
-    chosen = typical_day(estimates.results) if day is None else day
+    e = estimated.of("jmap")
+    chosen = typical_day(estimated) if day is None else day
     if chosen is None:
         return 0
     if chosen not in e.dates or (day is not None and not e.answered[e.dates.index(chosen)]):
@@ -235,7 +212,7 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
 # Figs 7, 10, the priors, and 12: one day
 
 
-def logs(year: Year, _: Estimates, i: int, *__: Any) -> Drawn:
+def logs(year: Year, _: Results, i: int, *__: Any) -> Drawn:
     """Fig. 7: the data set of one day."""
     u, h, title = year.inflow[i], year.level[i], "A one-day data set"
     figure, panels = _sheet(
@@ -288,19 +265,19 @@ def theoretical(year: Year, *_: Any) -> Drawn:
     return "10", title, figure
 
 
-def priors(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
+def priors(year: Year, estimated: Results, i: int, *__: Any) -> Drawn:
     """The Rayleigh prior on d (26) and the inverse-gamma prior on sigma_hD2 (32), as in use.
 
     The second needs a day: its beta_h comes from that day's ML response.
     """
-    s, results, title = estimated.settings, estimated.results, "The priors in use"
+    s, title = year.config.jmap_settings(), "The priors in use"
     ml, jmap = estimated.of("ml"), estimated.of("jmap")
     M, h = s.order, ml.fir[i]
     nu = float(np.sum(np.convolve(h, (1.0, -2.0, 1.0))[:M] ** 2))  # ||D h_ML||^2
     alpha_h, beta_h = M / 2, nu / 2
     figure, (left, right) = _sheet(
         "11", title,
-        f"{results.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
+        f"{estimated.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
         f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[i]}",
         [2.7], 2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=0.9,
     )  # fmt: skip
@@ -309,7 +286,7 @@ def priors(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
     uniform = np.full(len(d), 1 / len(d))
     left.plot(d, uniform, color=style.GREY, lw=1.1, ls=estimates.DASHED, label="uniform prior")
     left.set_ylabel("probability")
-    estimates.delay_ticks(left, s.d_min, s.d_max, results.sample_time)
+    estimates.delay_ticks(left, s.d_min, s.d_max, estimated.sample_time)
     style.name_panel(left, "a", "Rayleigh prior on the delay (26)")
     ten = ""
     if np.isfinite(nu) and nu > 0:
@@ -323,7 +300,7 @@ def priors(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
     style.no_ticks(right, "y")
     right.xaxis.set_major_locator(MaxNLocator(nbins=6))
     right.set_ylabel("density")
-    right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(results.output_unit)}]")
+    right.set_xlabel(f"sigma_hD, roughness of the response [{ten}{response_unit(estimated.output_unit)}]")
     style.name_panel(right, "b", "inverse-gamma prior on sigma_hD² (32)")
     for ax in (left, right):
         ax.set_ylim(0, None)
@@ -332,13 +309,13 @@ def priors(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
     return "11", title, figure
 
 
-def responses(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
+def responses(_: Year, estimated: Results, i: int, *__: Any) -> Drawn:
     """Fig. 12: the impulse responses of one day, and the JMAP's as a bar."""
-    jmap, results = estimated.of("jmap"), estimated.results
-    T, M, unit = results.sample_time, jmap.fir.shape[1], response_unit(results.output_unit)
+    jmap = estimated.of("jmap")
+    T, M, unit = estimated.sample_time, jmap.fir.shape[1], response_unit(estimated.output_unit)
     d, deg = jmap.delay[i], estimated.of("jmap-degenerate").delay[i]
     title = "Impulse responses and delay of one day"
-    facts = f"{results.reach} · {jmap.dates[i]} · condition number of U'U {jmap.condition[i]:.1e}"
+    facts = f"{estimated.reach} · {jmap.dates[i]} · condition number of U'U {jmap.condition[i]:.1e}"
     facts += f" · JMAP d = {delays([float(d)], T)}" if np.isfinite(d) else ""
     facts += f", JMAPdeg d = {deg:.0f}" if np.isfinite(deg) else ""
     figure, (ax,) = _sheet("12", title, facts, [3.3], bottom=1.05, top=1.1)
@@ -376,23 +353,23 @@ def responses(_: Year, estimated: Estimates, i: int, *__: Any) -> Drawn:
 # Figs 9 and 13-18: the year
 
 
-def _panels(estimated: Estimates) -> list[tuple[str, str]]:
+def _panels(year: Year) -> list[tuple[str, str]]:
     """Estimator and name of the panels of Figs 17 and 18."""
     return [
-        ("jmap-uniform", f"uniform prior, alpha = {estimated.alpha:g}"),
+        ("jmap-uniform", f"uniform prior, alpha = {year.config.jmap.alpha:g}"),
         ("jmap-uniform-estimated", "uniform prior, alpha estimated"),
-        ("jmap", f"Rayleigh prior, sigma_d = {number(estimated.settings.delay_scale)}"),
+        ("jmap", f"Rayleigh prior, sigma_d = {number(year.config.jmap_settings().delay_scale)}"),
     ]
 
 
-def searches(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+def searches(year: Year, estimated: Results, *_: Any) -> Drawn:
     """Fig. 9: delays by exhaustive search in the simple models."""
-    s, title = estimated.settings, "Delays by exhaustive search"
+    s, title = year.config.jmap_settings(), "Delays by exhaustive search"
     figure, panels = _sheet(
         "9", title, f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
         right=0.3, bottom=0.85,
     )  # fmt: skip
-    shown = [("direct", "direct approach (8)")] if estimated.has("direct") else []
+    shown = [("direct", "direct approach (8)")] if year.outflow else []
     shown.append(("indirect", "indirect approach (10)"))
     _histograms(panels, estimated, shown)
     if len(shown) == 1:
@@ -402,36 +379,36 @@ def searches(year: Year, estimated: Estimates, *_: Any) -> Drawn:
     return "9", title, figure
 
 
-def jmap_histograms(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+def jmap_histograms(year: Year, estimated: Results, *_: Any) -> Drawn:
     """Fig. 18: delays of the JMAP with three priors."""
     title = "How often each delay (JMAP)"
     figure, panels = _sheet(
         "18", title, f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
         bottom=0.85, top=0.92,
     )  # fmt: skip
-    _histograms(panels, estimated, _panels(estimated))
+    _histograms(panels, estimated, _panels(year))
     style.figure_key(panels)
     return "18", title, figure
 
 
-def _histograms(panels: Sequence[Axes], estimated: Estimates, shown: Sequence[tuple[str, str]]) -> None:
+def _histograms(panels: Sequence[Axes], estimated: Results, shown: Sequence[tuple[str, str]]) -> None:
     """Histograms with one scale, so that they can be compared."""
     for letter, ax, (name, words) in zip("abc", panels, shown, strict=False):
-        estimates.histogram(ax, estimated.results, estimated.of(name), counted=False)
+        estimates.histogram(ax, estimated, estimated.of(name), counted=False)
         style.name_panel(ax, letter, words)
     top = max(ax.get_ylim()[1] for ax in panels[: len(shown)])
     for ax in panels[: len(shown)]:
         ax.set_ylim(0, top)
 
 
-def jmap_maps(year: Year, estimated: Estimates, *_: Any) -> Drawn:
+def jmap_maps(year: Year, estimated: Results, *_: Any) -> Drawn:
     """Fig. 17: the delay of each day for three priors."""
     title = "Delay of each day (JMAP)"
     note = f"{_who(year)} · T_s = {year.sample_time:g} s"
     figure, panels = _sheet("17", title, note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
-    for letter, ax, (name, words) in zip("abc", panels, _panels(estimated), strict=True):
+    for letter, ax, (name, words) in zip("abc", panels, _panels(year), strict=True):
         style.date_axis(ax, year.dates[0], year.dates[-1], labels=letter == "c")
-        estimates.delay_map(ax, estimated.results, estimated.of(name), counted=False, bounds=False)
+        estimates.delay_map(ax, estimated, estimated.of(name), counted=False, bounds=False)
         style.name_panel(ax, letter, words)
     style.figure_key(panels)
     return "17", title, figure
@@ -440,17 +417,17 @@ def jmap_maps(year: Year, estimated: Estimates, *_: Any) -> Drawn:
 def _tdr(num: str) -> Callable[..., Drawn]:
     """Figs 13-16: the impulse responses of the year, the time-day representation."""
 
-    def representation(_: Year, estimated: Estimates, *__: Any) -> Drawn:
-        (name, title), results = TDR[num], estimated.results
+    def representation(year: Year, estimated: Results, *__: Any) -> Drawn:
+        name, title = TDR[num]
         e = estimated.of(name)
-        note = f"{results.reach} · {count(int(e.answered.sum()), 'day')}"
-        note += f" · alpha = {estimated.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
-        note += f" · sigma_d = {estimated.settings.delay_scale:g} T_s" if name == "jmap" else ""
+        note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
+        note += f" · alpha = {year.config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
+        note += f" · sigma_d = {year.config.jmap_settings().delay_scale:g} T_s" if name == "jmap" else ""
         figure, (ax,) = _sheet(num, title, note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
-        estimates.tdr(ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=results.sample_time)
+        estimates.tdr(ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time)
         if e.answered.any():
-            estimates.grey_scale(ax, e.fir, response_unit(results.output_unit))
+            estimates.grey_scale(ax, e.fir, response_unit(estimated.output_unit))
         style.key(ax)
         return num, title, figure
 
@@ -460,7 +437,7 @@ def _tdr(num: str) -> Callable[..., Drawn]:
 # Fig. 19: the cascade
 
 
-def cascade(_: Year, __: Estimates, ___: int, reaches: Sequence[CascadeReach]) -> Drawn:
+def cascade(_: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Drawn:
     """Fig. 19: how far the delay varies in each reach of a cascade, estimated and by experience."""
     title = "Delays of the reaches of a cascade"
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from rivid.config import Config, parse
 from rivid.core.hydraulics import TravelBounds, propose_delays, travel_bounds
-from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS, Days
 from rivid.logs.days import find_days, read_window
@@ -25,18 +24,9 @@ from rivid.types import Floats, Ints
 class Year:
     """Data sets of a pool, in date order.
 
-    Attributes
-    ----------
-    config : Config
-        The reach and the settings in use.
-    dates : tuple of datetime.date
-        One per data set.
-    inflow, level : tuple of ndarray, each of shape (N,)
-        u_Qi [m3/s] and h_L [m]; N differs where a clock is changed.
-    outflow : tuple of ndarray, each of shape (N,)
-        u_Qo [m3/s]; empty where it is not logged.
-    left_out : int
-        Days whose log cannot be used.
+    `inflow` and `outflow` are u_Qi and u_Qo [m3/s], `level` is h_L [m]: an array of shape (N,) per date; N
+    differs where a clock is changed. `outflow` is empty where it is not logged. `left_out` days have a log
+    that cannot be used.
     """
 
     config: Config
@@ -99,12 +89,7 @@ def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: F
 def read_year(data_dir: Path, config: Config) -> Year:
     """Read all data sets of a directory of logs.
 
-    Raises
-    ------
-    ConfigError
-        For a river: the paper's figures are those of a pool.
-    NoDataError
-        If no day can be used.
+    ConfigError for a river: the paper's figures are those of a pool. NoDataError if no day can be used.
     """
     if config.reach.kind != "pool":
         raise ConfigError(
@@ -134,19 +119,9 @@ def read_year(data_dir: Path, config: Config) -> Year:
 
 
 def read_run(out: Path, logs: Path | None = None) -> Year:
-    """Read the logs of a finished run, with its configuration.
+    """Read the logs of a finished run, with its configuration; `logs` replaces the directory that it names.
 
-    Parameters
-    ----------
-    out : Path
-        OUT of the run.
-    logs : Path, optional
-        Directory of its logs; default: the one of the run.
-
-    Raises
-    ------
-    NoDataError
-        If `out` holds no finished run, or its logs are missing.
+    NoDataError if `out` holds no finished run, or its logs are missing.
     """
     path = out / "run.json"
     try:
@@ -171,35 +146,14 @@ PAPER = (
     "ml", "map", "jmap-uniform", "jmap-uniform-estimated", "jmap", "jmap-degenerate", "direct", "indirect",
 )  # fmt: skip
 """The paper's estimators: (17), (22), Tables IV, V and VI."""
-DELAYS = ("direct", "indirect", "jmap-uniform", "jmap-uniform-estimated", "jmap")
-"""Estimators of the histograms and maps of delays (Figs 9, 17 and 18), in the paper's order."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimates:
-    """The estimates of a year by every estimator, as results of a run."""
-
-    results: Results
-    settings: JmapSettings  # of Table VI
-    alpha: float  # fixed regularisation weight of the MAP and of Table V [(m3/s)^2]
-
-    def of(self, name: str) -> EstimatorResults:
-        """The results of one estimator."""
-        return next(e for e in self.results.estimators if e.estimator == name)
-
-    def has(self, name: str) -> bool:
-        """Whether an estimator could be applied at all."""
-        return any(e.estimator == name for e in self.results.estimators)
-
-
-def estimate(year: Year) -> Estimates:
+def estimate(year: Year) -> Results:
     """Apply :data:`PAPER` with the year's configuration; ``direct`` only where the outflow is logged."""
     config, reach = year.config, year.config.reach
     names = [name for name in PAPER if year.outflow or not ESTIMATORS[name].needs_outflow]
-    settings = config.jmap_settings()
     made = [_estimates(year, name) for name in names]
-    results = Results(reach.name, year.sample_time, reach.output_unit, settings.delay_scale, made)
-    return Estimates(results, settings, config.jmap.alpha)
+    return Results(reach.name, year.sample_time, reach.output_unit, config.jmap_settings().delay_scale, made)
 
 
 def _estimates(year: Year, name: str) -> EstimatorResults:

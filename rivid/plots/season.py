@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from rivid.core.law import DelayLaw
-from rivid.plots import captions, style
+from rivid.plots import style
 from rivid.plots.estimates import DASHED, flow_axis, probability_cells
 from rivid.plots.style import FigureFile
 from rivid.results.days import day_numbers
@@ -39,8 +39,7 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
         style.key(season(ax, days, joined))
         files = [
             style.written(
-                figure, folder / "season.png", "Delay over the season", captions.SEASON,
-                estimator="posterior-season",
+                figure, folder / "season.png", "Delay over the season", estimator="posterior-season"
             )
         ]  # fmt: skip
         title, shown = "Delay and discharge: the law", int(_known(days).sum())
@@ -53,7 +52,7 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
         figure, (ax,) = style.sheet(title, f"{days.reach} · {formula} · {count(shown, 'day')}", [2.62])
         style.key(delay_law(ax, days, law))
         path = folder / "delay_law.png"
-        files.append(style.written(figure, path, title, captions.LAW, estimator="posterior"))
+        files.append(style.written(figure, path, title, estimator="posterior"))
     return files
 
 

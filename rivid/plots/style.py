@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -24,7 +24,7 @@ from PIL import Image
 
 from rivid.atomic import replacing
 from rivid.results.days import day_numbers
-from rivid.text import NO_ANSWER, shorten, time_unit
+from rivid.text import NO_ANSWER, shorten, ten_to, time_unit
 from rivid.types import Floats
 
 INK = "#262B31"
@@ -78,28 +78,19 @@ STYLE = {
 
 @dataclass(frozen=True)
 class FigureFile:
-    """A figure that has been written.
+    """A figure that has been written as `path`, a PNG of `width` and `height` [pixels].
 
-    Attributes
-    ----------
-    kind : str
-        t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or one of
-        :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example.
-    estimator : str
-        The estimator of the results; empty for all of them.
-    path : Path
-        The PNG file. A figure of the paper has an SVG of the same name in the same folder.
-    title, caption : str
-        What is shown, and how to read it.
-    width, height : int
-        Size [pixels].
+    `kind` is t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or
+    one of :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example,
+    which has an SVG of the same name as well. `estimator` is empty where it shows all of them. `facts` are
+    numbers and codes of its caption, which the template ``captions.j2`` words.
     """
 
     kind: str
     estimator: str
     path: Path
     title: str
-    caption: str
+    facts: dict[str, Any]
     width: int
     height: int
 
@@ -137,27 +128,11 @@ def sheet(
     bottom: float = 0.66,
     heading: float | None = None,
 ) -> tuple[Picture, list[Axes]]:
-    """A figure with a title, a line of facts under it, and panels in a grid.
+    """A figure with a title, a line of facts under it (cut at :data:`NOTE` characters), and a grid of panels.
 
-    Parameters
-    ----------
-    title, note : str
-        The title and the line of facts, which is cut at :data:`NOTE` characters.
-    heights : sequence of float
-        Heights of the rows of panels, from the top [inch].
-    widths : sequence of float
-        Widths of the columns, as parts of the available width.
-    gap : tuple of float
-        Between columns and between rows [inch].
-    left, right, top, bottom : float
-        Margins [inch].
-    heading : float, optional
-        Left end of title and note [inch]; `left` by default.
-
-    Returns
-    -------
-    Picture, list of Axes
-        The panels row by row.
+    `heights` of the rows, from the top, `gap` between columns and between rows, the margins, and `heading`,
+    the left end of title and note (`left` by default), are in inches; `widths` are parts of the width that is
+    left. The panels are returned row by row.
     """
     height = top + sum(heights) + gap[1] * (len(heights) - 1) + bottom
     figure = Picture(figsize=(WIDTH, height), dpi=DPI)
@@ -190,11 +165,13 @@ def inches(ax: Axes) -> tuple[float, float]:
     return box.width * w, box.height * h
 
 
-def heading(ax: Axes, text: str, *, at: float = 0.0, up: float = 4.0, **look: Any) -> None:
+def heading(
+    ax: Axes, text: str, *, at: float = 0.0, up: float = 4.0, right: float = 0.0, **look: Any
+) -> None:
     """A line of text `up` points above a panel: from its left end (`at` = 0), or up to its right end (1)."""
     given: dict[str, Any] = {"fontsize": 8.5, "color": INK} | look
     ax.annotate(
-        text, (at, 1), xycoords="axes fraction", xytext=(0, up), textcoords="offset points",
+        text, (at, 1), xycoords="axes fraction", xytext=(right, up), textcoords="offset points",
         ha="right" if at else "left", va="bottom", **given,
     )  # fmt: skip
 
@@ -202,9 +179,7 @@ def heading(ax: Axes, text: str, *, at: float = 0.0, up: float = 4.0, **look: An
 def name_panel(ax: Axes, letter: str, words: str) -> None:
     """A letter and a few words above the left edge of a panel."""
     heading(ax, letter, up=5, fontweight="bold")
-    ax.annotate(
-        words, (0, 1), xycoords="axes fraction", xytext=(13, 5), textcoords="offset points", va="bottom"
-    )
+    heading(ax, words, up=5, right=13)
 
 
 def message(ax: Axes, text: str) -> None:
@@ -334,7 +309,7 @@ def power_of_ten(values: Floats) -> tuple[float, str]:
     if not 0 < largest < 0.1:
         return 1.0, ""
     power = int(np.floor(np.log10(largest)))
-    return 10.0**-power, f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} "
+    return 10.0**-power, f"{ten_to(power)} "
 
 
 # Axes of dates. A day is the unit interval around its ordinal number, so a missing day keeps its width.
@@ -347,12 +322,8 @@ STRIP, STRIP_GAP = 0.11, 0.05
 """Height of the strip of days without an answer, and its distance from the panel [inch]."""
 
 
-class Ticks(NamedTuple):
-    """Places of the lines and of the labels on an axis of dates (day numbers)."""
-
-    lines: list[float]
-    places: list[float]
-    labels: list[str]
+Ticks = tuple[list[float], list[float], list[str]]
+"""Places of the lines, places of the labels (day numbers) and labels of an axis of dates."""
 
 
 def date_ticks(first: dt.date, last: dt.date) -> Ticks:
@@ -363,7 +334,7 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
 
     Examples
     --------
-    >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14)).labels
+    >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14))[2]
     ['14 Mar\\n2008']
     """
     span = (last - first).days + 1
@@ -371,7 +342,7 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
         step = next(s for s in (1, 2, 7, 14) if span <= 14 * s)
         days = [first + dt.timedelta(days=k) for k in range(0, span, step)]
         at = [float(day.toordinal()) for day in days]
-        return Ticks(at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days]))
+        return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
     if span <= 900:
         return _between(_month_starts(first, last, 1), first, last, lambda day: MONTHS[day.month - 1], True)
     if span <= 5500:
@@ -379,7 +350,7 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
     every = -(-span // 5500)
     starts = [day for day in _month_starts(first, last, 12) if day.year % every == 0 and first <= day <= last]
     at = [day.toordinal() - 0.5 for day in starts]
-    return Ticks(at, at, [str(day.year) for day in starts])
+    return at, at, [str(day.year) for day in starts]
 
 
 def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
@@ -402,7 +373,7 @@ def _between(
             days.append(day)
             places.append((a + b) / 2)
     labels = [name(day) for day in days]
-    return Ticks(lines, places, _with_year(days, labels) if years else labels)
+    return lines, places, _with_year(days, labels) if years else labels
 
 
 def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
@@ -419,43 +390,37 @@ def thinned(ticks: Ticks, most: int) -> Ticks:
 
     Examples
     --------
-    >>> thinned(Ticks([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2).labels
+    >>> thinned(([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2)[2]
     ['Nov\\n2023', 'Jan\\n2024']
-    >>> thinned(Ticks([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2).labels
+    >>> thinned(([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2)[2]
     ['Dec\\n2023', 'Feb\\n2024']
     """
-    every = -(-len(ticks.labels) // most)
+    lines, places, names = ticks
+    every = -(-len(names) // most)
     labels, year = [], ""
-    for i, label in enumerate(ticks.labels):
+    for i, label in enumerate(names):
         name, _, own = label.partition("\n")
         year = own or year
         if i % every == 0:
             labels.append(f"{name}\n{year}" if year else name)
             year = ""
-    alike = len(ticks.lines) == len(ticks.places)
-    return Ticks(ticks.lines[::every] if alike else ticks.lines, ticks.places[::every], labels)
+    return lines[::every] if len(lines) == len(places) else lines, places[::every], labels
 
 
 def date_axis(ax: Axes, first: dt.date, last: dt.date, *, labels: bool = True) -> None:
     """Days from `first` to `last` as the x axis, with as many labels as the panel's width allows."""
     ticks = date_ticks(first, last)
-    longest = max((len(line) for label in ticks.labels for line in label.split("\n")), default=1)
-    ticks = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
+    longest = max((len(line) for label in ticks[2] for line in label.split("\n")), default=1)
+    lines, places, names = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
     axis = ax.xaxis
     axis.remove_overlapping_locs = False  # up to 80 days a label is at its line
-    axis.set_major_locator(FixedLocator(ticks.lines))
+    axis.set_major_locator(FixedLocator(lines))
     axis.set_major_formatter(NullFormatter())
-    axis.set_minor_locator(FixedLocator(ticks.places))
-    axis.set_minor_formatter(FixedFormatter(ticks.labels))
+    axis.set_minor_locator(FixedLocator(places))
+    axis.set_minor_formatter(FixedFormatter(names))
     ax.tick_params(axis="x", which="major", length=4, width=0.7)
     ax.tick_params(axis="x", which="minor", length=0, pad=6, labelbottom=labels)
-
-
-def date_axes(panels: Sequence[Axes], first: dt.date, last: dt.date) -> None:
-    """The same dates as the x axis of several panels; the lowest has the labels."""
-    for ax in panels:
-        date_axis(ax, first, last, labels=ax is panels[-1])
 
 
 def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
@@ -504,12 +469,8 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
     The palette halves the size of the file. The method of maximum coverage changes no colour of these
-    figures by more than 8 of 255; a median cut changes rare ones by up to 60.
-
-    Raises
-    ------
-    RividError
-        Where the file cannot be written.
+    figures by more than 8 of 255; a median cut changes rare ones by up to 60. RividError where the file
+    cannot be written.
     """
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
@@ -521,23 +482,26 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def save_vector(figure: Figure, path: Path) -> None:
-    """Write an SVG atomically; the same figure gives the same bytes.
-
-    Raises
-    ------
-    RividError
-        Where the file cannot be written.
-    """
+    """Write an SVG atomically; the same figure gives the same bytes. RividError as :func:`save`."""
     # the ids inside an SVG are hashes with a salt, which is random by default
     salt: dict[Any, Any] = {"svg.hashsalt": path.stem, "svg.fonttype": "path"}
     with matplotlib.rc_context(salt), replacing(path) as scratch:
         figure.savefig(scratch, format="svg", dpi=VECTOR_DPI, metadata={"Date": None, "Creator": None})
 
 
+def drop_old(folder: Path, kept: Sequence[FigureFile], kinds: Sequence[str]) -> None:
+    """Remove figures of an earlier run: those with names that begin as `kinds` and are not `kept`."""
+    names = {file.path.name for file in kept}
+    for kind in kinds:
+        for path in folder.glob(f"{kind}*.png"):
+            if path.name not in names:
+                path.unlink(missing_ok=True)
+
+
 def written(
-    figure: Figure, path: Path, title: str, caption: str, *, kind: str | None = None, estimator: str = ""
+    figure: Figure, path: Path, title: str, *, kind: str | None = None, estimator: str = "", **facts: Any
 ) -> FigureFile:
-    """Write a PNG; its kind is the name of the file by default."""
+    """Write a PNG; its kind is the name of the file by default, `facts` are those of its caption."""
     save(figure, path)
     width, height = figure.canvas.get_width_height()
-    return FigureFile(kind or path.stem, estimator, path, title, caption, width, height)
+    return FigureFile(kind or path.stem, estimator, path, title, facts, width, height)

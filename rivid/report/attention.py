@@ -2,7 +2,6 @@
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,43 +26,25 @@ TAIL = 0.05
 """Share of the days beyond each end of the band."""
 
 
-@dataclass(frozen=True)
-class Attention:
-    """Consecutive days with the same reason to look at them.
+Row = dict[str, Any]
+"""Consecutive days with the same reason to look at them, as of :func:`_row`."""
 
-    Attributes
-    ----------
-    first, last : datetime.date
-    days : int
-    kind : str
-        failed, unidentifiable, pending, degenerate, at_bound or far.
-    estimators : tuple of str
-        Estimators that report it.
-    message : str
-        Reason given by the run.
-    value : float
-        The delay, travel time or t50 of the day [samples]; NaN where it has none, or where days differ.
-    band : tuple of (float, float), or None
-        Of `far`, the band of the record; of many days at the bounds in one row, the bounds [samples].
-    of : int
-        Days of the record where `days` are counted as a share of it; otherwise 0.
-    decided : bool
-        Whether the data decide the value.
+
+def _row(
+    first: dt.date, last: dt.date, days: int, kind: str, estimators: tuple[str, ...], **more: Any
+) -> Row:
+    """A row: `kind` is failed, unidentifiable, pending, degenerate, at_bound or far.
+
+    `estimators` report it; `message` is the reason that the run gives. `value` is the delay, travel time or
+    t50 of the day [samples], NaN where it has none or where days differ; `decided` is whether the data decide
+    it. `band` is that of the record for `far` and the bounds for many days at the bounds in one row
+    [samples]; `of` are the days of the record where `days` are counted as a share of it, otherwise 0.
     """
-
-    first: dt.date
-    last: dt.date
-    days: int
-    kind: str
-    estimators: tuple[str, ...]
-    message: str = ""
-    value: float = float("nan")
-    band: tuple[float, float] | None = None
-    of: int = 0
-    decided: bool = True
+    row = {"first": first, "last": last, "days": days, "kind": kind, "estimators": estimators}
+    return row | {"message": "", "value": float("nan"), "band": None, "of": 0, "decided": True} | more
 
 
-def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
+def attention(results: Results, recent: LastWeek | None) -> list[Row]:
     """Return the days to look at, the latest first.
 
     Estimators that degenerate by construction are not listed where they have an answer. An estimator with
@@ -71,16 +52,14 @@ def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
 
     Only the days of `recent`, the estimator that represents the reach, are compared with a band.
     """
-    rows, alike = [], dict[tuple[dt.date, str, str, float], list[str]]()
+    rows, alike = list[Row](), dict[tuple[dt.date, str, str, float], list[str]]()
     for e in results.estimators:
         doubts = _doubts(e)
         edges = [doubt[0] for doubt in doubts if doubt[1] == "at_bound"]
         if len(edges) > max(SHOWN, CROWD * len(e.dates)):
             ends = float(candidates(e)[0]), float(candidates(e)[-1])
             n = len(e.dates)
-            rows.append(
-                Attention(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=n)
-            )
+            rows.append(_row(edges[0], edges[-1], len(edges), "at_bound", (e.estimator,), band=ends, of=n))
             doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
         for doubt in doubts:
             alike.setdefault(doubt, []).append(e.estimator)
@@ -88,14 +67,14 @@ def attention(results: Results, recent: LastWeek | None) -> list[Attention]:
     for (date, kind, message, value), names in sorted(alike.items()):
         same = (kind, message, value, tuple(names))
         at = latest.get(same)
-        if at is not None and (date - rows[at].last).days == 1:
-            rows[at] = replace(rows[at], last=date, days=rows[at].days + 1)
+        if at is not None and (date - rows[at]["last"]).days == 1:
+            rows[at] |= {"last": date, "days": rows[at]["days"] + 1}
         else:
             latest[same] = len(rows)
             given = float("nan") if value < 0 else value
-            rows.append(Attention(date, date, 1, kind, tuple(names), message, given))
+            rows.append(_row(date, date, 1, kind, tuple(names), message=message, value=given))
     rows += far(recent) if recent else []
-    return sorted(rows, key=lambda row: (row.last, row.first), reverse=True)
+    return sorted(rows, key=lambda row: (row["last"], row["first"]), reverse=True)
 
 
 def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
@@ -137,7 +116,7 @@ def outside(values: Floats, limits: tuple[float, float]) -> Bools:
     return np.asarray((values < limits[0] - margin) | (values > limits[1] + margin))
 
 
-def far(recent: LastWeek) -> list[Attention]:
+def far(recent: LastWeek) -> list[Row]:
     """Return the days far outside the band of the record, a row each, except days that are listed anyway."""
     limits, e = band(recent.values), recent.estimator
     if limits is None:
@@ -146,7 +125,7 @@ def far(recent: LastWeek) -> list[Attention]:
     if recent.quantity != "t50":
         listed |= e.at_bound
     return [
-        Attention(
+        _row(
             e.dates[i],
             e.dates[i],
             1,
@@ -160,7 +139,7 @@ def far(recent: LastWeek) -> list[Attention]:
     ]
 
 
-def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> dict[str, Any]:
+def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
     """Count the days of the rows for the estimators that represent the reach.
 
     Returns
@@ -178,14 +157,14 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> di
     links = []
     for k, row in enumerate(rows):
         days = dates_of(row, results)
-        if not representing & set(row.estimators):
+        if not representing & set(row["estimators"]):
             others |= days
             continue
         inside = {day for day in days if day >= recent.first}
         late |= inside
         early |= days - inside
         if inside:
-            links.append((min(inside), max(inside), row.kind, k))
+            links.append((min(inside), max(inside), row["kind"], k))
     begin = max(recent.first, recent.estimator.dates[0])
     return {
         "links": links,
@@ -197,9 +176,9 @@ def counted(results: Results, recent: LastWeek, rows: Sequence[Attention]) -> di
     }
 
 
-def dates_of(row: Attention, results: Results) -> set[dt.date]:
+def dates_of(row: Row, results: Results) -> set[dt.date]:
     """Return the days of a row, also where they are not consecutive."""
-    if (row.last - row.first).days + 1 == row.days:
-        return {row.first + dt.timedelta(days=k) for k in range(row.days)}
-    (e,) = (e for e in results.estimators if e.estimator == row.estimators[0])
+    if (row["last"] - row["first"]).days + 1 == row["days"]:
+        return {row["first"] + dt.timedelta(days=k) for k in range(row["days"])}
+    (e,) = (e for e in results.estimators if e.estimator == row["estimators"][0])
     return {date for date, edge in zip(e.dates, e.at_bound, strict=True) if edge}

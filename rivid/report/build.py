@@ -41,36 +41,19 @@ PARTS = (
 def write_report(
     results: Results, figures: Sequence[FigureFile], out: Path, *, summary: Mapping[str, Any]
 ) -> Path:
-    """Write OUT/report.html.
+    """Write OUT/report.html, which needs no other file and requests nothing from any server; return its path.
 
-    Parameters
-    ----------
-    results : Results
-        All of OUT.
-    figures : sequence of FigureFile
-        Figures to embed, in order of their estimators.
-    out : Path
-        OUT.
-    summary : mapping
-        run.json; the page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file
-        and reason) and, where given, d_min, d_max, order and delay_scale in use.
-
-    Returns
-    -------
-    Path
-        The page; it needs no other file and requests nothing from any server.
-
-    Raises
-    ------
-    RividError
-        If the page cannot be written or a figure cannot be read.
+    `results` are all of OUT, `figures` are embedded in order of their estimators. `summary` is run.json: the
+    page shows its ``config`` (nested mappings), ``versions``, ``bad_files`` (pairs of file and reason) and,
+    where given, d_min, d_max, order and delay_scale in use. RividError if the page cannot be written or a
+    figure cannot be read.
     """
     recent = last_week(results)
     rows = attention(results, recent)
     s = summarise(results, recent)
     place = {}
     if recent:
-        shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row.estimators]
+        shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row["estimators"]]
         place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
     represents = s["passage"] or s["record"]
     names = [e.estimator for e in results.estimators]

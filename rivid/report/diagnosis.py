@@ -18,7 +18,8 @@ from rivid.atomic import write_text
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect
 from rivid.effects import Effect, effect_classes
-from rivid.plots.style import FigureFile
+from rivid.plots import diagnosis as plots
+from rivid.plots.style import FigureFile, drop_old, styled
 from rivid.report import quantities
 from rivid.report.page import data_uri, write_page
 from rivid.text import count, day_range, number
@@ -59,45 +60,46 @@ def write_diagnosis(
     reach: str = "",
     classes: Mapping[str, type[Effect]] | None = None,
 ) -> Path:
-    """Write diagnosis.json, unexplained_inflow.parquet, figures/diagnosis_*.png and diagnosis.html.
+    """Write the page (returned), diagnosis.json, unexplained_inflow.parquet and figures/diagnosis_*.png.
 
-    Parameters
-    ----------
-    out : Path
-        OUT; it is created if missing. Other files in it remain.
-    diagnosis : Diagnosis
-    evidence : Evidence or None
-        None if there were too few data.
-    draw : bool
-        Draw figures; if False, figures of an earlier diagnosis are removed.
-    reach : str
-        Name of the reach, for the page.
-    classes : mapping of str to type of Effect, optional
-        Descriptions of the effects by name; default: :func:`rivid.effects.effect_classes`.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    RividError
-        If a file cannot be written.
-
-    Notes
-    -----
-    Each file is written atomically, diagnosis.json last. Equal results give equal bytes.
+    Other files in OUT remain; figures of an earlier diagnosis are removed, also without `draw`. `evidence` is
+    None if there were too few data, `reach` is the name on the page, and `classes` describe the effects by
+    name, :func:`rivid.effects.effect_classes` by default. Each file is written atomically, diagnosis.json
+    last, and equal results give equal bytes. RividError if a file cannot be written.
     """
-    from rivid.report.diagnosis_pictures import draw_pictures, drop_pictures
-
     write_inflow(out / "unexplained_inflow.parquet", evidence)
     files = draw_pictures(out, diagnosis, evidence) if draw else []
-    drop_pictures(out, files)
+    drop_old(out / "figures", files, plots.KINDS)
     known = effect_classes() if classes is None else classes
     page = write_diagnosis_page(out, diagnosis, evidence, files, reach=reach, classes=known)
     write_text(out / "diagnosis.json", diagnosis.to_json())
     return page
+
+
+def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) -> list[FigureFile]:
+    """Draw what a diagnosis has to show into OUT/figures, in the order of the page.
+
+    Without evidence only the gap and the closed loop can be drawn.
+    """
+    folder, named = out / "figures", bool(diagnosis.effects)
+    files: list[FigureFile | None] = []
+    gap, loop = diagnosis.gap, diagnosis.closed_loop
+    with styled():
+        if gap is not None and np.isfinite(gap.rmse_baseline).any():
+            factor, unit = quantities.scale(gap)
+            rows = [(kind, text, [factor * v for v in e]) for kind, text, e in quantities.gap_rows(gap)]
+            files.append(plots.draw_gap(folder, rows, gap.horizon_h, unit, len(gap.heldout_dates)))
+        if loop is not None and loop.shown is not None:
+            words = quantities.sentence("loop", loop, named)
+            files.append(plots.draw_loop(folder, loop.shown, words, named=named))
+        if evidence is not None and evidence.record.used.any():
+            windows = [(quantities.name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
+            files += [
+                plots.draw_day(folder, evidence, named=named),
+                plots.draw_map(folder, evidence, named=named),
+                plots.draw_inflow(folder, evidence, named=named, windows=windows),
+            ]
+    return [file for file in files if file is not None]
 
 
 def write_inflow(path: Path, evidence: Evidence | None) -> None:
@@ -225,19 +227,7 @@ def headline(diagnosis: Diagnosis) -> str:
 
 
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
-    """Return the result for a terminal, in lines of at most 80 columns.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    page : Path, optional
-        Path of diagnosis.html, the last line; it alone may exceed 80 columns.
-
-    Returns
-    -------
-    str
-        Lines without a newline at the end.
-    """
+    """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
     template = quantities.environment().get_template("diagnosis.txt.j2")
     lines = []
     for line in html.unescape(template.render(d=diagnosis)).splitlines():

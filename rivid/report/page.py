@@ -5,6 +5,7 @@ Every page ``name.html.j2`` extends ``base.html.j2`` and uses the one style shee
 
 import base64
 import hashlib
+import html
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,11 +16,14 @@ from typing import TYPE_CHECKING, Any
 from rivid import __version__, text
 from rivid.atomic import write_text
 from rivid.errors import RividError
+from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from jinja2.bccache import Bucket
     from markupsafe import Markup
+
+    from rivid.plots.style import FigureFile
 
 WORDS = (
     "count", "day_range", "delays", "duration", "flow", "listed", "minutes_first", "number",
@@ -66,45 +70,27 @@ def environment() -> "Environment":
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     made.globals |= {name: getattr(text, name) for name in WORDS}
     made.globals["seconds"] = text.duration
-    made.filters["unbroken"] = unbroken
+    made.globals["ESTIMATORS"] = ESTIMATORS
+    made.filters |= {"unbroken": unbroken, "caption": caption}
     made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
     return made
 
 
+def caption(figure: "FigureFile") -> str:
+    """Return the caption of a figure, by the macro of its kind in ``captions.j2``."""
+    words = environment().get_template("captions.j2").module
+    macro = getattr(words, figure.kind, None) or words.paper  # type: ignore[attr-defined]
+    return html.unescape(" ".join(macro(figure).split()))
+
+
 def write_page(path: Path, name: str, context: Mapping[str, Any]) -> Path:
-    """Write a page.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    name : str
-        Name of the template, without its ending.
-    context : mapping
-        The variables of the template, all of them; strings are escaped.
-
-    Returns
-    -------
-    Path
-        `path`.
-
-    Raises
-    ------
-    RividError
-        If the file cannot be written.
-    """
+    """Write a page from the template `name` and its variables, strings escaped; RividError if that fails."""
     write_text(path, environment().get_template(f"{name}.html.j2").render(context))
     return path
 
 
 def data_uri(path: Path, remedy: str = "draw the figures again") -> str:
-    """Return a PNG file as a data URI, for a page that needs no other file.
-
-    Raises
-    ------
-    RividError
-        If the file cannot be read; the message ends with `remedy`.
-    """
+    """Return a PNG file as a data URI; RividError, which ends with `remedy`, if the file cannot be read."""
     try:
         data = path.read_bytes()
     except OSError as error:

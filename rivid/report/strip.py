@@ -33,16 +33,7 @@ LOOKS = {
 
 
 def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dict[str, Any] | None:
-    """Lay out the last week and the eight before it.
-
-    Parameters
-    ----------
-    recent : LastWeek
-        As of :func:`rivid.report.summary.last_week`.
-    sample_time : float
-        T_s [s].
-    rows : dict
-        The row of the table of days that a day has, where it has one.
+    """Lay out the last week and the eight before it; `rows` gives the row of a day in the table of days.
 
     Returns
     -------

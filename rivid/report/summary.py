@@ -61,63 +61,14 @@ OFTEN = 1 / 3
 
 
 @dataclass(frozen=True)
-class Facts:
-    """The numbers of one estimator over the record."""
-
-    days: int  # rows
-    answered: int
-    with_delay: int
-    common: tuple[float, ...]  # the one or two most frequent delays [samples], in order
-    common_days: int  # days at these delays
-    median: float  # delay [samples]
-    low: float  # 80 % of the days have delays from low to high [samples]
-    high: float
-    at_bound: int  # this count and the next three: days with a delay
-    prior_only: int
-    degenerate: int
-    too_fast: int  # as of :func:`too_fast`
-    condition: float  # medians of the answered days; noise_sd in the output's unit, alpha in (m3/s)^2
-    noise_sd: float
-    alpha: float
-    probability: float  # median and lowest probability of the delays; NaN where there are none
-    least: float
-
-
-@dataclass(frozen=True)
-class Trend:
-    """The last week against the weeks before, on decided days."""
-
-    now: float  # median of the last week [samples]
-    before: float  # median of all days of the weeks before [samples]
-    low: float  # lowest and highest median of the weeks before [samples]
-    high: float
-    days: int  # of the last week
-    weeks: int  # before it that count
-    t: float  # last week less the mean of the weeks before, over the standard error
-    moved: bool  # result of the test
-
-
-@dataclass(frozen=True)
 class LastWeek:
     """The last week of the estimator that represents the reach.
 
-    Attributes
-    ----------
-    estimator : EstimatorResults
-    quantity : str
-        "t50", "travel" (travel times with their fraction) or "delay" (d).
-    values : ndarray, shape (n,)
-        Of every day of the record [samples]; NaN where there is none.
-    decided : ndarray of bool, shape (n,)
-        Days with a value that the data decide (not prior_only, not degenerate).
-    week : ndarray of bool, shape (n,)
-        Rows of the last week.
-    first, last : datetime.date
-        Its ends; the record may have begun later than `first`.
-    median : float
-        Of the last week [samples]; NaN where none of its days has a value.
-    trend : Trend or None
-        None where there are too few days or weeks for a test.
+    `quantity` is t50, travel (travel times with their fraction) or delay (d); `values`, shape (n,), are of
+    every day of the record [samples], NaN where there is none. `decided`, shape (n,), are days with a value
+    that the data decide (not prior_only, not degenerate). `week`, shape (n,), are rows of the last week;
+    `first` and `last` are its ends, the record may have begun later. `median` is that of the week [samples],
+    NaN without a value; `trend` is that of :func:`trend`, None where there are too few days for a test.
     """
 
     estimator: EstimatorResults
@@ -128,7 +79,7 @@ class LastWeek:
     first: dt.date
     last: dt.date
     median: float
-    trend: Trend | None
+    trend: dict[str, Any] | None
 
     @property
     def whole(self) -> bool:
@@ -147,32 +98,42 @@ class LastWeek:
         return int((self.given & ~self.decided).sum())
 
 
-def facts(results: Results, estimator: EstimatorResults) -> Facts:
-    """Count and condense the rows of one estimator."""
+def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
+    """Count and condense the rows of one estimator over the record.
+
+    Returns
+    -------
+    dict
+        Counts of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay: `at_bound`,
+        `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in order
+        (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
+        answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest
+        probability of the delays: `probability`, `least`; NaN where there are none.
+    """
     e, days = estimator, found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
     top = np.argsort(-times, kind="stable")[:2]
     sure = np.empty(0) if e.probability is None else e.probability[days]
     tails = np.quantile(e.delay[days], (0.1, 0.9), method="inverted_cdf") if days.any() else (np.nan, np.nan)
-    return Facts(
-        days=len(e.dates),
-        answered=int(e.answered.sum()),
-        with_delay=int(days.sum()),
-        common=tuple(sorted(float(v) for v in values[top])),
-        common_days=int(times[top].sum()),
-        median=_median(e.delay[days]),
-        low=float(tails[0]),
-        high=float(tails[1]),
-        at_bound=int((e.at_bound & days).sum()),
-        prior_only=int((e.prior_only & days).sum()),
-        degenerate=e.status.count("degenerate"),
-        too_fast=int((too_fast(results, e) & days).sum()),
-        condition=_median(e.condition[e.answered]),
-        noise_sd=_median(e.noise_sd[e.answered]),
-        alpha=_median(e.alpha[e.answered]),
-        probability=_median(sure),
-        least=float(sure.min()) if sure.size else float("nan"),
-    )
+    return {
+        "days": len(e.dates),
+        "answered": int(e.answered.sum()),
+        "with_delay": int(days.sum()),
+        "common": tuple(sorted(float(v) for v in values[top])),
+        "common_days": int(times[top].sum()),
+        "median": _median(e.delay[days]),
+        "low": float(tails[0]),
+        "high": float(tails[1]),
+        "at_bound": int((e.at_bound & days).sum()),
+        "prior_only": int((e.prior_only & days).sum()),
+        "degenerate": e.status.count("degenerate"),
+        "too_fast": int((too_fast(results, e) & days).sum()),
+        "condition": _median(e.condition[e.answered]),
+        "noise_sd": _median(e.noise_sd[e.answered]),
+        "alpha": _median(e.alpha[e.answered]),
+        "probability": _median(sure),
+        "least": float(sure.min()) if sure.size else float("nan"),
+    }
 
 
 def _median(values: Floats) -> float:
@@ -232,7 +193,7 @@ def weeks_ago(dates: Sequence[dt.date]) -> Ints:
     return np.asarray((days[-1] - days) // WEEK)
 
 
-def trend(values: Floats, ago: Ints) -> Trend | None:
+def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     """Test whether the delay has moved: the last week against up to eight weeks before it.
 
     A week is the mean of its days without the lowest and the highest, so that one day at a bound moves no
@@ -249,8 +210,11 @@ def trend(values: Floats, ago: Ints) -> Trend | None:
 
     Returns
     -------
-    Trend or None
-        None with fewer than three days in the last week, or fewer than four weeks before that have three.
+    dict or None
+        Medians [samples] of the last week (`now`) and of all days before (`before`), lowest and highest
+        median of the weeks before (`low`, `high`), `days` of the last week, `weeks` before it that count, `t`
+        and `moved`. None with fewer than three days in the last week, or fewer than four weeks before that
+        have three.
 
     Notes
     -----
@@ -289,16 +253,16 @@ def trend(values: Floats, ago: Ints) -> Trend | None:
     error = float(np.sqrt(max(among, alone[1:].mean()) / K + max(among, alone[0])))
     change = float(means[0] - means[1:].mean())
     low, high = float(medians[1:].min()), float(medians[1:].max())
-    return Trend(
-        now=float(medians[0]),
-        before=float(np.median(np.concatenate(whole[1:]))),
-        low=low,
-        high=high,
-        days=int(count[0]),
-        weeks=K,
-        t=change / error if error > 0 else float(np.copysign(np.inf, change)) if change else 0.0,
-        moved=not low <= medians[0] <= high and abs(change) > LIMITS[K] * error,
-    )
+    return {
+        "now": float(medians[0]),
+        "before": float(np.median(np.concatenate(whole[1:]))),
+        "low": low,
+        "high": high,
+        "days": int(count[0]),
+        "weeks": K,
+        "t": change / error if error > 0 else float(np.copysign(np.inf, change)) if change else 0.0,
+        "moved": not low <= medians[0] <= high and abs(change) > LIMITS[K] * error,
+    }
 
 
 def _middle(days: Floats) -> Floats:
@@ -353,14 +317,7 @@ def joined(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
-    """Condense a run into one record of numbers, dates and codes.
-
-    Parameters
-    ----------
-    results : Results
-        All of OUT.
-    recent : LastWeek or None
-        As of :func:`last_week`.
+    """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
     Returns
     -------
@@ -447,7 +404,7 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     spans = (ago == 0, (ago > 0) & (ago <= WEEKS))
     inflow = [e.mean_inflow[np.isfinite(e.mean_inflow) & span] for span in spans]
     if t is not None:
-        code = "moved" if t.moved else "same" if t.now == t.before else "scatter"
+        code = "moved" if t["moved"] else "same" if t["now"] == t["before"] else "scatter"
     elif recent.whole:
         code = "one_week"
     else:
@@ -475,25 +432,25 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) ->
         part["jump"] = estimates_delay(e)
         if lead is not None and estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)
-            if f.with_delay:
-                part |= {"lead": lead.estimator, "record": (f.prior_only, f.with_delay)}
+            if f["with_delay"]:
+                part |= {"lead": lead.estimator, "record": (f["prior_only"], f["with_delay"])}
         return part | {"rayleigh": lead is not None and ESTIMATORS[lead.estimator].rayleigh, "decides": None}
     f = facts(results, e)
-    if not f.with_delay:
+    if not f["with_delay"]:
         return None
     decides = None
     if recent.by_prior and recent.by_prior >= OFTEN * n:
         decides = ("week", recent.by_prior, n)
-    elif f.prior_only and f.prior_only >= OFTEN * f.with_delay:
-        decides = ("record", f.prior_only, f.with_delay)
+    elif f["prior_only"] and f["prior_only"] >= OFTEN * f["with_delay"]:
+        decides = ("record", f["prior_only"], f["with_delay"])
     part = {
         "code": "prior",
         "estimator": e.estimator,
         "rayleigh": ESTIMATORS[e.estimator].rayleigh,
         "week": None if recent.whole or not n else (recent.by_prior, n),
-        "record": (f.prior_only, f.with_delay),
+        "record": (f["prior_only"], f["with_delay"]),
         "decides": decides,
-        "days": f.prior_only,
+        "days": f["prior_only"],
     }
     if ESTIMATORS[e.estimator].unjudged:
         part["code"] = "not_judged"
@@ -533,8 +490,8 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "first": e.dates[0],
         "fir_only": not estimates_delay(e),
         "ends": ends,
-        "piled": f.common == ends and tried.size > 2 and f.common_days >= SPREAD_OUT * f.with_delay,
-        "spread": f.common_days < SPREAD_OUT * f.with_delay,
+        "piled": f["common"] == ends and tried.size > 2 and f["common_days"] >= SPREAD_OUT * f["with_delay"],
+        "spread": f["common_days"] < SPREAD_OUT * f["with_delay"],
         "travel_s": _median(e.travel_s[days]) if e.travel_s is not None else None,
         "statuses": _statuses(e.status),
         "reasons": reasons.most_common(MOST_REASONS),
@@ -547,13 +504,13 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "by_making": ESTIMATORS[e.estimator].degenerates,
         "uniform": None,
     }
-    if ESTIMATORS[e.estimator].rayleigh and f.with_delay:
+    if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
         p = rayleigh(tried, results.delay_scale)
         modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
         record["modes"] = [float(d) for d in modes]
-        record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f.common) <= 1
+        record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f["common"]) <= 1
         for other in results.estimators:
-            if ESTIMATORS[other.estimator].uniform and (g := facts(results, other)).with_delay:
+            if ESTIMATORS[other.estimator].uniform and (g := facts(results, other))["with_delay"]:
                 record["uniform"] = (other.estimator, g)
                 break
     return record
@@ -572,5 +529,5 @@ def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "gravity": _ends(e.bound_gravity_s[has_t50(e)]),
         "kinematic": _ends(e.bound_kinematic_s[has_t50(e)]),
         "jump_of_little_use": f is not None
-        and (f.prior_only >= LITTLE * f.with_delay or f.high - f.low > 2 * (p.high - p.low)),
+        and (f["prior_only"] >= LITTLE * f["with_delay"] or f["high"] - f["low"] > 2 * (p.high - p.low)),
     }

@@ -81,6 +81,10 @@ class Results:
     estimators: list[EstimatorResults]
     assumed: tuple[str, ...] = ()
 
+    def of(self, name: str) -> EstimatorResults:
+        """The results of one estimator; StopIteration where it was not applied."""
+        return next(e for e in self.estimators if e.estimator == name)
+
 
 def load_results(out: Path | str) -> Results:
     """Read delays.parquet, fir.parquet, criterion.parquet and run.json of a run.

@@ -70,8 +70,9 @@ def _paint(out: Path, job: "Job") -> "FigureFile | None":
 
 
 def _report(out: Path, figures: "list[FigureFile]", summary: dict[str, Any]) -> Path:
-    from rivid.plots.draw import drop_old
+    from rivid.plots.draw import KINDS
+    from rivid.plots.style import drop_old
     from rivid.report.build import write_report
 
-    drop_old(out / "figures", figures)
+    drop_old(out / "figures", figures, KINDS)
     return write_report(_results(out), figures, out, summary=summary)

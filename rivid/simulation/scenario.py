@@ -10,18 +10,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
     ValidationInfo,
     field_validator,
     model_validator,
 )
 
-from rivid.config import NAME, ReachConfig, parse, read_toml
+from rivid.config import NAME, ReachConfig, merged, parse, read_toml
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError
-from rivid.input_config import Means, Positive
+from rivid.input_config import Means, Positive, Section
 from rivid.reach.operators import OperatorSettings
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -31,14 +29,8 @@ Format = Literal["csv", "csv.gz", "parquet"]
 Layout = Literal["day", "month"]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class ReachScenario(ReachConfig):
     """`[reach]`: as in a run's configuration, and parameters of the simulation alone."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     wave_depth: Annotated[
         Positive,
@@ -57,7 +49,7 @@ class ReachScenario(ReachConfig):
 Modes = tuple[Annotated[float, Field(ge=-5, le=5)], ...]
 
 
-class ChannelScenario(_Section):
+class ChannelScenario(Section):
     """`[channel]`: the sections along the reach; with it the water follows Saint-Venant's equations (1).
 
     The length and the mean width are those of `[reach]`; modes are amplitudes of cos(j pi x / L).
@@ -78,7 +70,7 @@ class ChannelScenario(_Section):
     gate_time: Annotated[NotNegative, Means("s", "that a gate needs from one command to the next")] = 30.0
 
 
-class FlowScenario(_Section):
+class FlowScenario(Section):
     """`[flow]`: the mean discharge of the days."""
 
     mean: Annotated[Positive, Means("m3/s", "of a usual day of the year")] = 300.0
@@ -105,7 +97,7 @@ class FlowScenario(_Section):
         return self
 
 
-class ProgrammeScenario(_Section):
+class ProgrammeScenario(Section):
     """`[programme]`: the commands of the dispatcher of the upstream dam."""
 
     swing: Annotated[NotNegative, Means("m3/s", "from the night's load to the peaks")] = 110.0
@@ -124,7 +116,7 @@ class ProgrammeScenario(_Section):
     lowest: Annotated[NotNegative, Means("m3/s", "smallest command")] = 40.0
 
 
-class OperatorsScenario(_Section):
+class OperatorsScenario(Section):
     """`[operators]`: see :class:`rivid.reach.operators.OperatorSettings`."""
 
     feedforward: NotNegative = OperatorSettings.feedforward
@@ -149,7 +141,7 @@ class OperatorsScenario(_Section):
         return value
 
 
-class LevelScenario(_Section):
+class LevelScenario(Section):
     """`[level]`: the level aimed at, and the gauge."""
 
     set_point: Annotated[float, Field(allow_inf_nan=False), Means("m", "level aimed at")] = 130.0
@@ -169,7 +161,7 @@ class LevelScenario(_Section):
     gap_length: Annotated[Positive, Means("s", "mean length of a gap")] = 300.0
 
 
-class WeatherScenario(_Section):
+class WeatherScenario(Section):
     """`[weather]`: a slow inflow that no log holds, an AR(1)."""
 
     inflow: Annotated[NotNegative, Means("m3/s", "standard deviation")] = 2.0
@@ -179,7 +171,7 @@ class WeatherScenario(_Section):
     )
 
 
-class OutputScenario(_Section):
+class OutputScenario(Section):
     """`[output]`: the daily logs."""
 
     format: Annotated[Format, Means("-", "of the files")] = "parquet"
@@ -195,7 +187,7 @@ def _an_effect(table: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
     return table
 
 
-class Scenario(_Section):
+class Scenario(Section):
     """All of a scenario; the defaults are the reach of Table I.
 
     `effects` are tables of `rivid effects`; `cascade` are tables of what differs from reach to reach, each
@@ -267,7 +259,7 @@ class Scenario(_Section):
         found = []
         for i, differs in enumerate(self.cascade):
             try:
-                found.append(parse(_merged(base, differs), Scenario, f"cascade[{i}]"))
+                found.append(parse(merged(base, differs), Scenario, f"cascade[{i}]"))
             except ConfigError as error:
                 raise ValueError(str(error)) from None
         return tuple(found)
@@ -310,12 +302,4 @@ def _extended(path: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
         return raw
     if not isinstance(other, str):
         raise ConfigError(f"{path}: extends = {other!r}: expected the name of a scenario file")
-    return _merged(_extended(path.parent / other, (*before, here)), raw)
-
-
-def _merged(base: dict[str, Any], differs: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in differs.items():
-        both = isinstance(value, dict) and isinstance(base.get(key), dict)
-        merged[key] = _merged(base[key], value) if both else value
-    return merged
+    return merged(_extended(path.parent / other, (*before, here)), raw)

@@ -127,7 +127,7 @@ EDGE = 0.1
 """Within this many samples of an edge the true delay has two right answers."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Season:
     """Days of logs and their truth, in date order; missing days are left out.
 

@@ -2,8 +2,9 @@
 
 import pytest
 
+from rivid.config import merged
 from rivid.errors import ConfigError, NoDataError
-from rivid.fleet.layout import find_fleet, merged
+from rivid.fleet.layout import find_fleet
 from tests.daily import write_days
 
 

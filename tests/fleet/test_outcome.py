@@ -7,8 +7,9 @@ import pyarrow as pa
 import pytest
 
 from rivid.config import Config
-from rivid.fleet.outcome import FEWEST, WEEK, Outcome, band, outcome_of
+from rivid.fleet.outcome import WEEK, Outcome, band, outcome_of
 from rivid.fleet.report import write_fleet
+from rivid.report.attention import BAND_DAYS
 from rivid.report.summary import last_week
 from tests.pages import Page
 from tests.report.runs import STEADY, simple
@@ -47,30 +48,30 @@ def test_the_band_is_of_the_year_before_the_week_without_gaps():
     values[-WEEK:] = 9.0
     values[100:150] = np.nan
     found = band(days, values)
-    assert (found.low, found.high, found.median, found.week_median) == (6, 6, 6, 9)
-    assert (found.days, found.above, found.below) == (7, 7, 0)
+    assert [found[key] for key in ("low", "high", "median", "week_median")] == [6, 6, 6, 9]
+    assert [found[key] for key in ("days", "above", "below")] == [7, 7, 0]
     late = band(np.append(days, 1500), np.append(values, 6.0))
-    assert (late.days, late.above) == (1, 0)
+    assert (late["days"], late["above"]) == (1, 0)
 
 
 def test_few_days_make_no_band_and_a_silent_week_has_no_median():
-    values = np.full(FEWEST + WEEK, 5.0)
+    values = np.full(BAND_DAYS + WEEK, 5.0)
     assert band(np.arange(len(values)), values) is not None
     values[0] = np.nan
     assert band(np.arange(len(values)), values) is None
     assert band(np.zeros(0, int), np.zeros(0)) is None
     values = np.full(100, 5.0)
     values[-WEEK:] = np.nan
-    assert np.isnan(band(np.arange(100), values).week_median)
+    assert band(np.arange(100), values)["week_median"] is None
 
 
 @pytest.mark.parametrize("shift", [0, 2])
 def test_the_fleet_and_the_report_agree_on_a_move(shift):
     run = simple(STEADY[:-7] + [d + shift for d in STEADY[-7:]])
     got, trend = outcome(run), last_week(run).trend
-    assert (got.moved, got.change) == (trend.moved, trend.now - trend.before) == (shift > 0, shift)
+    assert (got.moved, got.change) == (trend["moved"], trend["now"] - trend["before"]) == (shift > 0, shift)
     assert (got.estimator, got.quantity, got.days_week, got.answered_week) == ("jmap", "delay", 7, 7)
-    assert (got.band.low, got.band.high, got.band.above) == (6, 7, 7 if shift else 0)
+    assert (got.band["low"], got.band["high"], got.band["above"]) == (6, 7, 7 if shift else 0)
 
 
 def test_days_that_the_prior_decides_and_failed_days_are_no_answers_of_the_week():

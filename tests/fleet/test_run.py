@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import pytest
 
 from rivid.fleet import run as fleet_run
-from rivid.fleet.outcome import WORST_FIRST, Band, Outcome, keep, kept, worst
+from rivid.fleet.outcome import WORST_FIRST, Outcome, keep, kept, worst
 from rivid.fleet.report import write_fleet
 from rivid.results.store import Store
 from tests.daily import write_days
@@ -202,7 +202,7 @@ def test_the_worst_code_is_the_first_of_the_stated_order():
 
 
 def test_outcomes_come_back_as_they_were_kept(tmp_path):
-    band = Band(1.0, 2.0, 1.5, 1.0, 7, 0, 1)
+    band = dict(low=1.0, high=2.0, median=1.5, week_median=None, days=7, above=0, below=1)
     one = Outcome("a", 3, band=band, moved=True, change=0.5, recent=[("2008-03-10", "why")])
     keep(tmp_path, one)
     (tmp_path / ".rivid" / "outcomes" / "b.json").write_text("nonsense")

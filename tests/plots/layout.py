@@ -27,7 +27,7 @@ def saved(*, write=False):
 
 def as_file(path):
     """The record of a figure that is in `path`."""
-    return style.FigureFile(path.stem, "", path, "", "", 1, 1)
+    return style.FigureFile(path.stem, "", path, "", {}, 1, 1)
 
 
 def labels(figure):

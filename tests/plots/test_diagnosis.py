@@ -12,7 +12,8 @@ from PIL import Image
 from rivid.errors import RividError
 from rivid.plots import diagnosis as plots
 from rivid.plots import style
-from rivid.report.diagnosis_pictures import draw_pictures, drop_pictures
+from rivid.report.diagnosis import draw_pictures
+from rivid.report.page import caption
 from tests.diagnosis.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import loop_of, with_loop
 from tests.plots.layout import as_file, check, saved
@@ -204,7 +205,7 @@ def test_without_named_effects_there_is_one_curve_and_one_map(drawn):
     kinds = ("diagnosis_map", "diagnosis_inflow")
     counts = [[len(figures[kind].axes) for kind in kinds] for _, figures in (one, two)]
     assert counts == [[2, 5], [3, 6]]
-    captions = [{f.kind: f.caption for f in files} for files, _ in (one, two)]
+    captions = [{f.kind: caption(f) for f in files} for files, _ in (one, two)]
     assert "right one" not in captions[0]["diagnosis_map"] and "right one" in captions[1]["diagnosis_map"]
 
 
@@ -234,7 +235,7 @@ def test_figures_of_an_earlier_diagnosis_go_and_others_stay(tmp_path):
     (tmp_path / "figures").mkdir()
     for name in ("diagnosis_map", "diagnosis_gap", "tdr_ml"):
         (tmp_path / "figures" / f"{name}.png").write_bytes(b"x")
-    drop_pictures(tmp_path, [as_file(tmp_path / "figures" / "diagnosis_map.png")])
+    style.drop_old(tmp_path / "figures", [as_file(tmp_path / "figures" / "diagnosis_map.png")], plots.KINDS)
     assert {p.stem for p in (tmp_path / "figures").iterdir()} == {"diagnosis_map", "tdr_ml"}
 
 

@@ -12,7 +12,9 @@ import pytest
 from PIL import Image
 
 from rivid.errors import ConfigError, RividError
-from rivid.plots.draw import draw, draw_all, drop_old, jobs, typical_day
+from rivid.plots import style
+from rivid.plots.draw import KINDS, draw, draw_all, jobs, typical_day
+from rivid.report.page import caption
 from tests.plots.layout import as_file, check, labels, saved
 from tests.plots.synthetic import cases, dates_of, probable, results, river, without_answers
 
@@ -79,7 +81,7 @@ def test_no_text_is_cut_off_and_no_tick_labels_overlap(name, drawn):
 def test_figures_of_an_estimator_that_left_the_run_go_and_other_files_stay(tmp_path):
     for name in ("tdr_jmap", "tdr_jmap-uniform", "fir_day", "diagnosis_fit"):
         (tmp_path / f"{name}.png").write_bytes(b"x")
-    drop_old(tmp_path, [as_file(tmp_path / "tdr_jmap.png")])
+    style.drop_old(tmp_path, [as_file(tmp_path / "tdr_jmap.png")], KINDS)
     assert {p.stem for p in tmp_path.iterdir()} == {"tdr_jmap", "diagnosis_fit"}
 
 
@@ -96,12 +98,12 @@ def test_an_estimator_without_responses_or_checks_claims_neither(tmp_path):
     for kind in ("delay_map", "delay_discharge"):
         shown = labels(figures[f"{kind}_direct"])
         assert shown[0].startswith("delay (") and f"at a bound ({edge})" in shown
-    assert not any("the data alone" in f.caption for f in files)
+    assert not any("the data alone" in caption(f) for f in files)
 
 
 def test_captions_name_what_is_shown(drawn, tmp_path):
     pool, water = (
-        {(f.kind, f.estimator): f.caption for f in drawn(name)[0]} for name in ("a year", "a river")
+        {(f.kind, f.estimator): caption(f) for f in drawn(name)[0]} for name in ("a year", "a river")
     )
     assert not any("river" in text for text in pool.values())
     assert "the data alone" in pool["histogram", "jmap"]
@@ -111,9 +113,9 @@ def test_captions_name_what_is_shown(drawn, tmp_path):
     cusum = dataclasses.replace(river(3, ("jmap",)).estimators[0], estimator="cusum-ml")
     run = dataclasses.replace(river(3, ("jmap",)), estimators=[cusum])
     with saved():
-        texts = [draw(run, job, tmp_path).caption for job in (("histogram", "cusum-ml"), ("fir_day", ""))]
+        texts = [caption(draw(run, job, tmp_path)) for job in (("histogram", "cusum-ml"), ("fir_day", ""))]
     assert all("CUSUM" in text for text in texts)
-    sure = {f.kind: f.caption for f in drawn("probabilities")[0]}
+    sure = {f.kind: caption(f) for f in drawn("probabilities")[0]}
     assert "90 % of the probability" in sure["tdr"] and "two standard deviations" in sure["fir_day"]
     assert not any("the data alone" in text for text in sure.values())
 

@@ -5,7 +5,8 @@ from functools import cache
 from pathlib import Path
 
 from rivid.config import Config, ReachConfig, parse
-from rivid.plots.paper_data import Estimates, Year, estimate, year_of
+from rivid.plots.paper_data import Year, estimate, year_of
+from rivid.results.read import Results
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
 
@@ -27,7 +28,7 @@ def year(days: int = 14, missing: int = 2, seed: int = 11) -> Year:
 
 
 @cache
-def estimated(days: int = 14, missing: int = 2, seed: int = 11) -> Estimates:
+def estimated(days: int = 14, missing: int = 2, seed: int = 11) -> Results:
     """The estimates of a year, computed once."""
     return estimate(year(days, missing, seed))
 

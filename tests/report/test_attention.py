@@ -13,7 +13,7 @@ NAN = np.nan
 
 
 def rows(run):
-    return [(row.first.day, row.days, row.kind) for row in attention(run, None)]
+    return [(row["first"].day, row["days"], row["kind"]) for row in attention(run, None)]
 
 
 def test_neighbours_with_one_reason_are_one_row_the_latest_first():
@@ -24,7 +24,7 @@ def test_neighbours_with_one_reason_are_one_row_the_latest_first():
     )
     assert rows(run) == [(5, 3, "at_bound"), (4, 1, "failed"), (2, 2, "failed")]
     got = attention(run, None)
-    assert got[0].value == 15 and [row.message for row in got[1:]] == ["too short", "no file"]
+    assert got[0]["value"] == 15 and [row["message"] for row in got[1:]] == ["too short", "no file"]
 
 
 def test_the_same_reason_of_several_estimators_is_one_row():
@@ -32,7 +32,10 @@ def test_the_same_reason_of_several_estimators_is_one_row():
         simple([NAN, 6], ["failed", "ok"], ["no file", ""]),
         simple([NAN, 15], ["failed", "ok"], ["no file", ""], name="jmap-uniform"),
     )
-    assert [row.estimators for row in attention(run, None)] == [("jmap-uniform",), ("jmap", "jmap-uniform")]
+    assert [row["estimators"] for row in attention(run, None)] == [
+        ("jmap-uniform",),
+        ("jmap", "jmap-uniform"),
+    ]
 
 
 def test_estimators_that_degenerate_by_construction_are_not_listed():
@@ -44,9 +47,14 @@ def test_many_days_at_the_bounds_share_a_row_and_a_few_do_not():
     run = searched()
     e = run.estimators[0]
     (row,) = attention(run, None)
-    assert (row.kind, row.days, row.of, row.band) == ("at_bound", int(e.at_bound.sum()), 120, (1, 15))
+    assert (row["kind"], row["days"], row["of"], row["band"]) == (
+        "at_bound",
+        int(e.at_bound.sum()),
+        120,
+        (1, 15),
+    )
     assert dates_of(row, run) == {date for date, edge in zip(e.dates, e.at_bound, strict=True) if edge}
-    assert [row.days for row in attention(simple([6] * 80 + [15] * 25), None)] == [25]
+    assert [row["days"] for row in attention(simple([6] * 80 + [15] * 25), None)] == [25]
     assert len(attention(simple([6, 15] * 13), None)) == 13
     assert len(attention(simple(([6] * 4 + [15]) * 30), None)) == 30, "a fifth of the days"
 
@@ -62,11 +70,11 @@ def test_a_band_needs_thirty_days_and_holds_nine_tenths():
 
 def test_days_far_outside_the_band_are_rows_unless_at_a_bound():
     s = summary_of(simple(STEADY[:-3] + [12, 6, 15]))
-    assert [(row.first, row.kind) for row in s["rows"]] == [
+    assert [(row["first"], row["kind"]) for row in s["rows"]] == [
         (dt.date(2008, 3, 3), "at_bound"),
         (dt.date(2008, 3, 1), "far"),
     ]
-    assert s["rows"][1].value == 12 and s["rows"][1].band == (6, 7) and s["rows"][1].decided
+    assert s["rows"][1]["value"] == 12 and s["rows"][1]["band"] == (6, 7) and s["rows"][1]["decided"]
     assert [link[2:] for link in s["look"]["links"]] == [("at_bound", 0), ("far", 1)]
 
 
@@ -92,4 +100,6 @@ def test_a_day_of_the_last_week_without_a_log_is_marked(gone, late):
 def test_all_estimators_and_dates_stay_in_order():
     run = combined(simple([6, NAN, 6], ["ok", "failed", "ok"], ["", "no file", ""]), searched())
     got = attention(run, None)
-    assert [row.last for row in got] == sorted((row.last for row in got), reverse=True) and len(got) == 2
+    assert [row["last"] for row in got] == sorted((row["last"] for row in got), reverse=True) and len(
+        got
+    ) == 2

@@ -300,7 +300,7 @@ def test_figures_of_an_earlier_diagnosis_are_removed_and_other_files_remain(tmp_
 
 
 def test_files_that_cannot_be_read_or_written_are_errors(tmp_path):
-    gone = FigureFile("diagnosis_map", "", tmp_path / "figures" / "diagnosis_map.png", "t", "c", 1, 1)
+    gone = FigureFile("diagnosis_map", "", tmp_path / "figures" / "diagnosis_map.png", "t", {}, 1, 1)
     with pytest.raises(RividError, match="cannot read .*diagnosis_map.png"):
         write_diagnosis_page(tmp_path, diagnosis("no_gap", EVIDENCE), EVIDENCE, [gone], classes={})
     (tmp_path / "diagnosis.html").mkdir()

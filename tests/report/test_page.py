@@ -17,6 +17,7 @@ from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
 from rivid.errors import RividError
 from rivid.plots.draw import draw, draw_all
 from rivid.report.build import write_report
+from rivid.report.page import caption
 from rivid.results.read import _results
 from tests.plots.synthetic import cases, dates_of, probable, results, river, searched, without_answers
 from tests.report.runs import STEADY, SUMMARY, among, combined, passing, simple, with_travel, write
@@ -73,7 +74,7 @@ def test_every_figure_is_in_the_page_with_its_caption_and_opens(drawn):
     shown = [attrs for tag, attrs in page.tags if tag == "img"]
     inside = {base64.b64decode(attrs["src"].split(",", 1)[1]) for attrs in shown}
     assert inside == {file.path.read_bytes() for file in files}
-    assert all(file.caption in page.words for file in files)
+    assert all(caption(file) in page.words for file in files)
     assert all(attrs["alt"] and attrs["width"] and attrs["height"] for attrs in shown)
     cards = [attrs["id"] for tag, attrs in page.tags if "popover" in attrs]
     opens = [attrs["popovertarget"] for tag, attrs in page.tags if tag == "button"]

@@ -9,11 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.observables import observables
 from rivid.cli.simulate import command
 from rivid.config import load_config
 from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_window
-from rivid.simulation import observables, simulate
+from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent.parent

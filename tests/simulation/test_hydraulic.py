@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.observables import observables
 from rivid.errors import ConfigError
 from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation import observables, simulate, simulate_cascade
+from rivid.simulation import simulate, simulate_cascade
 from rivid.simulation.scenario import Scenario, load_scenario
 from rivid.simulation.season import Water
 

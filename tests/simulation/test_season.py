@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.observables import condition_numbers, observables
 from rivid.core.hydraulics import GRAVITY
 from rivid.effects import CATALOGUE
 from rivid.reach.integrator import LinearReach, pool_level
-from rivid.simulation import Season, observables, simulate
+from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import Scenario, load_scenario
-from rivid.simulation.truth import condition_numbers
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 FEW = Scenario(days=12, seed=5)
