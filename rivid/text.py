@@ -59,7 +59,7 @@ def time_unit(longest: float) -> tuple[str, int]:
 
 
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
-    """Durations [s] in minutes, in hours where all of them are two hours or longer, with `joint` between them.
+    """Durations [s] in minutes, in hours where all of them are two hours or longer, joined by `joint`.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def samples(values: Sequence[float]) -> str:
 
 
 def delays(values: Sequence[float], sample_time: float) -> str:
-    """One lag, or several alternatives, the lowest first, in samples and in minutes or hours: a delay or a t50.
+    """Lags (delays or t50), alternatives with the lowest first, in samples and in minutes or hours.
 
     Examples
     --------
