@@ -48,13 +48,7 @@ class Result(ABC):
 
 
 def as_config(given: GivenConfig) -> Config:
-    """Return a configuration from a TOML file, a mapping, or the defaults.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown key or an invalid value; it names the key.
-    """
+    """Return a configuration from a TOML file, a mapping, or the defaults; ConfigError names the key."""
     if isinstance(given, Config):
         return given
     if isinstance(given, Mapping):
@@ -63,34 +57,15 @@ def as_config(given: GivenConfig) -> Config:
 
 
 def as_scenario(given: GivenScenario, changes: Mapping[str, Any]) -> Scenario:
-    """Return a scenario from a TOML file, a mapping, or the defaults, with single keys changed.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown key or an invalid value; it names the key.
-    """
-    if given is None:
-        scenario = Scenario()
-    elif isinstance(given, Scenario):
-        scenario = given
-    elif isinstance(given, Mapping):
-        scenario = parse(dict(given), Scenario, "scenario")
-    else:
-        scenario = load_scenario(given)
-    if not changes:
-        return scenario
-    return parse(scenario.model_dump(exclude_unset=True) | dict(changes), Scenario, "scenario")
+    """Return a scenario likewise, with single keys changed."""
+    if isinstance(given, (str, Path)):
+        given = load_scenario(given)
+    raw = given.model_dump(exclude_unset=True) if isinstance(given, Scenario) else dict(given or {})
+    return parse(raw | dict(changes), Scenario, "scenario")
 
 
 def as_date(given: GivenDate) -> dt.date | None:
-    """Return a date from its ISO 8601 text.
-
-    Raises
-    ------
-    ConfigError
-        If the text is no date.
-    """
+    """Return a date from its ISO 8601 text; ConfigError if the text is no date."""
     if not isinstance(given, str):
         return given
     try:

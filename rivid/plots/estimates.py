@@ -47,6 +47,7 @@ MARKS: dict[str, dict[str, Any]] = {
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
 """Mark of a day by the class of its delay (:func:`rivid.results.days.kinds`)."""
+EDGED: dict[str, Any] = {"markeredgewidth": 0.8, "zorder": 3}
 
 
 def _class_label(kind: str, e: EstimatorResults, days: int, counted: bool) -> str:
@@ -323,8 +324,7 @@ def delay_map(
     for name, days in kinds(e).items():
         if days.any():
             label = _class_label(name, e, int(days.sum()), counted)
-            look = {"markeredgewidth": 0.8, "zorder": 3, **MARKS[name]}
-            style.marks(ax, x[days], e.delay[days], label, size, **look)
+            style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
     if not found(e).any():
         style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
     if tried.size and bounds:
@@ -422,8 +422,8 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
         for name, kind in kinds(e).items():
             if (days := kind & shown).any():
-                look = {"markeredgewidth": 0.7, "zorder": 3, "alpha": 0.75, **MARKS[name]}
-                style.marks(ax, Q[days], y[days], _class_label(name, e, days.sum(), True), size, **look)
+                label, look = _class_label(name, e, days.sum(), True), MARKS[name] | {"alpha": 0.75}
+                style.marks(ax, Q[days], y[days], label, size, markeredgewidth=0.7, zorder=3, **look)
         flow_axis(ax, Q[shown], label)
         bounds_over_flow(ax, results, e, shown)
     else:
@@ -531,9 +531,8 @@ def _t50_days(
         ("beyond this panel", outside, "at a bound"),
     ):
         if days.any():
-            look = {"markeredgewidth": 0.8, "zorder": 3, "alpha": 0.8, **MARKS[kind]}
-            label = f"{name} ({int(days.sum()):,})"
-            style.marks(ax, x[days], np.clip(e.t50[days], low, high), label, size, **look)
+            label, y = f"{name} ({int(days.sum()):,})", np.clip(e.t50[days], low, high)
+            style.marks(ax, x[days], y, label, size, alpha=0.8, **EDGED, **MARKS[kind])
 
 
 def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
