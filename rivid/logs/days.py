@@ -45,6 +45,7 @@ class Part:
     # SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many
     # days
     digest: str
+    file_digest: str  # SHA-256 (hex) of the file, as it was listed
 
     @property
     def name(self) -> str:
@@ -175,13 +176,13 @@ def find_days(
             bad.append((shown(name), _without_name(str(error), shown(name))))
             continue
         if is_day_file(name):
-            date, part = _date_of(name), Part(name, facts.digest)
+            date, part = _date_of(name), Part(name, facts.digest, facts.digest)
             next_files.setdefault(date - ONE_DAY, []).append(part)
             if facts.days is None:
                 parts.setdefault(date, []).append(part)
             continue
         for iso, digest in facts.days or ():
-            date, part = dt.date.fromisoformat(iso), Part(name, digest)
+            date, part = dt.date.fromisoformat(iso), Part(name, digest, facts.digest)
             if iso in facts.edges:
                 edges.append((date, part))
             else:
@@ -692,8 +693,10 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     """The log of a part. Results are stored under the digest of what was listed: refuse anything else."""
     for fresh in (False, True):
         log = load(root / part.path, part.name, spec, fresh=fresh)
-        if (log.digest if is_day_file(part.path) else log.digest_of(date)) == part.digest:
+        if log.digest == part.file_digest:
             return log
+        if not is_day_file(part.path) and log.digest_of(date) == part.digest:
+            return log  # other days of the file have changed
     raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")
 
 

@@ -506,7 +506,7 @@ class Log:
 def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
     """Local days of times [us UTC], ascending; up to `early` [us] before midnight counts for the next day."""
     days, at = [], 0
-    times = np.unique(times) + early
+    times = np.sort(times, kind="stable") + early  # columns in order: sorted in one pass
     while at < len(times):
         date = local(int(times[at]), zone).date()
         days.append(date)

@@ -135,7 +135,10 @@ def spec_of(config: Config) -> Spec:
     """The specification in `config`, kept for the next call; ConfigError if flags do not match columns."""
     global _last
     if _last is None or _last[0] is not config:
-        _last = (config, _build(config))
+        spec = _build(config)
+        if _last and (spec, spec.period_set) == (_last[1], _last[1].period_set):
+            spec = _last[1]  # of a batch's copy of the configuration: kept logs are found by identity
+        _last = (config, spec)
     return _last[1]
 
 

@@ -5,7 +5,7 @@ A row of a *segment* holds one day and estimator with its FIR and criterion as l
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rivid.atomic import replacing
 from rivid.errors import RividError
+from rivid.types import Bools, Floats
 
 SCHEMA_VERSION = 1
 """Version of the results contract; a reader refuses a newer one."""
@@ -123,7 +124,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of a cell that a spreadsheet evaluates as a formula."""
 
 
-def to_table(columns: dict[str, list[Any]], schema: pa.Schema) -> pa.Table:
+def to_table(columns: Mapping[str, "list[Any] | pa.Array"], schema: pa.Schema) -> pa.Table:
     """A table of the schema; a column that is not given is empty, NaN becomes an empty cell."""
     n = len(next(iter(columns.values()), []))
     arrays = []
@@ -131,9 +132,22 @@ def to_table(columns: dict[str, list[Any]], schema: pa.Schema) -> pa.Table:
         values = columns.get(field.name)
         if values is None:
             arrays.append(pa.nulls(n, field.type))
+        elif isinstance(values, pa.Array):
+            arrays.append(values)
         else:
             arrays.append(pa.array(values, field.type, from_pandas=pa.types.is_floating(field.type)))
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def lists(values: Floats, given: Bools) -> pa.Array:
+    """A column with, as cells, the rows of `values`, shape (n, width); empty where not `given`, (n,)."""
+    flat = np.ascontiguousarray(values[given], np.float64)
+    ends = np.cumsum(given * values.shape[1]).tolist()
+    starts = [start if is_given else None for start, is_given in zip([0, *ends], given, strict=False)]
+    offsets = pa.array([*starts, ends[-1] if ends else 0], pa.int32())
+    return pa.ListArray.from_arrays(
+        offsets, pa.Array.from_buffers(pa.float64(), flat.size, [None, pa.py_buffer(flat)])
+    )
 
 
 def finite(row: dict[str, Any]) -> dict[str, Any]:

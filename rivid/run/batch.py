@@ -8,7 +8,7 @@ alone and failed.
 
 import datetime as dt
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
@@ -27,12 +27,13 @@ from rivid.errors import DataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared
 from rivid.logs.days import DataSet, DaySource, read_window
 from rivid.results.store import write_segment
-from rivid.results.tables import SEGMENT, to_table
+from rivid.results.tables import SEGMENT, lists, to_table, whole_numbers
 from rivid.run.workers import Engine, each
-from rivid.types import Floats
+from rivid.types import Bools, Floats
 
-Row = dict[str, Any]
 Done = Callable[[int], None]
+Refused = tuple[int, int, str, DataError]
+"""A row without an estimate: number of its window and of its estimator, status, and reason."""
 
 
 @dataclass(frozen=True)
@@ -58,27 +59,37 @@ class Batch:
 
 def estimate_batch(batch: Batch) -> pa.Table:
     """Read and estimate every window of a batch: a row of schema SEGMENT per window and estimator."""
-    config = batch.config
-    answers: dict[str, list[Row]] = {}
-    names = config.run.estimators
-    alike: dict[tuple[int, bool], list[tuple[Window, DataSet]]] = defaultdict(list)
-    for window in batch.windows:
+    config, names = batch.config, batch.config.run.estimators
+    alike: dict[tuple[int, bool], list[tuple[int, DataSet]]] = defaultdict(list)
+    refused: list[Refused] = []
+    order: list[int] = []  # of the rows, those that are refused last
+    for at, window in enumerate(batch.windows):
         try:
             data = _read(batch, window)
         except DataError as error:
             status = "pending" if isinstance(error, PendingError) else "failed"
-            answers[window.key] = [_unread(window, config, name, status, error) for name in names]
+            refused += [(at, k, status, error) for k in range(len(names))]
         else:
-            alike[len(data.inflow), data.outflow is None].append((window, data))
+            alike[len(data.inflow), data.outflow is None].append((at, data))
+    tables = []
     with threadpool_limits(1):
         for group in alike.values():
-            for window, rows in _estimate(group, config):
-                answers[window.key] = rows
-    return _table([row for window in batch.windows for row in answers[window.key]])
-
-
-def _table(rows: list[Row]) -> pa.Table:
-    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
+            places = [at for at, _ in group]
+            sets = [data for _, data in group]
+            days, shared, notes = _measured([batch.windows[at] for at in places], sets, config)
+            for k, (name, estimator) in enumerate(estimators.build(config).items()):
+                if len(sets[0].inflow) < estimator.min_samples:
+                    reason = DataError(
+                        f"{len(sets[0].inflow)} samples are too few for {estimator.needed_for}: "
+                        f"lower {estimator.key}, or raise [run] window_days"
+                    )
+                    refused += [(at, k, "failed", reason) for at in places]
+                    continue
+                order += [at * len(names) + k for at in places]
+                tables.append(_rows(days, shared, notes, config, name, estimator))
+    order += [at * len(names) + k for at, k, _, _ in refused]
+    tables.append(_refused(batch, refused))
+    return pa.concat_tables(tables).take(whole_numbers(np.argsort(order))).combine_chunks()
 
 
 def _read(batch: Batch, window: Window) -> DataSet:
@@ -91,116 +102,127 @@ def _read(batch: Batch, window: Window) -> DataSet:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
 
-def _unread(window: Window, config: Config, name: str, status: str, error: DataError) -> Row:
-    return {
-        "key": window.key,
-        "date": window.date,
-        "reach": config.reach.name,
-        "estimator": name,
-        "status": status,
-        "output_unit": config.reach.output_unit,
-        "message": printable(" ".join(str(error).split())[:500]),
+def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
+    """Rows without an estimate, and the reason."""
+    windows, reach = [batch.windows[at] for at, _, _, _ in refused], batch.config.reach
+    columns: dict[str, list[Any]] = {
+        "key": [window.key for window in windows],
+        "date": [window.date for window in windows],
+        "reach": [reach.name] * len(windows),
+        "estimator": [batch.config.run.estimators[k] for _, k, _, _ in refused],
+        "status": [status for _, _, status, _ in refused],
+        "output_unit": [reach.output_unit] * len(windows),
+        "message": [printable(" ".join(str(reason).split())[:500]) for _, _, _, reason in refused],
     }
+    return to_table(columns, SEGMENT)
 
 
-def _estimate(group: list[tuple[Window, DataSet]], config: Config) -> list[tuple[Window, list[Row]]]:
-    """All estimators on data sets of one length."""
-    inflow = np.stack([data.inflow for _, data in group])
-    output = np.stack([data.output for _, data in group])
-    outflow = [data.outflow for _, data in group if data.outflow is not None]  # all of a group, or none
+def _measured(
+    windows: list[Window], sets: list[DataSet], config: Config
+) -> tuple[Days, dict[str, list[Any]], list[list[str]]]:
+    """Data sets of one length: what estimators need, the columns they share, and remarks on each."""
+    reach = config.reach
+    inflow = np.stack([data.inflow for data in sets])
+    output = np.stack([data.output for data in sets])
+    outflow = [data.outflow for data in sets if data.outflow is not None]  # all of a group, or none
     days = Days.of(inflow, output, np.stack(outflow) if outflow else None, config.run.min_motion)
-    answers: list[tuple[Window, list[Row]]] = [(window, []) for window, _ in group]
-    for name, estimator in estimators.build(config).items():
-        if days.u.shape[1] < estimator.min_samples:
-            for (window, rows), (_, data) in zip(answers, group, strict=True):
-                reason = DataError(
-                    f"{len(data.inflow)} samples are too few for {estimator.needed_for}: "
-                    f"lower {estimator.key}, or raise [run] window_days"
-                )
-                rows.append(_unread(window, config, name, "failed", reason))
-            continue
-        answer = estimator.estimate(days)
-        for i, (window, data) in enumerate(group):
-            answers[i][1].append(_row(window, data, config, name, estimator, answer, i, days))
-    return answers
+    notes = [[data.notes] if data.notes else [] for data in sets]
+    mean_inflow = inflow.mean(axis=1)
+    level = output.mean(axis=1) if reach.kind == "pool" else np.full(len(sets), np.nan)
+    depth = np.full(len(sets), reach.depth)
+    if reach.bed_level is not None and reach.kind == "pool":
+        depth = level - reach.bed_level
+        for i in np.flatnonzero(depth <= 0):
+            notes[i].append(
+                f"mean level {level[i]:.2f} m is not above [reach] bed_level: depth of [reach] taken"
+            )
+            depth[i] = reach.depth
+    bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
+    return days, {
+        "key": [window.key for window in windows],
+        "date": [window.date for window in windows],
+        "reach": [reach.name] * len(sets),
+        "output_unit": [reach.output_unit] * len(sets),
+        "n_samples": [len(data.inflow) for data in sets],
+        "n_filled": [data.n_filled for data in sets],
+        "mean_inflow_m3s": mean_inflow.tolist(),
+        "mean_level_m": level.tolist(),
+        "froude": bounds.froude.tolist(),
+        "bound_gravity_s": bounds.gravity.tolist(),
+        "bound_kinematic_s": bounds.kinematic.tolist(),
+    }, notes  # fmt: skip
 
 
-def _row(
-    window: Window,
-    data: DataSet,
+def _rows(
+    days: Days,
+    shared: dict[str, list[Any]],
+    notes: list[list[str]],
     config: Config,
     name: str,
     estimator: Prepared,
-    answer: Answer,
-    i: int,
-    days: Days,
-) -> Row:
-    reach = config.reach
-    status, delay = str(answer.status[i]), _at(answer.delay, i)
-    iterations = 0 if answer.iterations is None else int(answer.iterations[i])
-    mean_inflow = float(data.inflow.mean())
-    level = float(data.output.mean()) if reach.kind == "pool" else np.nan
-    depth = reach.depth if reach.bed_level is None or np.isnan(level) else level - reach.bed_level
-    notes = [data.notes] if data.notes else []
-    if estimator.max_iterations is not None and iterations >= estimator.max_iterations:
-        notes.insert(0, f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
-    if status == "unidentifiable":
-        notes.insert(0, _why(answer, i, days, config))
-    elif ESTIMATORS[name].notes_bound and answer.candidates is not None:
-        notes = [note for note in (_edge(delay, answer.candidates), *notes) if note]
-    if depth <= 0:
-        notes.append(f"mean level {level:.2f} m is not above [reach] bed_level: depth of [reach] taken")
-        depth = reach.depth
-    bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
-    row: Row = {
-        "key": window.key,
-        "date": window.date,
-        "reach": reach.name,
-        "estimator": name,
-        "status": status,
-        "delay_samples": delay,
-        "delay_s": (delay if answer.travel is None else _at(answer.travel, i)) * reach.sample_time,
-        "probability": _at(answer.probability, i),
-        "delay_low": _at(answer.delay_low, i),
-        "delay_high": _at(answer.delay_high, i),
-        "alpha": _at(answer.alpha, i),
-        "noise_sd": float(np.sqrt(_at(answer.noise_variance, i))),
-        "roughness_sd": float(np.sqrt(_at(answer.roughness_variance, i))),
-        "output_unit": reach.output_unit,
-        "iterations": iterations,
-        "condition": _at(answer.condition, i),
-        "n_samples": len(data.inflow),
-        "n_filled": data.n_filled,
-        "mean_inflow_m3s": mean_inflow,
-        "mean_level_m": level,
-        "froude": float(bounds.froude),
-        "bound_gravity_s": float(bounds.gravity),
-        "bound_kinematic_s": float(bounds.kinematic),
-        "message": "; ".join(notes),
+) -> pa.Table:
+    """The rows of one estimator on data sets of one length."""
+    answer, reach, n = estimator.estimate(days), config.reach, len(days.u)
+    none = np.full(n, np.nan)
+
+    def given(values: Floats | None) -> Floats:
+        return none if values is None else values
+
+    delay = given(answer.delay)
+    identified: Bools = np.asarray(answer.status != "unidentifiable")
+    searched: Bools = np.zeros(n, bool)
+    if answer.candidates is not None and answer.curve is not None:
+        searched = identified | np.isfinite(given(answer.probability))
+    outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
+    columns: dict[str, Any] = shared | {
+        "estimator": [name] * n,
+        "status": answer.status.tolist(),
+        "delay_samples": delay.tolist(),
+        "delay_s": ((delay if answer.travel is None else answer.travel) * reach.sample_time).tolist(),
+        "noise_sd": np.sqrt(given(answer.noise_variance)).tolist(),
+        "roughness_sd": np.sqrt(given(answer.roughness_variance)).tolist(),
+        "iterations": [0] * n if answer.iterations is None else answer.iterations.tolist(),
+        "message": ["; ".join(_notes(i, notes[i], answer, days, config, name, estimator)) for i in range(n)],
     }
-    if status != "unidentifiable":
-        if answer.fir is not None:
-            row["fir"] = answer.fir[i]
-            row["fir_sd"] = None if answer.fir_sd is None else answer.fir_sd[i]
-            if reach.kind == "river":
-                row["t50_samples"] = float(half_time(answer.fir[i : i + 1])[0])
-    if status != "unidentifiable" or np.isfinite(_at(answer.probability, i)):
-        if answer.candidates is not None and answer.curve is not None:
-            row |= {
-                "at_bound": delay in (answer.candidates[0], answer.candidates[-1]),
-                "prior_only": None if answer.prior_only is None else bool(answer.prior_only[i]),
-                "criterion": None if answer.criterion is None else float(np.min(answer.criterion[i])),
-                "first_candidate": int(answer.candidates[0]),
-                "curve": answer.curve[i],
-            }
-    if answer.outside is not None and answer.outside[i]:
-        row["at_bound"] = True
-    return row
+    for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
+        columns[column] = given(getattr(answer, column)).tolist()
+    if answer.fir is not None:
+        columns["fir"] = lists(answer.fir, identified)
+        if answer.fir_sd is not None:
+            columns["fir_sd"] = lists(answer.fir_sd, identified)
+        if reach.kind == "river":
+            columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan).tolist()
+    at_bound: Bools = np.zeros(n, bool)
+    if answer.candidates is not None and answer.curve is not None:
+        at_bound = np.isin(delay, answer.candidates[[0, -1]])
+        columns["first_candidate"] = [int(answer.candidates[0]) if s else None for s in searched]
+        columns["curve"] = lists(answer.curve, searched)
+        if answer.prior_only is not None:
+            columns["prior_only"] = _flags(answer.prior_only, searched)
+        if answer.criterion is not None:
+            columns["criterion"] = np.where(searched, answer.criterion.min(axis=1), np.nan).tolist()
+    columns["at_bound"] = _flags(at_bound | outside, searched | outside)
+    return to_table(columns, SEGMENT)
 
 
-def _at(values: Floats | None, i: int) -> float:
-    """A day's value; NaN where the estimator has none."""
-    return np.nan if values is None else float(values[i])
+def _flags(flags: Bools, known: Bools) -> list[bool | None]:
+    """Flags as cells, empty where they are not known."""
+    return [flag if is_known else None for flag, is_known in zip(flags.tolist(), known, strict=True)]
+
+
+def _notes(
+    i: int, notes: list[str], answer: Answer, days: Days, config: Config, name: str, estimator: Prepared
+) -> list[str]:
+    """All remarks on day `i`, those on its data (`notes`) last."""
+    first = []
+    if answer.status[i] == "unidentifiable":
+        first.append(_why(answer, i, days, config))
+    elif ESTIMATORS[name].notes_bound and answer.candidates is not None and answer.delay is not None:
+        first.append(_edge(answer.delay[i], answer.candidates))
+    if answer.iterations is not None and estimator.max_iterations is not None:
+        if answer.iterations[i] >= estimator.max_iterations:
+            first.append(f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
+    return [note for note in (*first, *notes) if note]
 
 
 def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
@@ -221,7 +243,8 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
         return f"the {what} does not move: nothing to identify (gauge stuck?)"
     if answer.reason is not None and answer.reason[i]:
         return str(answer.reason[i])
-    condition = f"condition number of U'U is {_at(answer.condition, i):.1e}"
+    number = np.nan if answer.condition is None else answer.condition[i]
+    condition = f"condition number of U'U is {number:.1e}"
     order, n = config.jmap_settings().order, days.u.shape[1]
     if 2 * order > n:  # fewer than two samples for each coefficient
         return (
@@ -273,10 +296,9 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
         done(len(batch.windows))
     except engine.died:
         if len(batch.windows) == 1:
-            (window,), config = batch.windows, batch.config
             reason = DataError("the worker process died on this day (out of memory?)")
-            rows = [_unread(window, config, name, "failed", reason) for name in config.run.estimators]
-            write_segment(segments, _table(rows))
+            rows: list[Refused] = [(0, k, "failed", reason) for k in range(len(batch.config.run.estimators))]
+            write_segment(segments, _refused(batch, rows))
             done(1)
             return
         middle = len(batch.windows) // 2
