@@ -6,6 +6,7 @@ import stat
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
@@ -344,8 +345,18 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int 
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    times: Ints = start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64)
-    return Grid(start, end, times, zone, n_days)
+    return Grid(start, end, start + _instants(count, period), zone, n_days)
+
+
+@lru_cache(maxsize=16)
+def _instants(count: int, period: float) -> Ints:
+    """k T_s [us], shape (count,)."""
+    return np.asarray(np.rint(np.arange(count) * (period * MICRO)), np.int64)
+
+
+def is_regular(times: Ints, grid: Grid, spec: Spec) -> bool:
+    """Whether the times are those of the grid, within the tolerance."""
+    return len(times) == len(grid.times) and bool(np.abs(times - grid.times).max() <= spec.tolerance)
 
 
 def on_grid(
@@ -356,7 +367,7 @@ def on_grid(
     Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
-    if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
+    if is_regular(times, grid, spec):
         return values, None
     if not len(times):
         raise TrailingGap(f"no {signal.name} at all ({_limit(spec)})")
@@ -600,10 +611,16 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     grid = make_grid(bounds[0][0], bounds[-1][1], spec.period, days[0][1], len(sources))
     samples: dict[str, Floats] = {}
     all_filled = None
+    last, regular = None, False
     for signal in spec.signals:
+        times, values = series[signal.name]
         if signal.supposed:
-            refuse_supposed(series[signal.name][0], signal, spec)
-        samples[signal.name], filled = on_grid(*series[signal.name], grid, signal, spec)
+            refuse_supposed(times, signal, spec)
+        if times is not last:
+            last, regular = times, is_regular(times, grid, spec)
+        samples[signal.name], filled = (
+            (values, None) if regular else on_grid(times, values, grid, signal, spec)
+        )
         if filled is not None:
             all_filled = filled if all_filled is None else all_filled | filled
     if all_filled is not None:

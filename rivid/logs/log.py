@@ -299,17 +299,19 @@ def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
     empty = np.all([np.asarray(table[c].is_null().to_numpy()) for c in (*spec.time, *spec.sources)], axis=0)
     for i in np.flatnonzero(empty):
         bad.pop(int(i), None)
-    rows = np.flatnonzero(good)
+    rows, all_good = np.flatnonzero(good), bool(good.all())
     before = np.cumsum(good)
-    known = set(offsets[rows].tolist()) if offsets is not None else {None}
+    own, same = offsets[rows] if aware and offsets is not None else rows[:0], None
+    if len(own) and own.min() == own.max():
+        same = int(own[0])
     faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)]
     if not len(rows):
         return Table([], faults[0].text if faults else "a header and no rows")
     columns = Columns(
-        times[rows],
+        times if all_good else times[rows],
         aware,
-        known.pop() if len(known) == 1 else None,
-        {column: values[rows] for column, values in numbers.items()},
+        same,
+        numbers if all_good else {column: values[rows] for column, values in numbers.items()},
         lines=rows + 1,
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
@@ -448,10 +450,14 @@ class Log:
     def of_day(self, date: dt.date) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that belongs to a local day."""
         start, end = self.bounds(date)
-        part = {}
+        part: dict[str, tuple[Ints, Floats]] = {}
+        last = own = np.empty(0, np.int64)
+        low = high = 0
         for name, (times, values) in self.series.items():
-            low, high = times.searchsorted((start, end)).tolist()
-            part[name] = (times, values) if high - low == len(times) else (times[low:high], values[low:high])
+            if times is not last:  # columns with values in the same rows share their times
+                low, high = times.searchsorted((start, end)).tolist()
+                last, own = times, times[low:high]
+            part[name] = own, values[low:high]
         return part
 
     def closing(self, end: int) -> dict[str, tuple[Ints, Floats]]:
@@ -491,8 +497,8 @@ class Log:
         digest = sha256()
         for name, (times, values) in self.of_day(date).items():
             digest.update(f"{name} {len(times)};".encode())
-            digest.update(times.tobytes())
-            digest.update(values.tobytes())
+            digest.update(times)
+            digest.update(values)
         digest.update(repr((self.faults_of(date), sorted(self.events_of(date).items()))).encode())
         return digest.hexdigest()
 
@@ -722,6 +728,11 @@ def may_hold(values: Floats) -> bool:
     return float(np.fmin.reduce(values)) in _NEGATIVE or float(np.fmax.reduce(values)) in _POSITIVE
 
 
+def _below_sentinels(values: Floats) -> bool:
+    """Whether all values are smaller in size than any sentinel of their sign."""
+    return bool(np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE))
+
+
 def sentinels_in(values: Floats) -> list[float]:
     """Well-known sentinels, ascending, among values (n,) of a day, far from all others; NaN is no value."""
     known = np.isin(values, SENTINELS)
@@ -750,7 +761,7 @@ def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> li
         if source not in columns.numbers:
             continue  # it is in another file
         values = columns.numbers[source]
-        if not many_days and not may_hold(values):
+        if not (many_days or may_hold(values)) or _below_sentinels(values):
             continue
         there = ~np.isin(values, given.sentinels)
         suspects = there & np.isin(values, SENTINELS)

@@ -212,6 +212,7 @@ def day_bounds(date: dt.date, zone: dt.tzinfo) -> tuple[int, int]:
     return _midnight(date, zone), _midnight(date + dt.timedelta(days=1), zone)
 
 
+@lru_cache(maxsize=4096)
 def _midnight(date: dt.date, zone: dt.tzinfo) -> int:
     midnight = dt.datetime(date.year, date.month, date.day, tzinfo=zone)
     return round(midnight.timestamp()) * MICRO
@@ -369,6 +370,7 @@ def stem_of(name: str) -> str:
     return plain.rpartition(".")[0] or plain
 
 
+@lru_cache(maxsize=4096)
 def is_day_file(path: str) -> bool:
     """Whether a log is of one day by its name."""
     suffix = suffix_of(path)
