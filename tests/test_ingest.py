@@ -20,7 +20,7 @@ from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, DataError, RividError
 from rivid.logs.days import find_days, read_window
-from rivid.logs.ingest.work import ingest
+from rivid.logs.exports import ingest
 from tests import examples
 from tests.faults.test_mutations import mutated
 
@@ -49,7 +49,7 @@ def go(tmp_path, rows, options=None, head="time,u_Qi,u_Qo,h_L", reach=None, **gi
 
 
 def value(outcome, source="u_Qi"):
-    return outcome.ledger.to_json()["sources"][source]
+    return outcome.ledger["sources"][source]
 
 
 def statuses(outcome):
@@ -404,7 +404,7 @@ class TestFlags:
         rows = [[*row, {7: "B", 8: "?"}.get(k, "G")] for k, row in enumerate(wide())]
         given = {"quality": "q", "good": ["G"], "max_gap": 3600}
         outcome = go(tmp_path, rows, head="time,u_Qi,u_Qo,h_L,q", **given)
-        assert dict(outcome.ledger.flags) == {"B": 3, "?": 3} and outcome.days[0].filled == 2
+        assert outcome.ledger["flags"] == {"B": 3, "?": 3} and outcome.days[0].filled == 2
         config = parse({"reach": REACH, "input": given}, Config)
         (source,) = find_days(tmp_path / "export.csv", config).days
         straight = read_window(tmp_path / "export.csv", [source], config)
@@ -525,9 +525,9 @@ def test_whatever_bytes_an_export_holds_the_account_is_whole_or_there_is_a_reaso
     except RividError as error:
         assert error.exit_code in (1, 2, 10) and "\n" not in str(error)
         return
-    for entry in outcome.ledger.to_json()["sources"].values():
+    for entry in outcome.ledger["sources"].values():
         assert entry["read"] == entry["used"] + sum(entry["dropped"].values())
-    for file in outcome.ledger.files:
+    for file in outcome.ledger["files"]:
         assert file["unreadable_rows"] >= 0
 
 

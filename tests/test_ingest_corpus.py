@@ -15,7 +15,7 @@ from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
 from rivid.logs.days import find_days, read_window
-from rivid.logs.ingest.work import ingest
+from rivid.logs.exports import ingest
 
 HERE = Path(__file__).parent / "data" / "exports"
 _spec = importlib.util.spec_from_file_location("corpus", HERE / "make.py")
@@ -86,7 +86,7 @@ def test_every_value_is_the_one_that_was_measured(declared):
 
 def test_the_account_is_whole(declared):
     name, _, outcome = declared
-    entries = outcome.ledger.to_json()["sources"]
+    entries = outcome.ledger["sources"]
     assert entries
     for entry in entries.values():
         assert entry["read"] == entry["used"] + sum(entry["dropped"].values())

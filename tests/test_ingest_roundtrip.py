@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from rivid.cli import cli
 from rivid.config import Config, load_config, parse
 from rivid.logs.days import find_days, read_window
-from rivid.logs.ingest.work import ingest
+from rivid.logs.exports import ingest
 
 ROOT = Path(__file__).parent.parent
 SAMPLE = ROOT / "sample_data" / "basse_isere_csv"

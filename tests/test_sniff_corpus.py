@@ -13,7 +13,7 @@ from rivid.config import Config, load_config, parse
 from rivid.errors import RividError
 from rivid.input_config import USUAL_ZONES
 from rivid.logs.days import find_days, read_window
-from rivid.logs.ingest.work import ingest
+from rivid.logs.exports import ingest
 from rivid.logs.sniff.propose import sniff
 from tests.test_ingest_corpus import CASES, HERE, differences, expected_of, files_of, found_in
 

@@ -10,7 +10,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.days import DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, local, spec_of
+from rivid.logs.spec import MICRO, local, shown, spec_of
 from rivid.types import Ints
 
 OFF = 0.02
@@ -34,9 +34,9 @@ class Spacing:
 
     def add(self, source: DaySource, reason: str) -> None:
         """Add a day as it is logged (its file is still in memory); `reason` is why it failed, if it did."""
-        part = source.parts[0]
+        path, *_ = source.parts[0]
         try:
-            log = load(self.folder / part.path, part.name, self.spec)
+            log = load(self.folder / path, shown(path), self.spec)
         except (RividError, OSError, ValueError, MemoryError):
             return
         series = log.of_day(source.date)

@@ -53,7 +53,7 @@ def command(
 
     from rivid.config import load_config
     from rivid.errors import ConfigError
-    from rivid.logs.ingest.work import ingest, run_config_of
+    from rivid.logs.exports import ingest, run_config_of
 
     console = Console(quiet, verbose)
     console.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
@@ -86,16 +86,18 @@ def _print_days(outcome: Any) -> None:
 
 
 def _print(outcome: Any, out: Path, dry_run: bool) -> None:
+    from rivid.logs.exports import ledger_lines
+
     _print_days(outcome)
     for note in outcome.notes:
         click.echo(wrap(note))
-    ledger = outcome.ledger
-    if ledger.flags:
-        flags = ", ".join(f"{flag or 'none'} {count:,d}" for flag, count in ledger.flags.most_common(12))
+    if given := outcome.ledger["flags"]:
+        most = sorted(given.items(), key=lambda flag: -flag[1])[:12]
+        flags = ", ".join(f"{flag or 'none'} {count:,d}" for flag, count in most)
         click.echo(wrap(f"flags of values that were dropped: {flags}"))
-    if outcome.notes or ledger.flags or any(day.reason for day in outcome.days):
+    if outcome.notes or given or any(day.reason for day in outcome.days):
         click.echo()
-    for line in ledger.lines():
+    for line in ledger_lines(outcome.ledger):
         click.echo(line)
     click.echo()
     counts = outcome.counts

@@ -1,4 +1,8 @@
-"""The days in DATA_DIR: a file a day, or files of many days; changes are found by content."""
+"""The days in DATA_DIR, and data sets of consecutive days: samples on the regular grid.
+
+Files hold a day or many days; changes are found by content. The grid has its instants at k T_s from local
+midnight: commands are held, measurements interpolated, gaps counted.
+"""
 
 import datetime as dt
 import os
@@ -11,6 +15,7 @@ from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
@@ -32,30 +37,15 @@ from rivid.logs.spec import (
     shown,
     spec_of,
     suffix_of,
-    zone_named,
 )
 from rivid.logs.text import ColumnError
 from rivid.types import ONE_DAY, Bools, Floats, Ints
 
-
-@dataclass(frozen=True)
-class Part:
-    """The part of one file that is of one day."""
-
-    path: str  # relative to the root, with ``/``
-    # SHA-256 (hex) of what matters for that day: of the file, or of that day's rows in a file of many
-    # days
-    digest: str
-    file_digest: str  # SHA-256 (hex) of the file, as it was listed
-
-    @property
-    def name(self) -> str:
-        """File name for messages."""
-        return shown(self.path)
-
-    def closes(self, date: dt.date) -> bool:
-        """Whether it is the next day's file, of which only the rows that close `date` count."""
-        return is_day_file(self.path) and self.path[:10] != date.isoformat()
+TimedValues = dict[str, tuple[Ints, Floats]]
+"""Times [us UTC] and values by canonical column."""
+Part = tuple[str, str, str]
+"""Relative path of a file that holds a part of a day; SHA-256 (hex) of what matters for that day (the file, or
+that day's rows in a file of many days); and of the file as it was listed."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +54,10 @@ class DaySource:
 
     date: dt.date
     parts: tuple[Part, ...]
+
+    def closing(self, path: str) -> bool:
+        """Whether a file is the next day's, of which only the rows that close this day count."""
+        return is_day_file(path) and path[:10] != self.date.isoformat()
 
 
 @dataclass(frozen=True)
@@ -177,13 +171,13 @@ def find_days(
             bad.append((shown(name), _without_name(str(error), shown(name))))
             continue
         if is_day_file(name):
-            date, part = _date_of(name), Part(name, facts.digest, facts.digest)
+            date, part = _date_of(name), (name, facts.digest, facts.digest)
             next_files.setdefault(date - ONE_DAY, []).append(part)
             if facts.days is None:
                 parts.setdefault(date, []).append(part)
             continue
         for iso, digest in facts.days or ():
-            date, part = dt.date.fromisoformat(iso), Part(name, digest, facts.digest)
+            date, part = dt.date.fromisoformat(iso), (name, digest, facts.digest)
             if iso in facts.edges:
                 edges.append((date, part))
             else:
@@ -246,22 +240,23 @@ def _look(
         raise DataError("is a directory: expected a file")
     if not stat.S_ISREG(status.st_mode):
         raise DataError("is not a regular file")
-    same = not verify and known is not None and (known.size, known.mtime_ns, known.ctime_ns) == _stamp(status)
-    single = is_day_file(path.name)
-    date = _date_of(path.name) if single else None
-    if same and known is not None and known.settings == settings and (single or known.days is not None):
-        return known
-    if date is None:
-        return _split(path, spec, status, settings)
-    digest, rows = _hash(path, status.st_size)
-    few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
-    days = () if spec.latest and few and _is_edge(path, spec, date) else None
-    return FileFacts(*_stamp(status), digest, days, settings)
-
-
-def _stamp(status: os.stat_result) -> tuple[int, int, int]:
-    """Size, modification time and change time of a file."""
-    return status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    date = _date_of(path.name) if is_day_file(path.name) else None
+    if not verify and known is not None and (known.size, known.mtime_ns, known.ctime_ns) == stamp:
+        if known.settings == settings and (date is not None or known.days is not None):
+            return known
+    if date is not None:
+        digest, rows = _hash(path, status.st_size)
+        few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
+        days = () if spec.latest and few and _is_edge(path, spec, date) else None
+        return FileFacts(*stamp, digest, days, settings)
+    log = load(path, shown(path.name), spec, fresh=True)
+    dates = log.dates()
+    if not dates:
+        raise DataError("has no values in the required columns")
+    of_days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
+    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
+    return FileFacts(*stamp, log.digest, of_days, settings, edges)
 
 
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
@@ -272,17 +267,6 @@ def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:
         return False
     start, end = log.bounds(date)
     return log.is_edge(date) and start <= log.times[0] and log.times[-1] < end
-
-
-def _split(path: Path, spec: Spec, status: os.stat_result, settings: str) -> FileFacts:
-    """The days of a file of many."""
-    log = load(path, shown(path.name), spec, fresh=True)
-    dates = log.dates()
-    days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
-    if not days:
-        raise DataError("has no values in the required columns")
-    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
-    return FileFacts(*_stamp(status), log.digest, days, settings, edges)
 
 
 def _date_of(name: str) -> dt.date:
@@ -297,7 +281,7 @@ def _hash(path: Path, size: int) -> tuple[str, int]:
 
     One beyond the limit of size is not read: its data will not be either.
     """
-    if size > DAY.bytes:
+    if size > DAY[0]:
         return sha256(f"too large: {size}".encode()).hexdigest(), size
     try:
         with open(path, "rb", buffering=0) as file:
@@ -359,16 +343,37 @@ def is_regular(times: Ints, grid: Grid, spec: Spec) -> bool:
     return len(times) == len(grid.times) and bool(np.abs(times - grid.times).max() <= spec.tolerance)
 
 
-def on_grid(
-    times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec
-) -> tuple[Floats, Bools | None]:
-    """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged (None: nowhere).
+def sampled(
+    series: TimedValues, grid: Grid, signals: Sequence[Signal], spec: Spec
+) -> tuple[dict[str, Floats], int]:
+    """Samples (N,) of each signal, and how many instants lie in a gap of any of them.
+
+    Raises DataError for too long a gap or too many of them; TrailingGap for one at the end.
+    """
+    samples, filled = {}, np.zeros(len(grid.times), bool)
+    last, regular = None, False
+    for signal in signals:
+        times, samples[signal.name] = series[signal.name]
+        if signal.supposed:
+            _refuse_supposed(times, signal, spec)
+        if times is not last:  # columns with values in the same rows share their times
+            last, regular = times, is_regular(times, grid, spec)
+        if not regular:
+            samples[signal.name], bridged = on_grid(times, samples[signal.name], grid, signal, spec)
+            filled |= bridged
+    if filled.any():
+        _refuse_filled(filled, series, spec)
+    return samples, int(filled.sum())
+
+
+def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec) -> tuple[Floats, Bools]:
+    """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged.
 
     Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
     if is_regular(times, grid, spec):
-        return values, None
+        return values, np.zeros(len(times), bool)
     if not len(times):
         raise TrailingGap(f"no {signal.name} at all ({_limit(spec)})")
     _refuse_gaps(times, grid, signal, spec)
@@ -409,7 +414,7 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     raise kind(f"{text} ({_limit(spec)})")
 
 
-def refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
+def _refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
     """Raise DataError where stamps were moved by T_s but the intervals differ: the shift decides d."""
     usual = int(np.median(np.diff(times))) if len(times) > 2 else signal.spacing
     if abs(usual - signal.spacing) > max(UNLIKE * signal.spacing, spec.tolerance):
@@ -424,7 +429,7 @@ def _declare(signal: Signal, usual: int) -> str:
     return f"set [input.interval] {signal.name} = {usual / MICRO:g}"
 
 
-def refuse_filled(filled: Bools, series: dict[str, tuple[Ints, Floats]], spec: Spec) -> None:
+def _refuse_filled(filled: Bools, series: TimedValues, spec: Spec) -> None:
     """Raise DataError for a data set of which too much was bridged."""
     share = float(filled.mean())
     if share <= spec.input.max_filled:
@@ -472,8 +477,6 @@ def _span(micros: int) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-Series = dict[str, tuple[Ints, Floats]]
-"""Times [us UTC] and values by canonical column."""
 OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 
@@ -543,7 +546,7 @@ def read_window(
             raise PendingError(f"the log of {last.date} is not finished: {error}") from None
         raise DataError(str(error)) from None
     except CutError as error:
-        torn = any(part.name in str(error) for part in last.parts)
+        torn = any(shown(path) in str(error) for path, *_ in last.parts)
         if torn and _may_grow(folder, last, spec, today):
             raise PendingError(f"the log of {last.date} is being written: {error}") from None
         raise DataError(str(error)) from None
@@ -554,10 +557,10 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
     if not isinstance(today, dt.datetime):
         return today is not None and source.date >= today
     declared = spec.input.time_zone
-    zone = zone_named(declared) if declared else LAST_ZONE
-    for part in source.parts if not declared else ():
+    zone: dt.tzinfo = ZoneInfo(declared) if declared else LAST_ZONE
+    for path, *_ in source.parts if not declared else ():
         try:
-            zone = load(root / part.path, part.name, spec).zone
+            zone = load(root / path, shown(path), spec).zone
         except DataError:
             continue  # not a row of it can be read yet
         break
@@ -582,9 +585,9 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
     folder, spec = root if root.is_dir() else root.parent, spec_of(config)
     reasons = []
     for at in {0, len(days) // 2, len(days) - 1}:
-        part = days[at].parts[0]
+        path, *_ = days[at].parts[0]
         try:
-            load(folder / part.path, part.name, spec)
+            load(folder / path, shown(path), spec)
         except ColumnError as error:
             reasons.append(str(error))
         except DataError:
@@ -609,58 +612,50 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     if len(days) > 1:
         series = {name: _join([day[name] for day, _ in days]) for name in series}
     grid = make_grid(bounds[0][0], bounds[-1][1], spec.period, days[0][1], len(sources))
-    samples: dict[str, Floats] = {}
-    all_filled = None
-    last, regular = None, False
-    for signal in spec.signals:
-        times, values = series[signal.name]
-        if signal.supposed:
-            refuse_supposed(times, signal, spec)
-        if times is not last:
-            last, regular = times, is_regular(times, grid, spec)
-        samples[signal.name], filled = (
-            (values, None) if regular else on_grid(times, values, grid, signal, spec)
-        )
-        if filled is not None:
-            all_filled = filled if all_filled is None else all_filled | filled
-    if all_filled is not None:
-        refuse_filled(all_filled, series, spec)
+    samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
         date=sources[-1].date,
         inflow=samples["u_Qi"],
         outflow=samples.get("u_Qo"),
         output=samples[spec.output],
-        n_filled=0 if all_filled is None else int(all_filled.sum()),
+        n_filled=n_filled,
         notes=", ".join(f"{count} {kind}" for kind, count in sorted(notes.items())),
     )
 
 
-def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[Series, dt.tzinfo]:
+def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tuple[TimedValues, dt.tzinfo]:
     """The series of a day from all its files."""
     date = source.date
-    own = [part for part in source.parts if not part.closes(date)]
     logs = []
-    for part in own:
+    for part in source.parts:
+        if source.closing(path := part[0]):
+            continue
         log = _as_listed(root, part, date, spec)
-        faults = log.faults if is_day_file(part.path) else log.faults_of(date)
+        faults = log.faults if is_day_file(path) else log.faults_of(date)
         if faults:
             more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
             kind = CutError if all(fault.cut for fault in faults) else DataError
-            raise kind(f"{part.name}, {faults[0].text}{more}")
+            raise kind(f"{log.name}, {faults[0].text}{more}")
         notes.update(log.events_of(date))
-        if is_day_file(part.path):
-            _count_outside(log, part, date, notes)
+        if is_day_file(path):
+            _count_outside(log, date, notes)
         logs.append(log)
     series, zone = logs[0].of_day(date), logs[0].zone
     if len(logs) > 1:
         if len({day_bounds(date, log.zone) for log in logs}) > 1:
             raise DataError(f"the logs of {date} {OFFSETS}")
         parts = [log.of_day(date) for log in logs]
-        paths = " and ".join(part.name for part in own)
+        paths = " and ".join(log.name for log in logs)
         series = {name: _merge([p[name] for p in parts], name, paths, zone, notes) for name in series}
     for part in source.parts:
-        if part.closes(date):
-            series = _closed(series, root, part, date, logs[0].bounds(date)[1], spec)
+        if source.closing(part[0]):
+            try:
+                log = _as_listed(root, part, date, spec)
+            except ChangedError:
+                raise
+            except DataError:
+                continue  # the next day's fault: without its row, the gap at the end decides
+            series = _closed(series, log, logs[0].bounds(date)[1])
     return series, zone
 
 
@@ -686,38 +681,33 @@ def _merge(
     return times[~repeated], values[~repeated]
 
 
-def _closed(series: Series, root: Path, part: Part, date: dt.date, end: int, spec: Spec) -> Series:
-    """A day with the rows of the next day's file that belong to it; its own file's come first."""
-    try:
-        log = _as_listed(root, part, date, spec)
-    except ChangedError:
-        raise
-    except DataError:
-        return series  # the next day's fault: without its row, the gap at the end decides
+def _closed(series: TimedValues, log: Log, end: int) -> TimedValues:
+    """A day with the rows of the next day's log that belong to it; those of its own come first."""
     closed = {}
     for name, (times, values) in log.closing(end).items():
         own = series[name]
-        new = times > own[0][-1] + spec.tolerance if len(own[0]) else np.ones(len(times), bool)
+        new = times > own[0][-1] + log.spec.tolerance if len(own[0]) else np.ones(len(times), bool)
         closed[name] = _join([own, (times[new], values[new])]) if new.any() else own
     if any(closed[name] is not series[name] for name in closed):
         for fault in log.faults:
-            if fault.at < end + spec.latest:
-                raise DataError(f"{part.name}, {fault.text}")
+            if fault.at < end + log.spec.latest:
+                raise DataError(f"{log.name}, {fault.text}")
     return closed
 
 
 def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
-    """The log of a part. Results are stored under the digest of what was listed: refuse anything else."""
+    """A listed log. Results are stored under the digest of what was listed: refuse anything else."""
+    path, digest, of_file = part
     for fresh in (False, True):
-        log = load(root / part.path, part.name, spec, fresh=fresh)
-        if log.digest == part.file_digest:
+        log = load(root / path, shown(path), spec, fresh=fresh)
+        if log.digest == of_file:
             return log
-        if not is_day_file(part.path) and log.digest_of(date) == part.digest:
+        if not is_day_file(path) and log.digest_of(date) == digest:
             return log  # other days of the file have changed
-    raise ChangedError(f"{part.name} is not what it was when it was listed: run again, with --verify")
+    raise ChangedError(f"{log.name} is not what it was when it was listed: run again, with --verify")
 
 
-def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> None:
+def _count_outside(log: Log, date: dt.date, notes: Counter[str]) -> None:
     """Count the rows of a day's file that are of other days."""
     start, end = log.bounds(date)
     if log.times[0] >= start and log.times[-1] < end:
@@ -729,7 +719,7 @@ def _count_outside(log: Log, part: Part, date: dt.date, notes: Counter[str]) -> 
         held = sorted({local(int(t), log.zone).date() for t in (log.times[0], log.times[-1])})
         span = " to ".join(str(day) for day in held)
         raise DataError(
-            f"{part.name} holds {span} and nothing of {date}: check its name and [input] time_zone"
+            f"{log.name} holds {span} and nothing of {date}: check its name and [input] time_zone"
         )
     if outside:
         notes["rows of other days dropped"] += outside

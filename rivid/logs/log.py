@@ -1,8 +1,8 @@
-"""Files that Arrow reads: clean CSV logs in a fraction of a millisecond, and Parquet.
+"""A log file in memory: sorted columns in UTC and SI units, what was masked or dropped, and its faults.
 
-Nothing is inferred. A CSV column has its type, times are ISO 8601 or of the declared format, and a cell of
-other kind leaves the file to :mod:`rivid.logs.text`. Of Parquet, size and types are checked before anything
-is unpacked.
+Arrow reads Parquet, and clean CSV logs in a fraction of a millisecond. Nothing is inferred: a CSV column has
+its type, times are ISO 8601 or of the declared format, and a cell of another kind leaves the file to
+:mod:`rivid.logs.text`. Of Parquet, size and types are checked before anything is unpacked.
 """
 
 import datetime as dt
@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -21,26 +22,26 @@ import pyarrow.csv as pc
 
 from rivid.errors import DataError
 from rivid.logs.spec import (
+    DAY,
     FIRST,
     LAST,
+    MANY,
     MICRO,
     UNIX,
     CutError,
-    Limits,
     Signal,
     Spec,
     clock,
     day_bounds,
-    fixed_zone,
-    limits_of,
+    is_day_file,
     local,
     read_bytes,
     read_text,
     refuse_rows,
     refuse_size,
+    seconds_of,
     stem_of,
     to_utc,
-    zone_named,
 )
 from rivid.logs.text import (
     LINE,
@@ -75,30 +76,24 @@ _NO_YEAR = "a year that no log is of"
 
 def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
     """The columns of a clean CSV log in UTF-8; None where it needs the tolerant reader."""
-    given = spec.input
-    if not spec.plain or given.separator == " " or content[-1:] not in b"\r\n":
-        return None
-    if len(spec.time) > 1 or given.thousands or given.time_format in UNIX:
-        return None
-    if "%z" in (given.time_format or "").lower():
+    given, (names, begin, line) = spec.input, header
+    odd = given.separator == " " or len(spec.time) > 1 or given.thousands or given.time_format in UNIX
+    if odd or not spec.plain or content[-1:] not in b"\r\n" or "%z" in (given.time_format or "").lower():
         return None
     offset = _first_offset(content, header, spec) if given.time_format is None else ""
-    body = memoryview(content)[header.body :]
+    body = pa.py_buffer(memoryview(content)[begin:])
     try:
-        table = pc.read_csv(pa.BufferReader(pa.py_buffer(body)), *_options(header.names, spec, bool(offset)))
+        table = pc.read_csv(pa.BufferReader(body), *_options(names, spec, bool(offset)))
     except (pa.ArrowException, ValueError, KeyError, OSError):
         return None
-    if not table.num_rows or (
-        offset and not given.time_zone and _mixed(content, header, spec, offset, table)
-    ):
+    if not table.num_rows or table.column(0).null_count:
         return None
-    times = table.column(0)
-    if times.null_count:
-        return None
-    micros = times.to_numpy().view(np.int64)
-    if micros.min() < FIRST or micros.max() >= LAST:
-        return None
-    if given.time_format and _may_have_rolled(micros):
+    if offset and not given.time_zone:  # some rows may have another offset
+        follows = b"\n" if names.index(spec.time[0]) == len(names) - 1 else given.separator.encode()
+        if content.count(offset.encode() + follows, begin) != table.num_rows:
+            return None
+    micros = table.column(0).to_numpy().view(np.int64)
+    if micros.min() < FIRST or micros.max() >= LAST or (given.time_format and _may_have_rolled(micros)):
         return None
     numbers = {}
     for i, name in enumerate(spec.sources, 1):
@@ -107,8 +102,8 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
         if np.count_nonzero(np.isfinite(values)) != len(values) - column.null_count:
             return None  # infinite, or a NaN that is not declared missing
         numbers[name] = values
-    seconds = _seconds(offset) if offset else None
-    return Columns(micros, bool(offset), seconds, numbers, header.line + given.unit_rows + 1)
+    seconds = seconds_of(offset) if offset else None
+    return Columns(micros, bool(offset), seconds, numbers, line + given.unit_rows + 1)
 
 
 @lru_cache(maxsize=16)
@@ -132,19 +127,13 @@ def _options(names: tuple[str, ...], spec: Spec, aware: bool) -> tuple[Any, Any,
 
 def _first_offset(content: bytes, header: Header, spec: Spec) -> str:
     """The UTC offset written in the first row, empty where there is none."""
-    end = content.find(b"\n", header.body)
-    row = content[header.body : end if end >= 0 else None].decode("utf-8", "replace")
+    names, begin, _ = header
+    end = content.find(b"\n", begin)
+    row = content[begin : end if end >= 0 else None].decode("utf-8", "replace")
     cells = row.split(spec.input.separator)
-    at = header.names.index(spec.time[0])
+    at = names.index(spec.time[0])
     match = _OFFSET.search(cells[at].strip().strip('"')) if at < len(cells) else None
     return match[1] if match else ""
-
-
-def _mixed(content: bytes, header: Header, spec: Spec, offset: str, table: pa.Table) -> bool:
-    """Whether some rows may have another offset."""
-    last = header.names.index(spec.time[0]) == len(header.names) - 1
-    follows = b"\n" if last else spec.input.separator.encode()
-    return bool(content.count(offset.encode() + follows, header.body) != table.num_rows)
 
 
 def _may_have_rolled(micros: Ints) -> bool:
@@ -154,38 +143,15 @@ def _may_have_rolled(micros: Ints) -> bool:
     return bool((of_month < 3).any())
 
 
-def _seconds(offset: str) -> int:
-    """Seconds of an offset like Z, +01, +0100 or +01:00."""
-    digits = offset[1:].replace(":", "").ljust(4, "0")
-    seconds = int(digits[:2]) * 3600 + int(digits[2:]) * 60
-    return -seconds if offset[0] == "-" else seconds
-
-
 def read_parquet(
-    content: bytes, spec: Spec, name: str, limits: Limits, stem: str = "", *, watch: bool = False
+    content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, watch: bool
 ) -> Table:
-    """Read a Parquet file.
+    """Read a Parquet file of at most `limits` bytes, unpacked, and rows.
 
     Numbers and times are taken as they are. With flags, zones or tags, or to `watch` the other columns, cells
-    are read as texts: by the same rules as in text files.
-
-    Parameters
-    ----------
-    content : bytes
-    spec : Spec
-    name : str
-        File name for messages.
-    limits : Limits
-    stem : str
-        Tag of all rows of the long layout where no column holds it.
-    watch : bool
-        Whether to collect the texts of columns that are not read; some of the sources are then enough.
-
-    Raises
-    ------
-    DataError
-        For a file that is damaged, too large when unpacked, or lacks the required columns and types;
-        CutError for one without its end.
+    are read as texts, by the same rules as in text files; `stem` is the tag where no column holds it. Raises
+    DataError for a file that is damaged, too large, or lacks the required columns and types; CutError for one
+    without its end.
     """
     if content[:4] != b"PAR1":
         raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
@@ -194,16 +160,16 @@ def read_parquet(
     try:
         if watch:
             return _as_texts(_unpack(content, None, spec, name, limits), spec, stem, watch)
-        wanted = dict.fromkeys(
-            [*spec.time, *spec.sources, *spec.flags.values(), spec.input.zone_column or ""]
-        )
-        table = _unpack(content, [*filter(None, wanted)], spec, name, limits)
+        wanted = [*spec.time, *spec.sources, *spec.flags.values(), spec.input.zone_column]
+        table = _unpack(content, [*filter(None, dict.fromkeys(wanted))], spec, name, limits)
         return _as_numbers(table, spec, name) if spec.plain else _as_texts(table, spec, stem, watch)
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise DataError(f"{name} is a damaged Parquet file: {' '.join(str(error).split())[:200]}") from None
 
 
-def _unpack(content: bytes, wanted: list[str] | None, spec: Spec, name: str, limits: Limits) -> pa.Table:
+def _unpack(
+    content: bytes, wanted: list[str] | None, spec: Spec, name: str, limits: tuple[int, int]
+) -> pa.Table:
     """The wanted columns, or all, after a check of names, sizes and types."""
     import pyarrow.parquet as pq  # 65 ms, which a directory of CSV logs need not wait for
 
@@ -215,9 +181,9 @@ def _unpack(content: bytes, wanted: list[str] | None, spec: Spec, name: str, lim
     schema = file.schema_arrow
     check_names(schema.names, spec, name, some=wanted is None)
     metadata = file.metadata
-    refuse_rows(name, metadata.num_rows, limits)
+    refuse_rows(name, metadata.num_rows, limits[1])
     unpacked = sum(max(metadata.row_group(i).total_byte_size, 0) for i in range(metadata.num_row_groups))
-    refuse_size(name, unpacked, limits)
+    refuse_size(name, unpacked, limits[0])
     counts = Counter(schema.names)
     read = wanted or [column for column in schema.names if counts[column] == 1]
     texts = [column for column in read if _is_text(schema.field(column).type)]
@@ -363,7 +329,7 @@ def _fixed_offset(zone: str | None) -> int | None:
     """The offset of a fixed zone like UTC or +01:00 [s]; None for a named one: it must give local days."""
     if zone is not None and zone.upper() in ("UTC", "Z", "ETC/UTC", "GMT"):
         return 0
-    return _seconds(zone) if zone is not None and re.fullmatch(r"[+-]\d\d:\d\d", zone) else None
+    return seconds_of(zone) if zone is not None and re.fullmatch(r"[+-]\d\d:\d\d", zone) else None
 
 
 def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: Bools, bad: dict[int, str]) -> Floats:
@@ -533,7 +499,8 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
     log = None if fresh else _kept.get(key)
     if log is None:
-        log = _kept[key] = make_log(read_table(path, name, spec, limits_of(path.name)), spec)
+        table = read_table(path, name, spec, DAY if is_day_file(path.name) else MANY)
+        log = _kept[key] = make_log(table, spec)
         while len(_kept) > KEPT_FILES or (
             len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
         ):
@@ -543,20 +510,20 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     return log
 
 
-def read_table(path: Path, name: str, spec: Spec, limits: Limits, *, export: bool = False) -> Table:
-    """Read a file: text or Parquet, wide or long.
+def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, export: bool = False) -> Table:
+    """Read a file, text or Parquet, wide or long, of at most `limits` bytes and rows.
 
     With `export`, the columns that are not read matter too, some of the sources are enough, and any suffix is
     allowed. Raises UndeclaredError where the file is not as declared, DataError where nothing of it can be
     used, CutError where it ends too early.
     """
-    content, digest = read_bytes(path, name, limits)
+    content, digest = read_bytes(path, name, limits[0])
     stem = stem_of(path.name)
     if content[:4] == b"PAR1" if export else path.name.lower().endswith(".parquet"):
         table = read_parquet(content, spec, name, limits, stem, watch=export)
     else:
         content = to_utf8(content, spec, name)
-        refuse_rows(name, content.count(b"\n"), limits)
+        refuse_rows(name, content.count(b"\n"), limits[1])
         header = read_header(content, spec, name, some=export)
         content, footers = cut_footer(content, header, spec)
         table = _read_text(content, header, spec, name, stem, export)
@@ -569,18 +536,18 @@ def read_table(path: Path, name: str, spec: Spec, limits: Limits, *, export: boo
 
 def _read_text(content: bytes, header: Header, spec: Spec, name: str, stem: str, export: bool) -> Table:
     """The fast reader where it returns as much: of an export, all columns are read and no cell is empty."""
-    columns = None
-    if not export or set(header.names) == {*spec.time, *spec.sources}:
+    columns, (names, body, _) = None, header
+    if not export or set(names) == {*spec.time, *spec.sources}:
         columns = read_fast(content, header, spec)
     if columns is None or (export and any(np.isnan(v).any() for v in columns.numbers.values())):
         table = read_lines(content, header, spec, name, stem, watch=export)
     else:
         table = Table([columns], rows=len(columns.times))
     if export and not spec.long and spec.input.unit_rows:
-        above = LINE.split(content[: header.body].decode("utf-8", "replace").rstrip("\r\n"))
+        above = LINE.split(content[:body].decode("utf-8", "replace").rstrip("\r\n"))
         rows = [split_cells(line, spec.input.separator) or [] for line in above[-spec.input.unit_rows :]]
-        for source in set(spec.sources) & set(header.names):
-            at = header.names.index(source)
+        for source in set(spec.sources) & set(names):
+            at = names.index(source)
             table.units[source] = next((row[at] for row in rows if at < len(row) and row[at]), "")
     return table
 
@@ -592,12 +559,8 @@ def make_log(table: Table, spec: Spec) -> Log:
     (columns,) = table.parts
     zone = zone_of(columns, spec, table.name)
     events: dict[str, list[int]] = {}
-    faults: list[Fault] = []  # at a row
-    times, wrong = in_utc(columns, zone, spec)
-    faults += wrong
-    values = {}
-    for signal in spec.signals:
-        values[signal.name] = _total(signal, columns, spec, events, faults)
+    times, faults = in_utc(columns, zone, spec)  # faults are at a row
+    values = {signal.name: _total(signal, columns, spec, events, faults) for signal in spec.signals}
     faults += undeclared(columns, times, spec, zone)
     last = len(times) - 1
     faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
@@ -628,7 +591,7 @@ def make_log(table: Table, spec: Spec) -> Log:
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
     """The zone whose midnight begins a day; UndeclaredError where neither log nor configuration states it."""
     if spec.input.time_zone:
-        return zone_named(spec.input.time_zone)
+        return ZoneInfo(spec.input.time_zone)
     example = 'for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles"'
     example += ' ("Etc/GMT+8" is 8 h behind UTC)'
     if not columns.aware:
@@ -637,7 +600,7 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
         )
     if columns.zone is not None:
         try:
-            return zone_named(columns.zone)
+            return ZoneInfo(columns.zone)
         except (OSError, ValueError, KeyError):
             raise UndeclaredError(
                 f"{name}: its time zone {columns.zone[:40]!r} is unknown: set {example}"
@@ -646,7 +609,7 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
         raise UndeclaredError(
             f"{name}: its times have several UTC offsets: set the zone whose days are meant, {example}"
         )
-    return fixed_zone(columns.offset)
+    return dt.timezone(dt.timedelta(seconds=columns.offset))
 
 
 def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fault]]:

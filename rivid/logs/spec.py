@@ -1,4 +1,7 @@
-"""The specification by which a log is read: `[input]`, and the signals that `[reach]` makes of it."""
+"""What the configuration declares of a log, and its times and bytes.
+
+`[input]` and the signals of `[reach]` make the specification by which a file is read.
+"""
 
 import datetime as dt
 import gzip
@@ -93,7 +96,7 @@ class Spec:
     @cached_property
     def zones(self) -> dict[str, int]:
         """UTC offset [s] by the name in the column of zones."""
-        return {name: _seconds(offset) for name, offset in self.input.zones.items()}
+        return {name: seconds_of(offset) for name, offset in self.input.zones.items()}
 
     @cached_property
     def long(self) -> bool:
@@ -175,9 +178,10 @@ def _listed(columns: str | list[str] | None) -> tuple[str, ...]:
     return () if not columns else (columns,) if isinstance(columns, str) else tuple(columns)
 
 
-def _seconds(offset: str) -> int:
-    """Seconds of an offset like "-07:00"."""
-    seconds = int(offset[1:3]) * 3600 + int(offset[4:]) * 60
+def seconds_of(offset: str) -> int:
+    """Seconds of an offset like Z, +01, +0100 or -07:00."""
+    digits = offset[1:].replace(":", "").ljust(4, "0")
+    seconds = int(digits[:2]) * 3600 + int(digits[2:]) * 60
     return -seconds if offset[0] == "-" else seconds
 
 
@@ -194,16 +198,6 @@ UNIX = {"unix": MICRO, "unix_ms": 1000}
 
 LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
 """Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
-
-
-def zone_named(name: str) -> dt.tzinfo:
-    """The zone of `[input] time_zone`."""
-    return ZoneInfo(name)
-
-
-def fixed_zone(offset: int) -> dt.tzinfo:
-    """The zone of an offset [s], the same all year."""
-    return dt.timezone(dt.timedelta(seconds=offset))
 
 
 @lru_cache(maxsize=4096)
@@ -290,10 +284,10 @@ def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:
 def clock_turns_back(texts: Iterable[str], time_format: str | None, time_zone: str) -> bool:
     """Whether times of a local clock go through an hour twice, as that zone's do when summer ends."""
     moments = [time for text in texts if (time := read_text(text, time_format)) and time[1] is None]
-    naive = np.array([time for time, _ in moments], np.int64)
-    if not len(naive) or not to_utc(naive, zone_named(time_zone), "error")[1]:
+    naive, zone = np.array([time for time, _ in moments], np.int64), ZoneInfo(time_zone)
+    if not len(naive) or not to_utc(naive, zone, "error")[1]:
         return False
-    utc, refused = to_utc(naive, zone_named(time_zone), "order")
+    utc, refused = to_utc(naive, zone, "order")
     return not refused and bool((np.diff(utc) > 0).all()) and bool((np.diff(naive) < 0).any())
 
 
@@ -344,18 +338,10 @@ class CutError(DataError):
     """A log that ends too early: of today's it means that it is still being written."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Largest size, unpacked, and number of rows of a log."""
-
-    bytes: int
-    rows: int
-
-
-DAY = Limits(64 << 20, 2_000_000)
-"""A file of one day: a day logged every 0.1 s is about half of it."""
-MANY = Limits(512 << 20, 20_000_000)
-"""A file of many days: some thirty years at T_s = 133 s."""
+DAY = 64 << 20, 2_000_000
+"""Most bytes, unpacked, and rows of a file of one day: a day logged every 0.1 s is about half of it."""
+MANY = 512 << 20, 20_000_000
+"""Most bytes and rows of a file of many days: some thirty years at T_s = 133 s."""
 
 
 def suffix_of(name: str) -> str | None:
@@ -377,11 +363,6 @@ def is_day_file(path: str) -> bool:
     return suffix is not None and _DAY_NAME.fullmatch(path[: -len(suffix)]) is not None
 
 
-def limits_of(path: str) -> Limits:
-    """The limits of a log, by its name."""
-    return DAY if is_day_file(path) else MANY
-
-
 def shown(name: str) -> str:
     """A file's name as it can be printed: bytes that are not UTF-8 and control characters are escaped."""
     if name.isprintable():
@@ -390,8 +371,8 @@ def shown(name: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def read_bytes(path: Path, name: str, limits: Limits) -> tuple[bytes, str]:
-    """The unpacked content of a log and the SHA-256 of its file; DataError if it is unreadable or too large.
+def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
+    """The unpacked content of a log and the SHA-256 of its file; DataError beyond `most` bytes or unreadable.
 
     CutError for a packed file that ends too early.
     """
@@ -401,21 +382,21 @@ def read_bytes(path: Path, name: str, limits: Limits) -> tuple[bytes, str]:
             status = os.fstat(descriptor)
             if not stat.S_ISREG(status.st_mode):
                 raise DataError(f"{name} is not a regular file")
-            refuse_size(name, status.st_size, limits)
-            packed = _in_chunks(file, status.st_size + 1, limits.bytes)
+            refuse_size(name, status.st_size, most)
+            packed = _in_chunks(file, status.st_size + 1, most)
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
-    refuse_size(name, len(packed), limits)
+    refuse_size(name, len(packed), most)
     content = packed
     if packed and name.lower().endswith(".gz"):
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(packed)) as unpacked:
-                content = _in_chunks(unpacked, CHUNK, limits.bytes)
+                content = _in_chunks(unpacked, CHUNK, most)
         except EOFError:
             raise CutError(f"{name} is cut off: the gzip stream does not end") from None
         except (OSError, zlib.error) as error:
             raise DataError(f"{name} is not a sound gzip file: {error}") from None
-        refuse_size(name, len(content), limits)
+        refuse_size(name, len(content), most)
     if not content:
         raise CutError(f"{name} is empty")
     return content, sha256(packed).hexdigest()
@@ -431,15 +412,15 @@ def _in_chunks(file: BinaryIO | io.FileIO | gzip.GzipFile, chunk: int, most: int
     return b"".join(parts)
 
 
-def refuse_size(name: str, size: int, limits: Limits) -> None:
+def refuse_size(name: str, size: int, most: int) -> None:
     """Raise DataError for a file that is too large, before it is read."""
-    if size > limits.bytes:
+    if size > most:
         raise DataError(
-            f"{name} is too large for a log: {size / 2**20:.0f} MB (limit {limits.bytes >> 20} MB, unpacked)"
+            f"{name} is too large for a log: {size / 2**20:.0f} MB (limit {most >> 20} MB, unpacked)"
         )
 
 
-def refuse_rows(name: str, rows: int, limits: Limits) -> None:
+def refuse_rows(name: str, rows: int, most: int) -> None:
     """Raise DataError for too many rows, before they are unpacked."""
-    if rows > limits.rows:
-        raise DataError(f"{name} has too many rows for a log: {rows:,} (limit {limits.rows:,})")
+    if rows > most:
+        raise DataError(f"{name} has too many rows for a log: {rows:,} (limit {most:,})")

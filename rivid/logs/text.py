@@ -1,11 +1,15 @@
-"""What all readers of files return, and what they share: columns, numbers in texts, and column names."""
+"""Columns of a file, numbers in texts, and text files of any dialect that `[input]` can declare.
+
+Clean CSV logs are read by :mod:`rivid.logs.log`; the reader here, cell by cell, is for all others, and
+reports each fault with its line and a remedy.
+"""
 
 import csv
 import difflib
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -199,13 +203,8 @@ _NO_TEXT = {
 """First bytes of files that are no text, and what to do with them."""
 
 
-@dataclass(frozen=True)
-class Header:
-    """Column names of a text file, the bytes before its first row, and the line number of the names."""
-
-    names: tuple[str, ...]
-    body: int
-    line: int
+Header = tuple[tuple[str, ...], int, int]
+"""Column names of a text file, the bytes before its first row, and the line number of the names."""
 
 
 def is_unit_column(name: str) -> bool:
@@ -274,7 +273,7 @@ def read_header(content: bytes, spec: Spec, name: str, *, some: bool = False) ->
     check_names(names, spec, place, text, some=some)
     for _ in range(given.unit_rows):
         start = _end_of_line(content, start)
-    return Header(names, start, line - 1)
+    return names, start, line - 1
 
 
 def split_cells(line: str, separator: str) -> list[str] | None:
@@ -336,14 +335,14 @@ def cut_footer(content: bytes, header: Header, spec: Spec) -> tuple[bytes, int]:
 
     A line with a time is never one of them: a file without a footer, or not yet with one, loses nothing.
     """
-    given = spec.input
+    given, (names, body, _) = spec.input, header
     if not given.footer_rows:
         return content, 0
-    begin = max(header.body, len(content) - TAIL)
+    begin = max(body, len(content) - TAIL)
     tail = content[begin:].decode("utf-8", "surrogateescape")
     lines = LINE.split(tail)
-    known = 1 if begin > header.body else 0  # the first line may be a part of one
-    time_at = [header.names.index(name) for name in spec.time]
+    known = 1 if begin > body else 0  # the first line may be a part of one
+    time_at = [names.index(name) for name in spec.time]
     found = footer_lines(lines[known:], time_at, given.separator, given.time_format, given.comment)
     found = found[-given.footer_rows :]
     if not found:
@@ -362,17 +361,18 @@ def read_lines(
     `stem` is the tag of all rows of the long layout where neither a column nor a line holds it; `watch`
     collects the texts of columns that are not read.
     """
-    rows = RowReader(header.names, spec, stem, watch)
+    names, body, line_of_names = header
+    rows = RowReader(names, spec, stem, watch)
     try:
-        text = content[header.body :].decode("utf-8")
+        text = content[body:].decode("utf-8")
     except UnicodeDecodeError as error:
-        place = content.count(b"\n", 0, header.body + error.start) + 1
+        place = content.count(b"\n", 0, body + error.start) + 1
         raise UndeclaredError(_not_utf8(name, place)) from None
     if rows.pattern:
-        for line in LINE.split(content[: header.body].decode("utf-8", "replace")):
+        for line in LINE.split(content[:body].decode("utf-8", "replace")):
             rows.look_for_tag(line)
     given, lines = spec.input, LINE.split(text)
-    first = header.line + given.unit_rows + 1
+    first = line_of_names + given.unit_rows + 1
     footer = footer_lines(lines, rows.time_at, given.separator, given.time_format, given.comment)
     if footer:
         rows.footer = first + footer[0], len(footer) + given.footer_rows
@@ -384,22 +384,8 @@ def read_lines(
     return rows.table()
 
 
-@dataclass
-class _Rows:
-    """Rows of a wide table, or of one tag of a long one: the cells they are in, and their values."""
-
-    number_at: dict[str, int]
-    flag_at: dict[str, int]
-    times: list[int] = field(default_factory=list)
-    offsets: list[int | None] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    bad: list[Fault] = field(default_factory=list)
-    flags: Counter[str] = field(default_factory=Counter)
-    flagged: list[int] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.numbers: dict[str, list[float]] = {name: [] for name in self.number_at}
-        self.why: dict[str, dict[int, str]] = {name: {} for name in self.number_at}
+Row = tuple[int, int | None, int, list[float]]
+"""Time [us], offset [s], line, and a value for each column."""
 
 
 class RowReader:
@@ -422,11 +408,19 @@ class RowReader:
             cells = {source: at(given.value) for source in spec.sources}
         else:
             cells = {source: at(source) for source in spec.sources if source in names}
-        flag_at = {name: flags.get(name, flags.get("", -1)) for name in cells}
-        flag_at = {name: i for name, i in flag_at.items() if i >= 0}
-        one = {name: _Rows({name: i}, flag_at) for name, i in cells.items()}
-        self.groups = one if spec.long else {"": _Rows(cells, flag_at)}
-        self.group = None if spec.long else self.groups[""]
+        groups = {name: [name] for name in cells} if spec.long else {"": [*cells]}
+        self.cells = cells
+        self.flag_at = {name: flags.get(name, flags.get("", -1)) for name in cells}
+        self.rows: dict[str, list[Row]] = {group: [] for group in groups}
+        """Rows of each tag of the long layout; under "" those of the wide."""
+        none, empty = np.empty(0, np.int64), np.empty(0)
+        self.parts = {
+            group: Columns(
+                none, False, None, dict.fromkeys(names, empty), unit=unit, why={n: {} for n in names}
+            )
+            for group, names in groups.items()
+        }
+        self.group = None if spec.long else ""
         """Of the row that is read, or was read last."""
         self.unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), -1)
         self.block_unit = ""
@@ -487,10 +481,10 @@ class RowReader:
         self.counts.rows += 1
         if self.spec.long:
             tag = " ".join(cells[i] for i in self.tag_at) if self.tag_at else self.tag
-            if tag not in self.groups:
+            if tag not in self.parts:
                 self.counts.others[tag] += 1
                 return
-            self.group = self.groups[tag]
+            self.group = tag
         for i, texts in self.watched.items():
             if texts is not None and cells[i] not in texts:
                 texts.add(cells[i])
@@ -511,42 +505,38 @@ class RowReader:
 
     def _keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:
         """Take the values of a row."""
-        group = self.group
-        assert group is not None
+        assert self.group is not None
+        part, rows = self.parts[self.group], self.rows[self.group]
         values, why = [], []
-        for column, i in group.number_at.items():
-            value = self.reader.read(cells[i])
+        for column in part.numbers:
+            cell, flag_at = cells[self.cells[column]], self.flag_at[column]
+            value = self.reader.read(cell)
             if value is None:
                 shown = self.spec.input.value if self.spec.long else column
-                return self.refuse(number, self.reader.refusal(shown, cells[i]))
+                return self.refuse(number, self.reader.refusal(shown, cell))
             if value != value:
-                why.append((column, cells[i]))
-            elif column in group.flag_at and (flag := cells[group.flag_at[column]]) not in self.good:
+                why.append((column, cell))
+            elif flag_at >= 0 and cells[flag_at] not in self.good:
                 value = NAN
-                why.append((column, FLAG + flag))
+                why.append((column, FLAG + cells[flag_at]))
             values.append(value)
-        at = len(group.times)
         for column, text in why:
-            group.why[column][at] = text
+            part.why[column][len(rows)] = text
             if text.startswith(FLAG):
-                group.flags[text[1:]] += 1
-                group.flagged.append(at + 1)
-        if self.spec.long and not at:
+                part.flags[text[1:]] += 1
+                part.dropped.setdefault("flagged values", []).append(len(rows) + 1)
+        if self.spec.long and not rows:
             unit = cells[self.unit_at] if self.unit_at >= 0 else self.block_unit
-            self.counts.units[next(iter(group.numbers))] = unit
-        group.times.append(time[0])
-        group.offsets.append(time[1])
-        group.lines.append(number)
-        for numbers, read in zip(group.numbers.values(), values, strict=True):
-            numbers.append(read)
+            self.counts.units[self.group] = unit
+        rows.append((*time, number, values))
         self.count += 1
 
     def refuse(self, number: int, reason: str, cut: bool = False) -> None:
         """Record a row that cannot be used; above all tags it may be of any."""
         text = f"{self.unit} {number}: {reason}"
         self.bad.append(Fault(self.count, text, cut))
-        for group in [self.group] if self.group else self.groups.values():
-            group.bad.append(Fault(len(group.times), text, cut))
+        for group in self.parts if self.group is None else (self.group,):
+            self.parts[group].bad.append(Fault(len(self.rows[group]), text, cut))
 
     def _of_footer(self, number: int, cells: list[str]) -> str:
         """The message for one of the last lines, below the data, that hold none; else empty."""
@@ -569,8 +559,9 @@ class RowReader:
 
     def _no_time(self, cells: list[str]) -> str:
         text = " ".join(cells[i] for i in self.time_at)
-        numbers = self.group.number_at.values() if self.group else ()
-        if not self.count and not self.bad and all(self.reader.read(cells[i]) is None for i in numbers):
+        columns = () if self.group is None else self.parts[self.group].numbers
+        numbers = [self.reader.read(cells[self.cells[column]]) for column in columns]
+        if not self.count and not self.bad and all(number is None for number in numbers):
             return f"{', '.join(cells)[:80]!r} looks like a row of units: set [input] unit_rows = 1"
         time_format = self.spec.input.time_format
         expected = f"the format {time_format!r}" if time_format else "ISO 8601"
@@ -587,17 +578,16 @@ class RowReader:
             return
         too_few, too_short = len(cells) < len(self.names), len(cells[-1]) < self.shortest
         if self.bad and self.bad[-1].text.startswith(f"{self.unit} {number}:"):
-            self.bad[-1] = self.bad[-1]._replace(cut=True)
-            for group in self.groups.values():
-                if group.bad and group.bad[-1].text == self.bad[-1].text:
-                    group.bad[-1] = group.bad[-1]._replace(cut=True)
+            text = self.bad[-1].text
+            for bad in (self.bad, *(part.bad for part in self.parts.values())):
+                if bad and bad[-1].text == text:
+                    bad[-1] = bad[-1]._replace(cut=True)
         elif too_few or (too_short and self.shortest < _ENDLESS):
-            for group in self.groups.values():
-                if group.lines and group.lines[-1] == number:
-                    for column in (group.times, group.offsets, group.lines, *group.numbers.values()):
-                        column.pop()  # type: ignore[attr-defined]
-                    for why in group.why.values():
-                        why.pop(len(group.times), None)
+            for group, rows in self.rows.items():
+                if rows and rows[-1][2] == number:
+                    rows.pop()
+                    for why in self.parts[group].why.values():
+                        why.pop(len(rows), None)
                     self.count -= 1
             self.refuse(number, f"{line[-40:]!r} is cut off: the log does not end with a line break", True)
 
@@ -606,34 +596,28 @@ class RowReader:
         table = self.counts
         table.headers, table.empty = len(self.repeated), len(self.empty)
         table.cells = {self.names[i]: texts for i, texts in self.watched.items()}
-        table.parts = [self._columns(group) for group in self.groups.values() if group.times]
+        table.parts = [self._columns(self.parts[group], rows) for group, rows in self.rows.items() if rows]
         if not table.parts:
             table.lacking = self.bad[0].text if self.bad else self._lacking()
         return table
 
-    def _columns(self, group: _Rows) -> Columns:
-        aware = [offset is not None for offset in group.offsets]
+    def _columns(self, part: Columns, rows: list[Row]) -> Columns:
+        times, offsets, lines, values = zip(*rows, strict=True)
+        aware = [offset is not None for offset in offsets]
         if any(aware) and not all(aware):
             odd = aware.index(not aware[0])
             kind = "has an offset" if aware[odd] else "has no offset"
-            places = [f"{self.unit} {group.lines[i]}" for i in (odd, 0)]
+            places = [f"{self.unit} {lines[i]}" for i in (odd, 0)]
             raise DataError(f"{places[0]}: its time {kind}, unlike {places[1]}'s: expected one kind")
-        dropped = {
-            "repeated headers": self.repeated,
-            "empty rows": self.empty,
-            "flagged values": group.flagged,
-        }
-        return Columns(
-            np.array(group.times, np.int64),
-            aware[0],
-            group.offsets[0] if len(set(group.offsets)) == 1 else None,
-            {name: np.array(values, np.float64) for name, values in group.numbers.items()},
-            lines=np.array(group.lines, np.int64),
-            bad=group.bad,
+        dropped = {"repeated headers": self.repeated, "empty rows": self.empty, **part.dropped}
+        return replace(
+            part,
+            times=np.array(times, np.int64),
+            aware=aware[0],
+            offset=offsets[0] if len(set(offsets)) == 1 else None,
+            numbers=dict(zip(part.numbers, np.array(values, np.float64).T.copy(), strict=True)),
+            lines=np.array(lines, np.int64),
             dropped={kind: rows for kind, rows in dropped.items() if rows},
-            unit=self.unit,
-            why=group.why,
-            flags=group.flags,
         )
 
     def _lacking(self) -> str:
@@ -643,5 +627,5 @@ class RowReader:
         where = "in column " + " ".join(self.spec.tags) if self.tag_at else "above the rows"
         if not self.tag_at and self.pattern is None:
             where = "from the file's name (no [input] tag or tag_pattern is set)"
-        wanted = ", ".join(self.groups)
+        wanted = ", ".join(self.parts)
         return f"no row of {wanted}; tags {where}: {there}: set [input] u_Qi and the like to these"

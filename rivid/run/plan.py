@@ -129,7 +129,7 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
             continue  # the record begins inside this window
         present = tuple(sources[day] for day in days if day in sources)
         missing = tuple(day for day in days if day not in sources)
-        content = digest(str(date), [[str(s.date), *(part.digest for part in s.parts)] for s in present])
+        content = digest(str(date), [[str(s.date), *(sha for _, sha, _ in s.parts)] for s in present])
         unfinished = str(may_be_today) if date >= may_be_today else None
         windows.append(Window(date, present, key_of(content, unfinished), missing, content))
     if not windows:

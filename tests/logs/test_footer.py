@@ -9,7 +9,7 @@ import pytest
 from rivid.config import Config, parse
 from rivid.errors import ConfigError, PendingError, RividError
 from rivid.logs.days import find_days, read_window
-from rivid.logs.ingest.work import ingest
+from rivid.logs.exports import ingest
 from rivid.logs.sniff.propose import sniff
 from tests.logs.helpers import DAY, config, read, rows
 
@@ -96,8 +96,8 @@ def test_ingest_counts_them_and_loses_no_day(tmp_path):
     given = {"reach": REACH, "input": {"footer_rows": 2}}
     outcome = ingest([path], tmp_path / "logs", parse(given, Config))
     assert [day.status for day in outcome.days] == ["written"]
-    assert outcome.ledger.to_json()["files"][0]["footer_lines"] == 2
-    assert outcome.ledger.to_json()["sources"]["u_Qi"]["used"] == 288
+    assert outcome.ledger["files"][0]["footer_lines"] == 2
+    assert outcome.ledger["sources"]["u_Qi"]["used"] == 288
     assert any("footer_rows): 2 passed over" in note for note in outcome.notes)
     undeclared = ingest([path], tmp_path / "others", parse({"reach": REACH}, Config))
     assert [day.status for day in undeclared.days] == ["refused"]
@@ -119,7 +119,7 @@ def test_a_long_table_has_a_footer_too(tmp_path):
     whole = ingest(
         [path], tmp_path / "b", parse({"reach": REACH, "input": {**long, "footer_rows": 2}}, Config)
     )
-    assert whole.exit_code == 0 and whole.ledger.files[0]["footer_lines"] == 2
+    assert whole.exit_code == 0 and whole.ledger["files"][0]["footer_lines"] == 2
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-be"])

@@ -57,7 +57,7 @@ def test_filled_samples_are_the_lost_ones(lost, held):
     kept = np.setdiff1d(np.arange(650), lost)
     values = np.arange(650.0)
     samples, filled = on_grid(grid.times[kept], values[kept], grid, spec.signals[0 if held else 2], spec)
-    assert sorted(lost) == ([] if filled is None else np.flatnonzero(filled).tolist())
+    assert sorted(lost) == np.flatnonzero(filled).tolist()
     if not held:
         np.testing.assert_allclose(samples, values, rtol=1e-9)
 

@@ -51,7 +51,7 @@ def test_reading_takes_memory_for_the_file_not_for_the_limit(tmp_path, suffix):
     path.write_bytes(gzip.compress(content) if suffix == "csv.gz" else content)
     tracemalloc.start()
     try:
-        assert read_bytes(path, path.name, LIMITS)[0] == content
+        assert read_bytes(path, path.name, LIMITS[0])[0] == content
         assert tracemalloc.get_traced_memory()[1] < 6 << 20
     finally:
         tracemalloc.stop()

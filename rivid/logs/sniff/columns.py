@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rivid.logs.log import sentinels_in
-from rivid.logs.sniff.layout import Layout, TimeLayout
+from rivid.logs.sniff.layout import Layout
 from rivid.logs.spec import read_text, stem_of
 from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
 
@@ -173,78 +173,62 @@ _FLAGS = re.compile(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|remar
 NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
 
-@dataclass(frozen=True)
-class Tagged:
-    """A table of the long layout."""
-
-    tag: str  # column of the tags; empty where lines or the file's name hold them
-    value: str  # column of the values
-    cells: dict[str, list[str]]  # values by tag
-    units: dict[str, str]  # by tag, where the file states them
-    steps: dict[str, list[int]]  # between the values of each tag [us]
-
-    def usual(self, tag: str) -> int:
-        """The median step of a tag [us]; 0 where there is none."""
-        steps = sorted(self.steps.get(tag, ()))
-        return steps[len(steps) // 2] if steps else 0
-
-    @property
-    def shortest(self) -> list[int]:
-        """The steps of the tag that comes most often [us]."""
-        tags = [tag for tag in self.steps if self.usual(tag)]
-        return self.steps[min(tags, key=self.usual)] if tags else []
-
-
-def by_tag(layout: Layout, time: TimeLayout, file: str) -> Tagged | None:
-    """The tags of a long table; None for a wide one. `file` names the tag if no column does."""
-    value_at = _value_column(layout, time)
-    if value_at is None:
-        return None
-    if layout.blocks:
-        return _tagged("", value_at, layout.blocks, layout, time, layout.block_units)
-    tag_at = _tag_column(layout, time, value_at)
-    if tag_at is not None:
-        tags = [row[tag_at] for row in layout.rows]
+def find_tags(layout: Layout, file: str) -> None:
+    """Find the columns of values, or the tags of a long table; `file` names the tag if no column does."""
+    value_at = _value_column(layout)
+    tag_at = None if value_at is None else _tag_column(layout, value_at)
+    if value_at is not None and layout.blocks:
+        _by_tag(layout, value_at, layout.blocks, layout.block_units)
+    elif value_at is not None and tag_at is not None:
         unit_at = next((i for i, name in enumerate(layout.names) if is_unit_column(name)), None)
         units = {} if unit_at is None else {row[tag_at]: row[unit_at] for row in layout.rows[::-1]}
-        return _tagged(layout.names[tag_at], value_at, tags, layout, time, units)
-    if VALUE.fullmatch(layout.names[value_at]):
-        return _tagged("", value_at, [stem_of(file)] * len(layout.rows), layout, time, {})
-    return None
+        layout.tag = layout.names[tag_at]
+        _by_tag(layout, value_at, [row[tag_at] for row in layout.rows], units)
+    elif value_at is not None and VALUE.fullmatch(layout.names[value_at]):
+        _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
+    else:
+        layout.columns = [
+            (name, layout.units[i], [row[i] for row in layout.rows])
+            for i, name in enumerate(layout.names)
+            if i not in layout.time_at and name
+        ]
 
 
-def _value_column(layout: Layout, time: TimeLayout) -> int | None:
+def _value_column(layout: Layout) -> int | None:
     """The one column of numbers that is no flag; None where there are several."""
     rest = [
         i for i, name in enumerate(layout.names)
-        if i not in time.columns and not _FLAGS.search(name) and _numeric([row[i] for row in layout.rows])
+        if i not in layout.time_at and not _FLAGS.search(name) and _numeric([row[i] for row in layout.rows])
     ]  # fmt: skip
     named = [i for i in rest if VALUE.fullmatch(layout.names[i])]
     return named[0] if len(named) == 1 else rest[0] if len(rest) == 1 else None
 
 
-def _tag_column(layout: Layout, time: TimeLayout, value_at: int) -> int | None:
+def _tag_column(layout: Layout, value_at: int) -> int | None:
     for i, name in enumerate(layout.names):
-        if i == value_at or i in time.columns or _FLAGS.search(name) or is_unit_column(name):
+        if i == value_at or i in layout.time_at or _FLAGS.search(name) or is_unit_column(name):
             continue
-        texts = {row[i] for row in layout.rows}
-        if 2 <= len(texts) <= MOST_TAGS and "" not in texts and not _numeric([row[i] for row in layout.rows]):
+        cells = [row[i] for row in layout.rows]
+        texts = set(cells)
+        if 2 <= len(texts) <= MOST_TAGS and "" not in texts and not _numeric(cells):
             return i
     return None
 
 
-def _tagged(
-    tag: str, value_at: int, tags: list[str], layout: Layout, time: TimeLayout, units: dict[str, str]
-) -> Tagged:
+def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str]) -> None:
+    """Set the tags: the tag of each row, and the unit of each tag that states one."""
     cells: dict[str, list[str]] = {}
-    times: dict[str, list[int]] = {}
-    for name, row in zip(tags, layout.rows, strict=True):
-        moment = read_text(" ".join(row[i] for i in time.columns), time.time_format)
-        cells.setdefault(name, []).append(row[value_at])
+    times: dict[str, set[int]] = {}
+    for tag, row in zip(tags, layout.rows, strict=True):
+        moment = read_text(layout.time(row), layout.time_format)
+        cells.setdefault(tag, []).append(row[value_at])
         if moment is not None:
-            times.setdefault(name, []).append(moment[0])
-    steps = {name: [b - a for a, b in pairwise(sorted(set(moments)))] for name, moments in times.items()}
-    return Tagged(tag, layout.names[value_at], cells, units, steps)
+            times.setdefault(tag, set()).add(moment[0])
+    layout.value = layout.names[value_at]
+    layout.columns = [(tag, units.get(tag, ""), values) for tag, values in cells.items()]
+    layout.tag_steps = {tag: [b - a for a, b in pairwise(sorted(known))] for tag, known in times.items()}
+    stepping = [tag for tag in layout.tag_steps if layout.usual(tag)]
+    layout.steps = layout.tag_steps[min(stepping, key=layout.usual)] if stepping else []
 
 
 GOOD = frozenset(("good", "ok", "valid", "a", "approved", "0", "192", "g", "gut", "bon", "normal"))
@@ -277,10 +261,10 @@ class Flags:
         return {*self.doubtful, self.zone_column}
 
 
-def find_flags(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Flags:
+def find_flags(layout: Layout) -> Flags:
     """Find columns of flags and zones."""
-    values = {tagged.tag, tagged.value} if tagged else set()
-    names = [n for i, n in enumerate(layout.names) if n and i not in time.columns and n not in values]
+    values = {layout.tag, layout.value}
+    names = [n for i, n in enumerate(layout.names) if n and i not in layout.time_at and n not in values]
     cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
     texts = {name: set(column) for name, column in cells.items()}
     zone_column, zones = "", {}
@@ -288,7 +272,7 @@ def find_flags(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Flags
         if texts[name] and texts[name] <= set(OFFSETS):
             zone_column, zones = name, {zone: OFFSETS[zone] for zone in sorted(texts[name])}
             break
-    read = {tagged.value} if tagged else {n for n in names if not _is_flag(n) and _numeric(cells[n])}
+    read = {layout.value} if layout.value else {n for n in names if not _is_flag(n) and _numeric(cells[n])}
     doubtful = [
         name
         for name in names
@@ -299,7 +283,7 @@ def find_flags(layout: Layout, time: TimeLayout, tagged: Tagged | None) -> Flags
     if doubtful:  # where others are used, an empty one is a column of flags too
         empty = [name for name in names if texts[name] == {""} and _is_flag(name) and _owner(name, read)]
         doubtful = [name for name in names if name in doubtful or name in empty]
-    flags = {} if tagged else {o: n for n in doubtful if (o := _owner(n, read))}
+    flags = {} if layout.value else {o: n for n in doubtful if (o := _owner(n, read))}
     free = [name for name in doubtful if _is_flag(name) and name not in flags.values()]
     of_row = free[0] if len(free) == 1 and not flags else ""
     chosen = [*flags.values()] or ([of_row] if of_row else [])

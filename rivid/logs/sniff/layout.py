@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from rivid.errors import DataError
 from rivid.logs.spec import read_text
@@ -32,9 +33,9 @@ LONGEST_JUMP = 20 * 86_400 * 1_000_000
 """Longest step [us] between rows: the wrong order of day and month makes steps of months."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Layout:
-    """How a text file is laid out."""
+    """How a text file is laid out: its text, then its times, then the columns or tags that hold values."""
 
     encoding: str
     separator: str
@@ -50,19 +51,31 @@ class Layout:
     zone: str = ""  # zone of its clock, where stated
     missing: tuple[float, ...] = ()  # numbers of values that are not measured
     block_units: dict[str, str] = field(default_factory=dict)  # units by tag
+    footer: list[str] = field(default_factory=list)  # the last lines, where these hold no data
 
-
-@dataclass(frozen=True)
-class TimeLayout:
-    """Which columns hold the time, and in which format."""
-
-    columns: tuple[int, ...]  # one, or two: date and clock
-    time_format: str | None  # None is ISO 8601
-    zoned: bool  # whether the times carry UTC offsets
-    steps: list[int]  # between rows [us]
+    time_at: tuple[int, ...] = ()  # columns of the time: one, or two, of date and clock
+    time_format: str | None = None  # None is ISO 8601
+    zoned: bool = False  # whether the times carry UTC offsets
+    # [us] between rows; of the long layout, between the values of the tag that comes most often
+    steps: list[int] = field(default_factory=list)
     # formats that mean other times and fit as well; then `time_format` is not decided
-    others: tuple[str, ...] = ()
+    other_formats: tuple[str, ...] = ()
     doubt: str = ""  # the question that these leave; empty for none
+
+    # name, unit and cells of all that may hold numbers: columns of the wide layout, or tags of the long
+    columns: list[tuple[str, str, list[str]]] = field(default_factory=list)
+    value: str = ""  # column of the values of the long layout; empty for the wide
+    tag: str = ""  # column of its tags; empty where lines or the file's name hold them
+    tag_steps: dict[str, list[int]] = field(default_factory=dict)  # between the values of each tag [us]
+
+    def time(self, row: Sequence[str]) -> str:
+        """The text of a row's time."""
+        return " ".join(row[i] for i in self.time_at)
+
+    def usual(self, tag: str) -> int:
+        """The median step of a tag [us]; 0 where there is none."""
+        steps = sorted(self.tag_steps.get(tag, ()))
+        return steps[len(steps) // 2] if steps else 0
 
 
 def guess_encoding(content: bytes) -> str:
@@ -219,26 +232,30 @@ def _looks_like_data(cell: str) -> bool:
     )
 
 
-def guess_time(layout: Layout) -> TimeLayout | None:
-    """Find the time's columns and format; None where no column reads as times."""
+def guess_time(layout: Layout) -> bool:
+    """Find the columns and the format of the time; False where no column reads as times."""
     rows = layout.rows
     for at in range(len(layout.names)):
         clock = at + 1
         if clock < len(layout.names) and all(_CLOCK.fullmatch(row[clock]) for row in rows[:50]):
-            if found := _guess_format([f"{row[at]} {row[clock]}" for row in rows], (at, clock)):
-                return found
-        if found := _guess_format([row[at] for row in rows], (at,)):
-            return found
+            if _guess_format(layout, [f"{row[at]} {row[clock]}" for row in rows]):
+                layout.time_at = (at, clock)
+                return True
+        if _guess_format(layout, [row[at] for row in rows]):
+            layout.time_at = (at,)
+            return True
     for at, name in enumerate(layout.names):
         for time_format, least in (("unix_ms", 1e11), ("unix", 1e8)):  # least: 1973, in its unit
             if re.search(r"unix|epoch|timestamp", name, re.I) and all(_number(r[at]) >= least for r in rows):
                 times = [time[0] for row in rows if (time := read_text(row[at], time_format))]
-                return TimeLayout((at,), time_format, True, _steps(times))
-    return None
+                layout.time_at, layout.time_format, layout.zoned = (at,), time_format, True
+                layout.steps = _steps(times)
+                return True
+    return False
 
 
-def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | None:
-    """The format that most of the texts have; of 40 of them nine in ten, to be quick, and of all 95 %."""
+def _guess_format(layout: Layout, texts: list[str]) -> bool:
+    """Find the format of 95 % of the texts, and, to be quick, of nine in ten of 40 of them."""
     fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
     few = texts[:: max(len(texts) // 40, 1)]
     for time_format in FORMATS:
@@ -248,10 +265,9 @@ def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | No
         if len(times) >= 0.95 * len(texts):
             fits.append((time_format, times))
     if not fits:
-        return None
+        return False
     best = max(len(times) for _, times in fits)
     fits = [fit for fit in fits if len(fit[1]) == best]
-    doubt, others = "", []
     if len(fits) > 1 and fits[0][0] is not None:
         smooth = [
             fit for fit in fits if max(map(abs, _steps([t for t, _ in fit[1]])), default=0) < LONGEST_JUMP
@@ -259,15 +275,17 @@ def _guess_format(texts: list[str], columns: tuple[int, ...]) -> TimeLayout | No
         if len(smooth) == 1:
             fits = smooth
         elif len({tuple(t for t, _ in fit[1]) for fit in fits}) > 1:
-            others = [fit[0] for fit in fits[1:] if fit[0]]
-            doubt = f"{texts[0]!r} also reads as {', '.join(map(repr, others))}: day or month first?"
-    time_format, times = fits[0]
-    zoned = all(offset is not None for _, offset in times)
-    return TimeLayout(columns, time_format, zoned, _steps([t for t, _ in times]), tuple(others), doubt)
+            layout.other_formats = tuple(fit[0] for fit in fits[1:] if fit[0])
+            others = ", ".join(map(repr, layout.other_formats))
+            layout.doubt = f"{texts[0]!r} also reads as {others}: day or month first?"
+    layout.time_format, times = fits[0]
+    layout.zoned = all(offset is not None for _, offset in times)
+    layout.steps = _steps([t for t, _ in times])
+    return True
 
 
 def _steps(times: list[int]) -> list[int]:
-    return [b - a for a, b in zip(times, times[1:], strict=False)]
+    return [b - a for a, b in pairwise(times)]
 
 
 def _number(text: str) -> float:

@@ -3,7 +3,6 @@
 import json
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,14 @@ from rivid.input_config import InputConfig
 from rivid.logs.sniff.columns import (
     Flags,
     Group,
-    Tagged,
-    by_tag,
     find_flags,
+    find_tags,
     guess_column,
     guess_marks,
     roles_of,
 )
-from rivid.logs.sniff.layout import ZRXP_TAG, Layout, TimeLayout, guess_layout, guess_time
-from rivid.logs.spec import MICRO, Limits, clock_turns_back, read_bytes, read_text, shown
+from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time
+from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
 
 WIDTH = 80
@@ -42,26 +40,7 @@ FILL_IN = (
 """Keys of `[reach]` that no export states."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """The proposal for a file.
-
-    Attributes
-    ----------
-    toml : str
-        A configuration that `load_config` accepts, with comments.
-    open_questions : list of str
-        What the file alone does not state.
-    open_keys : tuple of str
-        Keys of `[input]` that these are about.
-    """
-
-    toml: str
-    open_questions: list[str]
-    open_keys: tuple[str, ...] = ()
-
-
-def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> Proposal:
+def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> "Proposal":
     """Propose an `[input]` block for an export: text, plain or gzipped.
 
     Parameters
@@ -81,40 +60,13 @@ def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> Proposal
         Where a file is no table with a header and times.
     """
     paths = [path] if isinstance(path, Path) else list(dict.fromkeys(path))
-    draft = _Draft([_look(each) for each in paths], time_zone)
-    return draft.proposal(", ".join(shown(each.name) for each in paths[:3]))
+    return Proposal([_look(each) for each in paths], ", ".join(shown(p.name) for p in paths[:3]), time_zone)
 
 
-@dataclass
-class _Look:
-    """The layout of a file.
-
-    `columns` are names, units and cells of all that may hold numbers: columns of the wide layout, or tags;
-    `footer` are its last lines, where these hold no data.
-    """
-
-    layout: Layout
-    time: TimeLayout
-    tagged: Tagged | None
-    columns: list[tuple[str, str, list[str]]] = field(default_factory=list)
-    footer: list[str] = field(default_factory=list)
-
-    @property
-    def kind(self) -> tuple[Any, ...]:
-        """Equal for files of one dialect."""
-        layout = self.layout
-        return (
-            layout.encoding,
-            layout.separator,
-            layout.skip_rows,
-            self.time.time_format,
-            self.tagged is None,
-        )
-
-
-def _look(path: Path) -> _Look:
+def _look(path: Path) -> Layout:
+    """The layout of a file."""
     name = shown(path.name)
-    content, _ = read_bytes(path, name, Limits(512 << 20, 0))
+    content, _ = read_bytes(path, name, MANY[0])
     if content[:4] == b"PAR1" or path.suffix.lower() == ".parquet":
         raise DataError(
             f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
@@ -124,68 +76,58 @@ def _look(path: Path) -> _Look:
     if not whole:
         content = content[: content.rfind(b"\n", 0, HEAD_BYTES) + 1] or content[:HEAD_BYTES]
     layout = guess_layout(content, name)
-    del layout.rows[HEAD_ROWS:], layout.blocks[HEAD_ROWS:]
-    time = guess_time(layout)
-    if time is None:
+    rows = layout.rows
+    del rows[HEAD_ROWS:], layout.blocks[HEAD_ROWS:]
+    if not guess_time(layout):
         raise DataError(
             f"{name}: no column reads as times; columns: {', '.join(layout.names)[:200]}; "
             "set [input] time and time_format"
         )
-    footer = _footer_in(tail, bigendian, layout, time)
-    while (
-        whole and footer and layout.rows and read_text(_time(layout.rows[-1], time), time.time_format) is None
-    ):
-        layout.rows.pop()
-    tagged = by_tag(layout, time, path.name)
-    if tagged is not None:
-        columns = [(tag, tagged.units.get(tag, ""), cells) for tag, cells in tagged.cells.items()]
-        return _Look(layout, replace(time, steps=tagged.shortest), tagged, columns, footer)
-    columns = [
-        (column, layout.units[i], [row[i] for row in layout.rows])
-        for i, column in enumerate(layout.names)
-        if i not in time.columns and column
-    ]
-    return _Look(layout, time, None, columns, footer)
-
-
-def _time(row: Sequence[str], time: TimeLayout) -> str:
-    return " ".join(row[i] for i in time.columns)
-
-
-def _footer_in(tail: bytes, bigendian: bool, layout: Layout, time: TimeLayout) -> list[str]:
-    """The last lines of a file that hold no data."""
     encoding = layout.encoding
     if encoding == "utf-16":  # the byte order mark is at the other end
         encoding = "utf-16-be" if bigendian else "utf-16-le"
     lines = LINE.split(tail.decode(encoding, "replace"))
-    found = footer_lines(lines, time.columns, layout.separator, time.time_format, layout.comment)
-    return [lines[at] for at in found]
+    found = footer_lines(lines, layout.time_at, layout.separator, layout.time_format, layout.comment)
+    layout.footer = [lines[at] for at in found]
+    while whole and found and rows and read_text(layout.time(rows[-1]), layout.time_format) is None:
+        rows.pop()
+    find_tags(layout, path.name)
+    return layout
 
 
-class _Draft:
-    """The keys of `[input]` for files of one dialect, and the questions that they leave open."""
+class Proposal:
+    """The keys of `[input]` for files of one dialect, and the questions that they leave open.
 
-    def __init__(self, looks: list[_Look], time_zone: str | None) -> None:
-        first, default = looks[0], InputConfig()
-        self.looks, self.layout, self.time, self.tagged = looks, first.layout, first.time, first.tagged
-        self.time_zone = time_zone or self.layout.zone or None
+    Attributes
+    ----------
+    toml : str
+        A configuration that `load_config` accepts, with comments.
+    open_questions : list of str
+        What the files alone do not state.
+    open_keys : tuple of str
+        Keys of `[input]` that these are about.
+    """
+
+    def __init__(self, layouts: list[Layout], name: str, time_zone: str | None) -> None:
+        layout, default = layouts[0], InputConfig()
+        self.layouts, self.layout = layouts, layout
+        self.time_zone = time_zone or layout.zone or None
         self.questions: list[tuple[str, str]] = []
-        unlike = sum(look.kind != first.kind for look in looks[1:])
+        unlike = sum(_kind(other) != _kind(layout) for other in layouts[1:])
         if unlike:
             self.ask("encoding", f"{unlike} of the files are of another kind than the first")
-        sources = list({entry[0]: entry for look in looks for entry in look.columns}.values())
-        self.flags = find_flags(self.layout, self.time, self.tagged)
+        sources = list({entry[0]: entry for each in layouts for entry in each.columns}.values())
+        self.flags = find_flags(layout)
         self.decimal, self.thousands, doubt = guess_marks([cells for _, _, cells in sources])
         self.ask("decimal", doubt)
         reader = NumberReader(default.missing, self.decimal, self.thousands)
         values = [entry for entry in sources if entry[0] not in self.flags.columns]
         guesses = [guess_column(name, unit, cells, reader) for name, unit, cells in values]
         self.columns: Group = [column for column in guesses if column is not None]
-        self.ask("time_format", self.time.doubt)
+        self.ask("time_format", layout.doubt)
         self.roles, self.kind, self.instead = roles_of(self.columns, self.questions)
         self.used = [column for group in self.roles.values() for column in group]
-        steps = self.time.steps
-        self.step = sorted(steps)[len(steps) // 2] / MICRO if steps else 0.0
+        self.step = sorted(layout.steps)[len(layout.steps) // 2] / MICRO if layout.steps else 0.0
         self.every = min((column.every for column in self.used), default=1)
         self.tables: dict[str, dict[str, Any]] = {}
         self.keys = self._keys(default)
@@ -194,6 +136,14 @@ class _Draft:
         self._flags(self.flags)
         self._footer()
         self._stamps()
+        left = [column.name for column in self.columns if column not in self.used]
+        if left:
+            self.ask("", f"{'tags' if layout.value else 'columns'} left out: {', '.join(left)}")
+        if any(self.instead.values()):
+            self.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
+        self.toml = self._toml(name, default)
+        self.open_questions = [text for _, text in self.questions]
+        self.open_keys = tuple(dict.fromkeys(key for key, _ in self.questions if key))
 
     def ask(self, key: str, question: str) -> None:
         """Add a question about a key, unless it is empty."""
@@ -201,18 +151,18 @@ class _Draft:
             self.questions.append((key, question))
 
     def _keys(self, default: InputConfig) -> dict[str, Any]:
-        layout, tagged = self.layout, self.tagged
-        keys: dict[str, Any] = {"layout": "long" if tagged else "wide"}
-        keys["time"] = _one_or_all([layout.names[i] for i in self.time.columns])
+        layout = self.layout
+        keys: dict[str, Any] = {"layout": "long" if layout.value else "wide"}
+        keys["time"] = _one_or_all([layout.names[i] for i in layout.time_at])
         keys |= {role: _names(group) for role, group in self.roles.items()}
         if self.kind == "pool" and "u_Qo" not in self.roles:
             keys["u_Qo"] = ""
-        if tagged is not None:
-            keys |= {"tag": tagged.tag or None, "value": tagged.value}
+        if layout.value:
+            keys |= {"tag": layout.tag or None, "value": layout.value}
         if layout.blocks:
             keys |= {"tag_pattern": ZRXP_TAG, "columns": list(layout.names)}
         keys |= {
-            "time_format": None if self.time.others else self.time.time_format,
+            "time_format": None if layout.other_formats else layout.time_format,
             "time_zone": self.time_zone,
             "encoding": layout.encoding,
             "separator": layout.separator,
@@ -222,7 +172,7 @@ class _Draft:
             "skip_rows": layout.skip_rows,
             "header_rows": layout.header_rows,
             "unit_rows": layout.unit_rows,
-            "footer_rows": max(len(look.footer) for look in self.looks),
+            "footer_rows": max(len(each.footer) for each in self.layouts),
             "repeated_header": "drop" if layout.repeated else None,
             "sentinels": sorted({s for column in self.used for s in column.sentinels} | {*layout.missing}),
         }
@@ -234,8 +184,8 @@ class _Draft:
 
     def _clock(self) -> None:
         """Zones, and the hour that comes twice."""
-        zones = self.flags.zones
-        if self.time.zoned:
+        zones, layout = self.flags.zones, self.layout
+        if layout.zoned:
             return
         if self.time_zone is None and not zones:
             self.ask(
@@ -245,9 +195,9 @@ class _Draft:
             )
         elif self.time_zone is None and len(set(zones.values())) > 1:
             self.ask("time_zone", "its clock is changed: set time_zone to the zone whose days are meant")
-        if self.time_zone is not None and not zones and self.tagged is None:
-            texts = [_time(row, self.time) for row in self.layout.rows]
-            if clock_turns_back(texts, self.time.time_format, self.time_zone):
+        if self.time_zone is not None and not zones and not layout.value:
+            texts = [layout.time(row) for row in layout.rows]
+            if clock_turns_back(texts, layout.time_format, self.time_zone):
                 self.keys["ambiguous"] = "order"
 
     def _units(self) -> None:
@@ -272,7 +222,7 @@ class _Draft:
             for role, group in self.roles.items()
         }
         whole = {r: _one_or_all(f) for r, f in own.items() if f and len(f) == len(self.roles[r])}
-        if whole and self.tagged is None:
+        if whole and not self.layout.value:
             self.tables["quality"] = whole
         elif flags.of_row:
             self.keys["quality"] = flags.of_row
@@ -286,7 +236,7 @@ class _Draft:
             self.ask("ignore", f"{', '.join(self.keys['ignore'])}: taken as no flags")
 
     def _footer(self) -> None:
-        footer = max((look.footer for look in self.looks), key=len)
+        footer = max((each.footer for each in self.layouts), key=len)
         if footer:
             ends = ", ".join(repr(line.strip()[:30]) for line in footer[:3])
             lines = f"the last {len(footer)} lines hold" if len(footer) > 1 else "the last line holds"
@@ -294,17 +244,17 @@ class _Draft:
 
     def _stamps(self) -> None:
         """Intervals of the columns, and the question of their time stamps."""
-        tagged, step = self.tagged, self.step
-        steps = [tagged.steps.get(column.name, []) for column in self.used] if tagged else [self.time.steps]
-        if any(map(_unsteady, steps)):
+        layout, step = self.layout, self.step
+        tags = [layout.tag_steps.get(column.name, []) for column in self.used]
+        if any(map(_unsteady, tags if layout.value else [layout.steps])):
             self.ask(
                 "hold",
                 "values come at irregular times: if they are logged when they change, set [input.hold] to "
                 "the longest time that one holds, and [reach] sample_time",
             )
             return
-        if tagged is not None:
-            usual = {role: tagged.usual(group[0].name) / MICRO for role, group in self.roles.items()}
+        if layout.value:
+            usual = {role: layout.usual(group[0].name) / MICRO for role, group in self.roles.items()}
             intervals = {role: seconds for role, seconds in usual.items() if seconds > 1.01 * step}
         else:
             slow = {role: group[0].every for role, group in self.roles.items() if group[0].every > self.every}
@@ -318,14 +268,8 @@ class _Draft:
             f"a delay is off by up to one interval{late}",
         )
 
-    def proposal(self, name: str) -> Proposal:
-        """The draft as TOML: the keys that differ from the defaults, other choices in comments below them."""
-        default = InputConfig()
-        left = [column.name for column in self.columns if column not in self.used]
-        if left:
-            self.ask("", f"{'tags' if self.tagged else 'columns'} left out: {', '.join(left)}")
-        if any(self.instead.values()):
-            self.ask("", "the lines in comments below u_Qi and the like are other choices, in their place")
+    def _toml(self, name: str, default: InputConfig) -> str:
+        """The keys that differ from the defaults, other choices in comments below them, and the questions."""
         lines = _comment(f"Proposed for {name}. Check each line: it is inferred from the file alone.", "# ")
         lines += ["[reach]", '# name = "..."       # letters, digits, . _ -', f"kind = {_toml(self.kind)}"]
         if 1 <= self.step * self.every <= 86_400:
@@ -337,8 +281,8 @@ class _Draft:
             lines += _entry(key, value)
             for group in self.instead.get(key, ()):
                 lines += [f"# {line}" for line in _entry(key, _names(group), WIDTH - 2)]
-        if self.time.others:
-            formats = " or ".join(map(_toml, (self.time.time_format, *self.time.others)))
+        if self.layout.other_formats:
+            formats = " or ".join(map(_toml, (self.layout.time_format, *self.layout.other_formats)))
             lines.append(f"# time_format = {formats}: choose one")
         for table in ("units", "interval", "zones", "quality"):
             if entries := self.tables.get(table):
@@ -346,8 +290,13 @@ class _Draft:
                 lines += [line for key, value in entries.items() for line in _entry(_key(key), value)]
         lines += ["", "# Not decided:"]
         lines += [line for _, text in self.questions for line in _comment(text, "# - ")]
-        keys = tuple(dict.fromkeys(key for key, _ in self.questions if key))
-        return Proposal("\n".join(lines) + "\n", [text for _, text in self.questions], keys)
+        return "\n".join(lines) + "\n"
+
+
+def _kind(layout: Layout) -> tuple[Any, ...]:
+    """Equal for files of one dialect."""
+    text = layout.encoding, layout.separator, layout.skip_rows
+    return *text, layout.time_format, bool(layout.value)
 
 
 def _unsteady(steps: list[int]) -> bool:

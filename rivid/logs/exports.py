@@ -1,0 +1,755 @@
+"""Exports of other systems to daily logs: only what is declared, and every value accounted for.
+
+The files are joined to one series per source, the sources make canonical columns, and each day is judged as
+`rivid run` would; then the days are written, and the configuration for them.
+"""
+
+import datetime as dt
+import difflib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from rivid.atomic import replacing, write_text
+from rivid.config import Config, parse
+from rivid.errors import ConfigError, DataError, NoDataError
+from rivid.input_config import InputConfig
+from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
+from rivid.logs.log import LARGEST, days_of, in_utc, logged_twice, read_table, too_large, undeclared, zone_of
+from rivid.logs.sniff.columns import looks_like_flags, stated_unit
+from rivid.logs.spec import (
+    MANY,
+    MICRO,
+    SUFFIXES,
+    Signal,
+    Spec,
+    day_bounds,
+    is_day_file,
+    shown,
+    spec_of,
+    suffix_of,
+)
+from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
+from rivid.logs.write import Format, rows_as_bytes
+from rivid.types import ONE_DAY, Floats, Ints
+
+EMPTY = frozenset(InputConfig().missing)
+"""Marks that no system writes for a state of its instruments."""
+_Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
+"""A source in one file: file name, columns, times [us UTC], values and statuses."""
+
+
+class ValueStatus(IntEnum):
+    """What became of a value."""
+
+    USED = 0
+    MISSING = 1
+    STATUS = 2
+    FLAG = 3
+    SENTINEL = 4
+    TIME = 5
+    DUPLICATE = 6
+    UNMATCHED = 7
+    BETWEEN = 8
+    REFUSED = 9
+    PENDING = 10
+    OUTSIDE = 11
+    STANDING = 12
+    UNREADABLE = 13
+
+
+WORDS = {
+    ValueStatus.MISSING: "missing",
+    ValueStatus.STATUS: "status text",
+    ValueStatus.FLAG: "flag",
+    ValueStatus.SENTINEL: "sentinel",
+    ValueStatus.TIME: "ambiguous or impossible time",
+    ValueStatus.DUPLICATE: "duplicate",
+    ValueStatus.UNMATCHED: "part of a sum missing",
+    ValueStatus.BETWEEN: "between samples",
+    ValueStatus.REFUSED: "refused day",
+    ValueStatus.PENDING: "unfinished day",
+    ValueStatus.OUTSIDE: "not asked for",
+    ValueStatus.STANDING: "other log in place",
+    ValueStatus.UNREADABLE: "unreadable row",
+}
+"""Reasons for values that are not used, as the table and the JSON name them."""
+
+
+@dataclass(eq=False)
+class Series:
+    """A source: a column of the wide layout, a tag of the long."""
+
+    name: str
+    times: Ints  # (n,) ascending [us UTC]; some may repeat
+    values: Floats  # (n,) in the source's unit; NaN where the status is a reason
+    statuses: NDArray[np.int8]  # (n,) :class:`ValueStatus`; the caller sets what becomes of the days
+    unsorted: int = 0
+    unreadable: int = 0
+
+
+def read_exports(paths: Sequence[Path], spec: Spec) -> list[Table]:
+    """Read all files; UndeclaredError, before any work, for what none of them holds or declares."""
+    tables = []
+    for path in dict.fromkeys(paths):
+        table = read_table(path, shown(path.name), spec, MANY, export=True)
+        _refuse_flags(table, spec)
+        _refuse_units(table, spec)
+        tables.append(table)
+    found = {name for table in tables for columns in table.parts for name in columns.numbers}
+    for table in tables:
+        # an export of other tags is no fault; one that was to be read, and of which no row can be, is
+        if table.lacking and (not found or not table.others):
+            raise UndeclaredError(f"{table.name}, {table.lacking}")
+    for signal in spec.signals:
+        for source in signal.sources:
+            if source not in found:
+                unread = {name for table in tables for name in (*table.others, *table.cells)}
+                near = difflib.get_close_matches(source, unread, n=1, cutoff=0.3)
+                nearest = f"; nearest is {near[0]!r}" if near else ""
+                raise UndeclaredError(
+                    f"no export holds {source!r} for {signal.name}{nearest}: "
+                    f"set [input] {signal.name} to the export's own name"
+                )
+    return tables
+
+
+def _refuse_flags(table: Table, spec: Spec) -> None:
+    """Values that an undeclared flag marks as doubtful would be taken as measured."""
+    read = {*spec.sources, spec.input.value}
+    for column, texts in table.cells.items():
+        if column in spec.input.ignore or not looks_like_flags(column, texts, read):
+            continue
+        few = ", ".join(repr(text[:20]) for text in sorted(texts or ())[:6])
+        more = ", ..." if texts and len(texts) > 6 else ""
+        raise UndeclaredError(
+            f"{table.name}: column {column!r} ({few}{more}) may hold flags or zones: set [input] quality and "
+            f"good, or zone_column; if it is neither, ignore = [{column!r}]"
+        )
+
+
+def _refuse_units(table: Table, spec: Spec) -> None:
+    """A unit that the file states and the configuration does not would be a factor in the values."""
+    present = {name for columns in table.parts for name in columns.numbers}
+    for signal in spec.signals:
+        if signal.name in spec.input.units:
+            continue
+        level = signal.name == "h_L"
+        for source in signal.sources:
+            unit = stated_unit(source, table.units.get(source, ""), level=level)
+            if source in present and unit and unit != ("m" if level else "m3/s"):
+                raise UndeclaredError(
+                    f"{table.name}: {source!r} seems to be in {unit}: set [input.units] "
+                    f'{signal.name} = "{unit}", or to what it is'
+                )
+
+
+def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Series], list[Fault]]:
+    """The zone of the local days, the series of all files, and the faults of their days in order of time.
+
+    UndeclaredError where the zone is unknown or differs between files.
+    """
+    zone = _one_zone(tables, spec)
+    faults: list[Fault] = []
+    pieces: dict[str, list[_Piece]] = {source: [] for source in spec.sources}
+    for table in tables:
+        for columns in table.parts:
+            times, wrong = in_utc(columns, zone, spec)
+            rows = [fault.at for fault in wrong]
+            wrong += _faults(columns, times, spec, zone)
+            # of a row that cannot be read the day is not known: it counts for those of both neighbours
+            wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
+            last = len(times) - 1
+            dated = {(int(times[min(max(f.at, 0), last)]), f"{table.name}, {f.text}", f.cut) for f in wrong}
+            faults += [Fault(*fault) for fault in dated]
+            for name in columns.numbers:
+                piece = _piece(name, columns, times, table.name, spec)
+                piece[-1][rows] = ValueStatus.TIME
+                pieces[name].append(piece)
+    series = {name: _join(name, found, zone, faults) for name, found in pieces.items() if found}
+    return zone, series, sorted(faults)
+
+
+def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
+    zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
+    if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
+        one, other = list(zones.values())[:2]
+        raise UndeclaredError(
+            f"{one} and {other} have different UTC offsets: set [input] time_zone to the zone whose days are "
+            'meant, for example "Europe/Paris"'
+        )
+    return next(iter(zones))
+
+
+def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _Piece:
+    values = columns.numbers[name]
+    statuses = np.where(np.isfinite(values), ValueStatus.USED, ValueStatus.MISSING).astype(np.int8)
+    for row, text in columns.why.get(name, {}).items():
+        statuses[row] = (
+            ValueStatus.FLAG
+            if text.startswith(FLAG)
+            else ValueStatus.MISSING
+            if text in EMPTY
+            else ValueStatus.STATUS
+        )
+    if spec.input.sentinels:
+        statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
+    return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
+
+
+def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
+    """Undeclared sentinels and values beyond any river, at their rows."""
+    faults = undeclared(columns, times, spec, zone)
+    for signal in spec.signals:
+        for source in set(signal.sources) & set(columns.numbers):
+            values = columns.numbers[source] * signal.factor
+            beyond = (np.abs(values) > LARGEST) & ~np.isin(columns.numbers[source], spec.input.sentinels)
+            for row in np.flatnonzero(beyond).tolist():
+                faults.append(Fault(row, too_large(source, signal, columns, row, abs(float(values[row])))))
+    return faults
+
+
+def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
+    _, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    times, values, statuses = map(np.concatenate, (all_times, all_values, all_statuses))
+    unsorted = sum(int((part < np.maximum.accumulate(part)).sum()) for part in all_times)
+    order = np.argsort(times, kind="stable")
+    times, values, statuses = times[order], values[order], statuses[order]
+    there = np.flatnonzero(statuses == ValueStatus.USED)
+    again = np.flatnonzero(np.diff(times[there]) == 0) + 1
+    for at in again.tolist():
+        old, new = there[at - 1], there[at]
+        if values[old] != values[new]:
+            text = logged_twice(name, int(times[new]), zone, values[old], values[new])
+            places = [_place(pieces, int(order[i])) for i in (new, old)]
+            faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
+    statuses[there[again]] = ValueStatus.DUPLICATE
+    unreadable = sum(len(columns.bad) for columns in all_columns)
+    return Series(name, times, values, statuses, unsorted, unreadable)
+
+
+def _place(pieces: list[_Piece], row: int) -> str:
+    for file, columns, times, _, _ in pieces:
+        if row < len(times):
+            return f"{file}, {columns.place(row)}"
+        row -= len(times)
+    raise IndexError(row)
+
+
+def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
+    """The account as JSON holds it: values read = values used + values dropped, by reason.
+
+    To be drawn up once the statuses of all values are set; values of unreadable rows count once per source.
+    """
+    sources = {}
+    for one in series:
+        kinds, counts = np.unique(one.statuses, return_counts=True)
+        count = Counter(dict(zip(kinds.tolist(), counts.tolist(), strict=True)))
+        count[ValueStatus.UNREADABLE] += one.unreadable
+        sources[one.name] = {
+            "read": count.total(),
+            "used": count[ValueStatus.USED],
+            "dropped": {word: count[status] for status, word in WORDS.items() if count[status]},
+            "sorted": one.unsorted,
+        }
+    flags: Counter[str] = Counter()
+    files = []
+    for table in tables:
+        for columns in table.parts:
+            flags += columns.flags
+        good = sum(len(columns.times) for columns in table.parts)
+        files.append(
+            {
+                "file": table.name,
+                "rows": table.rows,
+                "unreadable_rows": table.rows - table.others.total() - good,
+                "comment_lines": table.comments,
+                "repeated_headers": table.headers,
+                "empty_lines": table.empty,
+                "footer_lines": table.footers,
+                "rows_of_other_tags": dict(table.others),
+            }
+        )
+    return {"sources": sources, "flags": dict(flags), "files": files}
+
+
+def ledger_lines(ledger: dict[str, Any]) -> Iterable[str]:
+    """The account as a table."""
+    names, sources = [name[:24] for name in ledger["sources"]], list(ledger["sources"].values())
+    dropped = {word: [source["dropped"].get(word, 0) for source in sources] for word in WORDS.values()}
+    rows = {"read": [source["read"] for source in sources]}
+    rows |= {word: counts for word, counts in dropped.items() if any(counts)}
+    rows["used"] = [source["used"] for source in sources]
+    if any(source["sorted"] for source in sources):
+        rows["out of order, sorted"] = [source["sorted"] for source in sources]
+    widths = [max(len(name), 9) for name in names]
+    yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
+    for word, counts in rows.items():
+        yield "  ".join([f"{word:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
+
+
+Origins = list[tuple[Series, Ints]]
+"""Rows of sources from which values come."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canonical:
+    """A canonical column: its values, or the reports of sources that are logged when they change.
+
+    Reports (`[input.hold]`) are sampled on the grid of each day and hold until the next one; then `times` and
+    `values` are empty, and `origins` are the reports in order of time.
+    """
+
+    signal: Signal  # for the grid: with reports, the column comes every T_s
+    times: Ints  # (n,) from which the values count [us UTC]: the stamp's shift is subtracted
+    values: Floats  # (n,) [m3/s] or [m]
+    origins: Origins  # per source: the row of each value in it
+
+    @property
+    def stamps(self) -> Ints:
+        """Times as they are in the export, ascending [us UTC]."""
+        if not self.signal.hold:
+            return self.times + self.signal.shift
+        return np.unique(np.concatenate([series.times[rows] for series, rows in self.origins]))
+
+    def of_day(self, grid: Grid, early: int) -> tuple[Ints, Floats, Origins]:
+        """Times and values of a local day, and their origins."""
+        if self.signal.hold:
+            return self._sampled(grid, early)
+        low, high = self.times.searchsorted((grid.start - early, grid.end - early)).tolist()
+        origins = [(series, rows[low:high]) for series, rows in self.origins]
+        return self.times[low:high], self.values[low:high], origins
+
+    def _sampled(self, grid: Grid, early: int) -> tuple[Ints, Floats, Origins]:
+        total = np.zeros(len(grid.times))
+        origins: Origins = []
+        for series, rows in self.origins:
+            if not len(rows):
+                total[:] = np.nan
+                continue
+            at = series.times[rows].searchsorted(grid.times + early, side="right") - 1
+            last = rows[np.maximum(at, 0)]
+            age = grid.times - series.times[last]
+            held = (at >= 0) & (age <= self.signal.hold)
+            total += np.where(held, series.values[last], np.nan)
+            picked = np.unique(last[held])
+            origins.append((series, picked[np.isfinite(series.values[picked])]))
+        there = np.isfinite(total)
+        return grid.times[there], total[there] * self.signal.factor, origins
+
+    def reports_within(self, grid: Grid) -> Origins:
+        """The reports of a local day, sampled or not."""
+        found: Origins = []
+        for series, _ in self.origins if self.signal.hold else ():
+            low, high = series.times.searchsorted((grid.start, grid.end)).tolist()
+            found.append((series, low + np.flatnonzero(np.isfinite(series.values[low:high]))))
+        return found
+
+
+def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
+    """The canonical columns; statuses of values that lack a partner in every sum are set."""
+    matched = {name: np.zeros(len(s.times), bool) for name, s in series.items()}
+    columns = []
+    for signal in spec.signals:
+        parts = [series[name] for name in signal.sources]
+        if signal.hold:
+            signal = replace(signal, spacing=round(spec.period * MICRO), shift=0)
+            # a flag, sentinel or status ends what was held before
+            no_report = (ValueStatus.DUPLICATE, ValueStatus.TIME)
+            reports = [(part, np.flatnonzero(~np.isin(part.statuses, no_report))) for part in parts]
+            columns.append(Canonical(signal, np.empty(0, np.int64), np.empty(0), reports))
+            for part in parts:
+                matched[part.name][:] = True
+            continue
+        rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
+        common = parts[0].times[rows[0]]
+        for part, there in zip(parts[1:], rows[1:], strict=True):
+            common = np.intersect1d(common, part.times[there], assume_unique=True)
+        kept = [there[np.isin(part.times[there], common)] for part, there in zip(parts, rows, strict=True)]
+        total = parts[0].values[kept[0]]
+        for part, there in zip(parts[1:], kept[1:], strict=True):
+            total = total + part.values[there]
+        for part, there in zip(parts, kept, strict=True):
+            matched[part.name][there] = True
+        values = total * signal.factor if signal.factor != 1.0 else total
+        origins = list(zip(parts, kept, strict=True))
+        columns.append(Canonical(signal, common - signal.shift, values, origins))
+    for name, found in matched.items():
+        alone = ~found & (series[name].statuses == ValueStatus.USED)
+        series[name].statuses[alone] = ValueStatus.UNMATCHED
+    return columns
+
+
+@dataclass
+class DayResult:
+    """A day and its status.
+
+    Judged, it is good, refused or pending; a good one is then written, identical, or differs: another log
+    stays in place.
+    """
+
+    date: dt.date
+    status: str = "good"
+    reason: str = ""
+    file: str = ""
+    rows: int = 0
+    filled: int = 0  # samples of the grid that lie in gaps
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return {**self.__dict__, "date": str(self.date)}
+
+
+DayRows = tuple[Ints, dict[str, Floats], Origins, Origins]
+"""Of a day: ascending times (n,) of its rows [us UTC]; canonical columns (n,), NaN where a row has no
+value; the rows of the sources that the values come from; its reports, sampled or not."""
+
+
+def _settle(rows: DayRows, status: ValueStatus) -> None:
+    """Set the status of the values of a day."""
+    _, _, origins, reports = rows
+    for series, at in reports:
+        series.statuses[at[series.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
+    for series, at in origins:  # one held into a second day stays used
+        series.statuses[at[series.statuses[at] != ValueStatus.USED]] = status
+
+
+def dates_of(
+    columns: Sequence[Canonical], zone: dt.tzinfo, faults: Sequence[Fault], spec: Spec
+) -> list[dt.date]:
+    """Local days of which the export has rows, ascending; a row at midnight alone makes no day."""
+    stamps = np.unique(np.concatenate([column.stamps for column in columns]))
+    held = [bool(column.signal.hold) for column in columns]
+    found = set(days_of(np.concatenate([column.times for column in columns]), zone, spec.tolerance))
+    if any(held):
+        found |= set(days_of(stamps, zone, spec.tolerance))
+        if all(held):  # nothing may change for a whole day
+            found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
+    longest = max(column.signal.spacing for column in columns)
+    kept = []
+    for date in sorted(found):
+        start, end = (t - spec.tolerance for t in day_bounds(date, zone))
+        first = start + max(2 * spec.tolerance + 1, spec.latest)
+        low, high = stamps.searchsorted((first, end))
+        faulty = any(start <= fault.at < end for fault in faults)
+        lasting = all(held) and stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
+        if low < high or faulty or lasting or 2 * longest > end - start:
+            kept.append(date)
+    return kept
+
+
+def judge(
+    date: dt.date,
+    columns: Sequence[Canonical],
+    zone: dt.tzinfo,
+    faults: Sequence[Fault],
+    spec: Spec,
+    today: dt.date,
+) -> tuple[DayResult, DayRows]:
+    """A day as `rivid run` would take it, and its rows; a log of `today` or later may be unfinished."""
+    grid = make_grid(*day_bounds(date, zone), spec.period, zone)
+    parts = [column.of_day(grid, spec.tolerance) for column in columns]
+    times = np.unique(np.concatenate([times for times, _, _ in parts]))
+    values = {}
+    for column, (at, there, _) in zip(columns, parts, strict=True):
+        values[column.signal.name] = np.full(len(times), np.nan)
+        values[column.signal.name][times.searchsorted(at)] = there
+    origins = [origin for _, _, found in parts for origin in found]
+    rows = times, values, origins, [r for column in columns for r in column.reports_within(grid)]
+    day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
+    own = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high]
+    if own:
+        more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
+        day.status, day.reason = "refused", f"{own[0].text}{more}"
+        return day, rows
+    series = {column.signal.name: (at, there) for column, (at, there, _) in zip(columns, parts, strict=True)}
+    try:
+        _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
+    except DataError as error:
+        unfinished = isinstance(error, TrailingGap) and date >= today
+        day.status = "pending" if unfinished else "refused"
+        day.reason = str(error) + _advice(columns, series, grid)
+    return day, rows
+
+
+def _advice(columns: Sequence[Canonical], series: TimedValues, grid: Grid) -> str:
+    """Advice on irregular values, which may be logged when they change: only the user knows."""
+    for name in (column.signal.name for column in columns if not column.signal.hold):
+        times, _ = series[name]
+        steps = np.diff(times)
+        if len(steps) > 1 and (np.abs(steps - np.median(steps)) > 0.1 * np.median(steps)).mean() > 0.5:
+            longest = int(np.ceil(max(steps.max(), grid.end - times[-1]) / MICRO))
+            return (
+                f"; if {name} is logged only when it changes, set [input.hold] {name} to the longest time "
+                f"that a value holds [s] (here at least {longest})"
+            )
+    return ""
+
+
+OF_DAY = {
+    "refused": ValueStatus.REFUSED,
+    "pending": ValueStatus.PENDING,
+    "differs": ValueStatus.STANDING,
+}
+"""Status of the values of a day that is not used."""
+KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
+"""Keys of `[input]` on how days are made of values, not on what a file looks like."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of an ingest.
+
+    Attributes
+    ----------
+    days : list of DayResult
+        In date order.
+    ledger : dict
+        The account of the values; see :func:`ledger_of`.
+    run_config : Path
+    notes : list of str
+        Tags and columns that were not read.
+    """
+
+    days: list[DayResult]
+    ledger: dict[str, Any]
+    run_config: Path
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Days by status."""
+        return Counter(day.status for day in self.days)
+
+    @property
+    def exit_code(self) -> int:
+        """0: all well; 3: a day is refused, or kept out by another log; 10: there is none."""
+        if not self.days:
+            return NoDataError.exit_code
+        return 3 if self.counts["refused"] or self.counts["differs"] else 0
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return {
+            "days": [day.to_json() for day in self.days],
+            "counts": dict(self.counts),
+            "values": self.ledger,
+            "notes": self.notes,
+            "run_config": str(self.run_config),
+        }
+
+
+def ingest(
+    exports: Sequence[Path],
+    out: Path,
+    config: Config,
+    *,
+    format: Format = "csv",
+    first: dt.date | None = None,
+    last: dt.date | None = None,
+    force: bool = False,
+    dry_run: bool = False,
+    today: dt.date | None = None,
+    run_config: Path | None = None,
+) -> Outcome:
+    """Make daily logs of exports.
+
+    The configuration that it wrote next to the logs is written again where nothing but that changes; where
+    logs differ, or the file was edited, it stays.
+
+    Parameters
+    ----------
+    exports : sequence of Path
+        Files of one dialect.
+    out : Path
+        DATA_DIR.
+    config : Config
+    format : {"csv", "csv.gz", "parquet"}
+    first, last : date, optional
+        First and last local day that is written.
+    force : bool
+        Overwrite what differs.
+    dry_run : bool
+        Write nothing.
+    today : date, optional
+        From this day on, a log may be unfinished; default: by the clock.
+    run_config : Path, optional
+        File for the configuration of the logs; default: ``<out>_run.toml``.
+
+    Raises
+    ------
+    ConfigError
+        Where the exports are not as declared, or something in place must not be overwritten.
+    DataError
+        Where a file cannot be read.
+    NoDataError
+        Where the exports hold no value of the required columns.
+    """
+    spec = spec_of(config)
+    run_config = run_config or run_config_of(out)
+    text = config_for_logs(config)
+    _refuse_place(out, exports)
+    there = _standing(run_config, text)
+    if there == "other" and not force:
+        _refuse_overwriting(run_config)
+    try:
+        tables = read_exports(exports, spec)
+        zone, gathered, faults = gather(tables, spec)
+    except UndeclaredError as error:
+        more = "" if "rivid sniff" in str(error) else "; `rivid sniff` proposes an [input] block"
+        raise ConfigError(f"{error}{more}") from None
+    columns = canonical(gathered, spec)
+    for series in gathered.values():
+        series.statuses[series.statuses == ValueStatus.USED] = ValueStatus.OUTSIDE
+    dates = [d for d in dates_of(columns, zone, faults, spec) if (first or d) <= d <= (last or d)]
+    today = today or dt.datetime.now(zone).date()
+    if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
+        for date in dates:
+            day, rows = judge(date, columns, zone, faults, spec, today)
+            path = out / f"{date}.{format}"
+            if day.status == "good" and _standing_log(path, _bytes_of(rows, zone, format)[0])[0] == "differs":
+                _refuse_overwriting(run_config)
+    results = []
+    for date in dates:
+        day, rows = judge(date, columns, zone, faults, spec, today)
+        if day.status == "good":
+            path = out / f"{date}.{format}"
+            _write(day, path, *_bytes_of(rows, zone, format), force=force, dry_run=dry_run)
+        _settle(rows, OF_DAY.get(day.status, ValueStatus.USED))
+        results.append(day)
+    written = any(result.status in ("written", "identical") for result in results)
+    if there != "same" and not dry_run and written:
+        write_text(run_config, text)
+    return Outcome(results, ledger_of(tables, gathered.values()), run_config, _notes(tables))
+
+
+def _write(day: DayResult, path: Path, data: bytes, count: int, *, force: bool, dry_run: bool) -> None:
+    """Write a good day, unless another log is in its place."""
+    day.status, day.file, day.rows = "written", path.name, count
+    if dry_run:
+        return
+    day.status, day.file = _standing_log(path, data)
+    plain = day.file == path.name and path.is_file() and not path.is_symlink()
+    if day.status == "absent" or (day.status == "differs" and force and plain):
+        with replacing(path) as scratch:
+            scratch.write_bytes(data)
+        day.status = "written"
+    elif day.status == "differs" and day.file != path.name:
+        day.reason = f"{day.file} is there already: take it away, or choose its --format"
+    elif day.status == "differs":
+        day.reason = f"{day.file} is there and differs: --force writes it again"
+
+
+def _bytes_of(rows: DayRows, zone: dt.tzinfo, format: Format) -> tuple[bytes, int]:
+    """The log of a good day as a file, and how many rows it has."""
+    times, columns, *_ = rows
+    there = np.any([np.isfinite(values) for values in columns.values()], axis=0)
+    kept = {name: values[there] for name, values in columns.items()}
+    return rows_as_bytes(times[there], kept, zone, format), int(there.sum())
+
+
+def _standing_log(path: Path, data: bytes) -> tuple[str, str]:
+    """Whether the log of a day is "absent", "identical", or one that "differs"; and its file name."""
+    stem = path.name[:10]
+    for other in (path.with_name(f"{stem}{suffix}") for suffix in SUFFIXES):
+        if other != path and (other.exists() or other.is_symlink()):
+            return "differs", other.name
+    if not path.exists() and not path.is_symlink():
+        return "absent", path.name
+    plain = path.is_file() and not path.is_symlink()
+    same = plain and path.stat().st_size == len(data) and path.read_bytes() == data
+    return "identical" if same else "differs", path.name
+
+
+def _refuse_place(out: Path, exports: Sequence[Path]) -> None:
+    """Refuse a directory in which the logs would mix with others, or with the exports."""
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"--out {shown(str(out))} is a file: expected a directory")
+    here = out.resolve()
+    for export in exports:
+        if export.resolve().parent == here and suffix_of(export.name):
+            raise ConfigError(
+                f"{shown(str(export))} lies in {shown(str(out))}, where `rivid run` would take it for a log: "
+                "choose another --out"
+            )
+    for path in sorted(out.iterdir()) if out.is_dir() else ():
+        if suffix_of(path.name) and not path.name.startswith(".") and not is_day_file(path.name):
+            raise ConfigError(
+                f"{shown(str(out))} holds {shown(path.name)}, which would mix with the days: choose an empty "
+                "directory, or one of daily logs"
+            )
+
+
+def _notes(tables: Sequence[Table]) -> list[str]:
+    others = Counter[str]()
+    unread: dict[str, None] = {}
+    for table in tables:
+        others += table.others
+        unread |= dict.fromkeys(table.cells)
+    notes = []
+    if unread:
+        notes.append(f"columns not read: {', '.join(name[:40] for name in unread)}")
+    if footers := sum(table.footers for table in tables):
+        notes.append(f"last lines of files that hold no data (footer_rows): {footers:,d} passed over")
+    if others:
+        tags = ", ".join(f"{tag[:40]} ({count:,d} rows)" for tag, count in others.most_common(12))
+        notes.append(f"tags not asked for: {tags}{', ...' if len(others) > 12 else ''}")
+    return notes
+
+
+def run_config_of(out: Path) -> Path:
+    """The file for the configuration of the logs, unless another is chosen."""
+    place = out.resolve()
+    return place.with_name(f"{place.name}_run.toml")
+
+
+def config_for_logs(config: Config) -> str:
+    """TOML for the written logs: `[input]` without the exports' keys; ConfigError if the rest disagrees."""
+    raw = config.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    given = raw.pop("input", {})
+    own = {key: given[key] for key in KEPT if key in given}
+    if config.input.u_Qo == "" and config.reach.kind == "pool":
+        own["u_Qo"] = ""
+    if config.input.interval:
+        own["interval"] = dict(config.input.interval)
+    reach = {"reach": raw.pop("reach")} if "reach" in raw else {}
+    raw = reach | {"input": own} | raw
+    parse(raw, Config, "the configuration for the logs")
+    body = tomli_w.dumps({section: entries for section, entries in raw.items() if entries})
+    return _first_line(body) + body
+
+
+def _first_line(body: str) -> str:
+    """The first line of a configuration that ingest writes; its digest shows whether the rest was edited."""
+    mark = sha256(body.encode()).hexdigest()[:12]
+    return (
+        f"# Written by `rivid ingest` for the logs it made of the exports; it keeps this up to date. {mark}\n"
+    )
+
+
+def _standing(path: Path, text: str) -> str:
+    """Whether a configuration is "absent", the "same", ingest's "own" but different, or any "other"."""
+    if not path.exists():
+        return "absent"
+    try:
+        there = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return "other"
+    first, _, body = there.partition("\n")
+    return "same" if there == text else "own" if f"{first}\n" == _first_line(body) else "other"
+
+
+def _refuse_overwriting(path: Path) -> None:
+    """Refuse to overwrite an edited configuration, or one that other logs are read with."""
+    raise ConfigError(
+        f"{shown(str(path))} exists and differs: --force overwrites it and differing days again, "
+        "--run-config writes it elsewhere"
+    )
