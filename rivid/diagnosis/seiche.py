@@ -57,11 +57,10 @@ def through_filter(noise: NoiseModel, n: int) -> Floats:
 
 def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
     """Power of a seiche's level at the same frequencies [m2], 1 m2 for white noise of 1 m."""
-    law = effect.autoregression(sample_time)  # type: ignore[attr-defined]
+    (a1, a2), innovation = effect.autoregression(sample_time)  # type: ignore[attr-defined]
     omega = 2.0 * np.pi * np.arange(1, (n - 1) // 2 + 1) / n
-    a1, a2 = law.coefficients
     turn = np.exp(-1j * omega)
-    return np.asarray(law.innovation**2 / np.abs(1.0 - a1 * turn - a2 * turn**2) ** 2)
+    return np.asarray(innovation**2 / np.abs(1.0 - a1 * turn - a2 * turn**2) ** 2)
 
 
 def fit_seiche(

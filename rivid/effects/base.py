@@ -171,6 +171,13 @@ class Effect(ABC):
         and `seiche`.
     twins : tuple of str
         Effects with nearly the same column: when one is in the model, its remainder is not named another.
+    linear_trials : dict of str to float
+        Parameters that the effect is proportional to, and the small value of each at which the diagnosis
+        computes its column.
+    sized_trials : dict of str to tuple of float
+        Other parameters, and the sizes at which the diagnosis tries each.
+    trial_dates, trial_sign : str, int
+        Windows that these trials scan, and sign of the coefficient of linear ones.
     confounded_with : dict of str to str
         Effects that data of normal operation may not separate from this one, each with the measurement or
         gate operation that does. One of the two classes suffices.
@@ -198,6 +205,10 @@ class Effect(ABC):
     stepwise: ClassVar[tuple[str, ...]] = ()
     found_as: ClassVar[FoundAs] = ""
     twins: ClassVar[tuple[str, ...]] = ()
+    linear_trials: ClassVar[dict[str, float]] = {}
+    sized_trials: ClassVar[dict[str, tuple[float, ...]]] = {}
+    trial_dates: ClassVar[Dates] = "all"
+    trial_sign: ClassVar[int] = 0
     confounded_with: ClassVar[dict[str, str]] = {}
 
     dates: tuple[dt.date, dt.date] | None = None
@@ -303,13 +314,18 @@ class Effect(ABC):
 
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
-        """Trials of the diagnosis; unless a class defines its own, the effect at its usual size.
+        """Trials of the diagnosis; unless a class defines others, the effect at its usual size.
 
         Parameters
         ----------
         sample_time : float
             T_s [s]; clocks are tried at its multiples.
         """
+        dates, sign = cls.trial_dates, cls.trial_sign
+        tried = [cls.linear_trial(k, at, dates=dates, sign=sign) for k, at in cls.linear_trials.items()]
+        tried += [cls.trial_at(k, at, dates=dates) for k, sizes in cls.sized_trials.items() for at in sizes]
+        if tried:
+            return tried
         usual = cls.defaults()
         free = tuple(key for key, value in usual.items() if isinstance(value, float | int) and value != 0)
         if cls.found_as in ("jump", *LEVEL_NOISES) or set(cls.parameters()) - set(usual) or not free:

@@ -74,15 +74,11 @@ def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[
 
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
+LOW, HIGH = -87_600.0, 876_000.0
+"""Ten years before the first day and a hundred after it [h]."""
+START = "when each begins, hours since the first day's midnight; none: drawn"
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
 """Hours of the operators' shifts [h]: a gain error may belong to one of them."""
-
-
-def _gain_trials(effect: type[Effect]) -> list[Trial]:
-    return [
-        effect.linear_trial("error", 0.02, dates="between"),
-        *(effect.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS),
-    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +93,8 @@ class LateralInflow(Effect):
     family = "flow"
     depends_on_level = False
     varies_with_date = "inflow"
+    linear_trials = {"inflow": 1.0}
+    trial_dates = "between"
     twins = ("sensor_drift",)
     confounded_with = {
         "sensor_drift": (
@@ -126,10 +124,6 @@ class LateralInflow(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         spread_over_dates(self, "inflow")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("inflow", 1.0, dates="between")]
 
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
@@ -170,94 +164,6 @@ class DiurnalInflow(Effect):
 
         flow = self.amplitude * world.mean_of(volume) * self.active(world)
         return Changes(added=(AddedFlow(self.place, flow),))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Leakage(Effect):
-    """``outflow at the place += loss (level - usual level)``."""
-
-    name = "leakage"
-    family = "flow"
-    acts_on_river = False
-    confounded_with = {
-        "gate_head_effect": (
-            "Hold the level a few decimetres high and low for some hours each, once at low and once at "
-            "high outflow: a leak takes the same both times, the gates more where more goes through."
-        ),
-    }
-    sentence = "Water that is lost the faster the higher the level stands: seepage, a leaking gate."
-    looks = (
-        "The level falls back to its usual height faster than the logs explain, from above as from below; "
-        "the part that is always lost looks like a negative lateral_inflow."
-    )
-
-    loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the usual level")
-    place: float = quantity(1.0, "-", 0.0, 1.0, PLACE)
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("loss", 10.0, sign=1)]
-
-    def changes(self, world: World) -> Changes:
-        return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))
-
-
-@dataclass(frozen=True, kw_only=True)
-class InflowGainError(Effect):
-    """``real inflow = (1 + error) logged inflow``."""
-
-    name = "inflow_gain_error"
-    family = "flow"
-    depends_on_level = False
-    confounded_with = {
-        "outflow_gain_error": (
-            "Gauge one of the two dams once (a current meter or ADCP at a steady flow): the operators "
-            "pass on what comes in, so the logs alone cannot show which dam's figure is off."
-        ),
-    }
-    sentence = "The upstream dam lets through more, or less, than its log holds, in proportion."
-    looks = (
-        "What the logs do not explain follows the inflow with the travel time; only its beginning or end "
-        "distinguishes it from outflow_gain_error while the operators pass on what comes in."
-    )
-
-    error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real inflow over logged inflow, less 1")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return _gain_trials(cls)
-
-    def changes(self, world: World) -> Changes:
-        return Changes(inflow=world.inflow * (1.0 + self.error * self.active(world)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class OutflowGainError(Effect):
-    """``real outflow = (1 + error) logged outflow``."""
-
-    name = "outflow_gain_error"
-    family = "flow"
-    acts_on_river = False
-    depends_on_level = False
-    sentence = "The downstream dam lets through more, or less, than its log holds, in proportion."
-    looks = (
-        "What the logs do not explain follows the outflow at once; only its beginning or end "
-        "distinguishes it from inflow_gain_error while the operators pass on what comes in."
-    )
-
-    error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real outflow over logged outflow, less 1")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return _gain_trials(cls)
-
-    def changes(self, world: World) -> Changes:
-        return Changes(gate=Gate(factor=1.0 + self.error * self.active(world)))
-
-
-LOW, HIGH = -87_600.0, 876_000.0
-"""Ten years before the first day and a hundred after it [h]."""
-START = "when each begins, hours since the first day's midnight; none: drawn"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -436,6 +342,86 @@ class UnloggedDownstreamRelease(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Leakage(Effect):
+    """``outflow at the place += loss (level - usual level)``."""
+
+    name = "leakage"
+    family = "flow"
+    acts_on_river = False
+    linear_trials = {"loss": 10.0}
+    trial_sign = 1
+    confounded_with = {
+        "gate_head_effect": (
+            "Hold the level a few decimetres high and low for some hours each, once at low and once at "
+            "high outflow: a leak takes the same both times, the gates more where more goes through."
+        ),
+    }
+    sentence = "Water that is lost the faster the higher the level stands: seepage, a leaking gate."
+    looks = (
+        "The level falls back to its usual height faster than the logs explain, from above as from below; "
+        "the part that is always lost looks like a negative lateral_inflow."
+    )
+
+    loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the usual level")
+    place: float = quantity(1.0, "-", 0.0, 1.0, PLACE)
+
+    def changes(self, world: World) -> Changes:
+        return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _GainError(Effect):
+    """An error in proportion to a logged flow."""
+
+    family = "flow"
+    depends_on_level = False
+
+    error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real flow over logged flow, less 1")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        hourly = [cls.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS]
+        return [cls.linear_trial("error", 0.02, dates="between"), *hourly]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InflowGainError(_GainError):
+    """``real inflow = (1 + error) logged inflow``."""
+
+    name = "inflow_gain_error"
+    confounded_with = {
+        "outflow_gain_error": (
+            "Gauge one of the two dams once (a current meter or ADCP at a steady flow): the operators "
+            "pass on what comes in, so the logs alone cannot show which dam's figure is off."
+        ),
+    }
+    sentence = "The upstream dam lets through more, or less, than its log holds, in proportion."
+    looks = (
+        "What the logs do not explain follows the inflow with the travel time; only its beginning or end "
+        "distinguishes it from outflow_gain_error while the operators pass on what comes in."
+    )
+
+    def changes(self, world: World) -> Changes:
+        return Changes(inflow=world.inflow * (1.0 + self.error * self.active(world)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutflowGainError(_GainError):
+    """``real outflow = (1 + error) logged outflow``."""
+
+    name = "outflow_gain_error"
+    acts_on_river = False
+    sentence = "The downstream dam lets through more, or less, than its log holds, in proportion."
+    looks = (
+        "What the logs do not explain follows the outflow at once; only its beginning or end "
+        "distinguishes it from inflow_gain_error while the operators pass on what comes in."
+    )
+
+    def changes(self, world: World) -> Changes:
+        return Changes(gate=Gate(factor=1.0 + self.error * self.active(world)))
+
+
+@dataclass(frozen=True, kw_only=True)
 class GateHeadEffect(Effect):
     """``real outflow = (1 + gain (level - usual level)) logged outflow``."""
 
@@ -443,6 +429,8 @@ class GateHeadEffect(Effect):
     family = "flow"
     acts_on_river = False
     absorbed_by_response = True
+    linear_trials = {"gain": 0.05}
+    trial_sign = 1
     sentence = "The downstream gates let through more the higher the level stands; the log does not show it."
     looks = (
         "What the logs do not explain grows with level times outflow: as leakage, but less at night when "
@@ -450,10 +438,6 @@ class GateHeadEffect(Effect):
     )
 
     gain: float = quantity(0.1, "1/m", -0.5, 2.0, "relative gain of the outflow for each metre of level")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("gain", 0.05, sign=1)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(head=self.gain * self.active(world), reference=world.level))
@@ -468,6 +452,7 @@ class StorageAreaSlope(Effect):
     windowed = False
     acts_on_river = False
     absorbed_by_response = True
+    linear_trials = {"slope": 0.1}
     sentence = "The water surface grows with the level: banks that slope, flats that flood."
     looks = (
         "The same surplus of inflow lifts a high level less than a low one. Sloping banks of the channel "
@@ -475,10 +460,6 @@ class StorageAreaSlope(Effect):
     )
 
     slope: float = quantity(0.25, "1/m", -0.5, 2.0, "relative growth of the surface for each metre of level")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("slope", 0.1)]
 
     def changes(self, world: World) -> Changes:
         return Changes(area_slope=self.slope, area_reference=world.level)

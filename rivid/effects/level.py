@@ -2,30 +2,25 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from rivid.effects.base import Effect, Trial, World, quantity
+from rivid.effects.base import Effect, World, quantity
 from rivid.reach.changes import Changes
 from rivid.types import DAY, Floats
 
+Autoregression = tuple[tuple[float, ...], float]
+"""a_1, or a_1 and a_2, of a stationary ``x_k = a_1 x_k-1 + a_2 x_k-2 + e_k``; standard deviation of e [m]."""
 
-class Autoregression(NamedTuple):
-    """``x_k = a_1 x_k-1 + a_2 x_k-2 + e_k``."""
 
-    coefficients: tuple[float, ...]
-    """a_1, or a_1 and a_2; stationary."""
-    innovation: float
-    """Standard deviation of e [m]."""
-
-    def covariance(self) -> Floats:
-        """Variance, and with two coefficients the covariance of neighbours [m2]; by Yule and Walker."""
-        if len(self.coefficients) == 1:
-            return np.array([self.innovation**2 / (1.0 - self.coefficients[0] ** 2)])
-        a1, a2 = self.coefficients
-        variance = self.innovation**2 * (1.0 - a2) / ((1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1))
-        return variance * np.array([1.0, a1 / (1.0 - a2)])
+def covariance(model: Autoregression) -> Floats:
+    """Variance, and with two coefficients the covariance of neighbours [m2]; by Yule and Walker."""
+    coefficients, innovation = model
+    if len(coefficients) == 1:
+        return np.array([innovation**2 / (1.0 - coefficients[0] ** 2)])
+    a1, a2 = coefficients
+    variance = innovation**2 * (1.0 - a2) / ((1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1))
+    return variance * np.array([1.0, a1 / (1.0 - a2)])
 
 
 def draw(model: Autoregression, world: World) -> Floats:
@@ -40,17 +35,18 @@ def draw(model: Autoregression, world: World) -> Floats:
     T_s = world.sample_time
     steps = (world.time - world.time.min()) / T_s
     at = np.floor(steps + 0.4999).astype(np.intp)  # a half always goes the same way
-    shocks = world.rng().standard_normal(int(at.max()) + 1 + len(model.coefficients))
-    covariance = model.covariance()
-    past = np.sqrt(covariance[0]) * shocks[0]
+    coefficients, innovation = model
+    shocks = world.rng().standard_normal(int(at.max()) + 1 + len(coefficients))
+    variance = covariance(model)
+    past = np.sqrt(variance[0]) * shocks[0]
     before = [past]
-    if len(model.coefficients) == 2:  # x_-1 given x_-2
-        rho = covariance[1] / covariance[0] if covariance[0] > 0 else 0.0
-        before = [rho * past + np.sqrt(covariance[0] * (1.0 - rho * rho)) * shocks[1], past]
-    a = np.array(model.coefficients)
+    if len(coefficients) == 2:  # x_-1 given x_-2
+        rho = variance[1] / variance[0] if variance[0] > 0 else 0.0
+        before = [rho * past + np.sqrt(variance[0] * (1.0 - rho * rho)) * shocks[1], past]
+    a = np.array(coefficients)
     # state of the filter: sum of a_j x_k-j over the values before the first
     memory = [float(a[i:] @ before[: len(a) - i]) for i in range(len(a))]
-    shocks = model.innovation * shocks[len(a) :]
+    shocks = innovation * shocks[len(a) :]
     series, _ = lfilter([1.0], np.concatenate([[1.0], -a]), shocks, zi=memory)
     return np.asarray(series[at])
 
@@ -64,6 +60,8 @@ class SensorDrift(Effect):
     acts_on_river = False
     depends_on_level = False
     twins = ("lateral_inflow",)
+    linear_trials = {"drift": 0.005}
+    trial_dates = "between"
     sentence = "The gauge drifts away from the water, until it is set right."
     looks = (
         "The level creeps the same way every day whatever flows, and the operators follow it. Within a few "
@@ -71,10 +69,6 @@ class SensorDrift(Effect):
     )
 
     drift: float = quantity(0.005, "m/day", -1.0, 1.0, "growth of the reading relative to the level")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("drift", 0.005, dates="between")]
 
     def changes(self, world: World) -> Changes:
         start = 0.0 if self.dates is None else world.day_of(self.dates[0])
@@ -128,7 +122,7 @@ class WindSetup(Effect):
     def autoregression(self, sample_time: float) -> Autoregression:
         """The set-up at times `sample_time` [s] apart."""
         rho = math.exp(-sample_time / (3600.0 * self.correlation_time))
-        return Autoregression((rho,), self.deviation * math.sqrt(1.0 - rho * rho))
+        return (rho,), self.deviation * math.sqrt(1.0 - rho * rho)
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))
@@ -164,7 +158,7 @@ class Seiche(Effect):
         r = math.exp(-self.damping * sample_time)
         a1, a2 = 2.0 * r * math.cos(2.0 * math.pi * sample_time / self.period), -r * r
         share = (1.0 + a2) * ((1.0 - a2) ** 2 - a1 * a1) / (1.0 - a2)
-        return Autoregression((a1, a2), self.amplitude * math.sqrt(0.5 * share))
+        return (a1, a2), self.amplitude * math.sqrt(0.5 * share)
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))

@@ -19,29 +19,9 @@ from rivid.reach.changes import Changes, together
 
 CATALOGUE: dict[str, type[Effect]] = {
     one.name: one
-    for one in (
-        flow.LateralInflow,
-        flow.DiurnalInflow,
-        flow.RainInflow,
-        flow.UnloggedUpstreamRelease,
-        flow.UnloggedDownstreamRelease,
-        flow.Leakage,
-        flow.InflowGainError,
-        flow.OutflowGainError,
-        flow.GateHeadEffect,
-        flow.StorageAreaSlope,
-        flow.SideStorage,
-        timing.FlowDependentDelay,
-        timing.WaveAttenuation,
-        timing.OutflowLag,
-        timing.ClockOffset,
-        timing.GateDeadband,
-        timing.GateRateLimit,
-        level.SensorDrift,
-        level.SensorStep,
-        level.WindSetup,
-        level.Seiche,
-    )
+    for module in (flow, timing, level)
+    for one in vars(module).values()
+    if isinstance(one, type) and issubclass(one, Effect) and not inspect.isabstract(one)
 }
 """Effects of rivid, by name."""
 

@@ -59,6 +59,7 @@ class WaveAttenuation(Effect):
     """``real inflow(t) = mean of logged inflow(t - spread X)``, X standard normal."""
 
     name = "wave_attenuation"
+    sized_trials = {"spread": (300.0, 900.0)}
     family = "timing"
     windowed = False
     absorbed_by_response = True
@@ -72,10 +73,6 @@ class WaveAttenuation(Effect):
 
     spread: float = quantity(600.0, "s", 0.0, 21_600.0, "standard deviation of the times of arrival")
 
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.trial_at("spread", s) for s in (300.0, 900.0)]
-
     def changes(self, world: World) -> Changes:
         return Changes(inflow=spread_flow(world.edges, world.inflow, self.spread, world.sample_time))
 
@@ -85,6 +82,7 @@ class OutflowLag(Effect):
     """``lag d(real outflow)/dt = logged outflow - real outflow``."""
 
     name = "outflow_lag"
+    sized_trials = {"lag": (200.0, 600.0, 1500.0)}
     family = "timing"
     acts_on_river = False
     absorbed_by_response = True
@@ -105,10 +103,6 @@ class OutflowLag(Effect):
     )
 
     lag: float = quantity(300.0, "s", 0.0, 21_600.0, "time constant of the outflow")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.trial_at("lag", s) for s in (200.0, 600.0, 1500.0)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(lag=self.lag * self.active(world)))
@@ -146,6 +140,7 @@ class GateDeadband(Effect):
     """``the gate stays where it is while |command - gate| < band``."""
 
     name = "gate_deadband"
+    sized_trials = {"band": (3.0, 8.0)}
     family = "timing"
     acts_on_river = False
     absorbed_by_response = True
@@ -159,10 +154,6 @@ class GateDeadband(Effect):
 
     band: float = quantity(4.0, "m3/s", 0.0, 1e4, "changes smaller than this are not carried out")
 
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.trial_at("band", s) for s in (3.0, 8.0)]
-
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(dead_band=self.band * self.active(world)))
 
@@ -172,6 +163,7 @@ class GateRateLimit(Effect):
     """``|d gate / dt| <= rate``."""
 
     name = "gate_rate_limit"
+    sized_trials = {"rate": (0.02, 0.08)}
     family = "timing"
     acts_on_river = False
     absorbed_by_response = True
@@ -183,10 +175,6 @@ class GateRateLimit(Effect):
     )
 
     rate: float = quantity(0.05, "m3/s per s", 1e-5, 1e4, "fastest change of the outflow")
-
-    @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.trial_at("rate", s) for s in (0.02, 0.08)]
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(rate=np.where(self.active(world) > 0, self.rate, np.inf)))

@@ -6,6 +6,7 @@ import pytest
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.seiche import LEAST_DAMPING, fit_seiche, periodograms, spectrum_of, through_filter
 from rivid.effects import CATALOGUE
+from rivid.effects.level import covariance
 from tests.diagnosis import sizes
 
 SEICHE = CATALOGUE["seiche"]
@@ -28,11 +29,10 @@ def residual(rng, days, swing=None):
 
 def wandering(rng, days, period, damping, amplitude):
     """The damped oscillation, drawn step by step from its own start."""
-    law = SEICHE(period=period, damping=damping, amplitude=amplitude).autoregression(T)
-    a1, a2 = law.coefficients
+    (a1, a2), innovation = SEICHE(period=period, damping=damping, amplitude=amplitude).autoregression(T)
     x = np.zeros((days, N + 400))
     for k in range(2, x.shape[1]):
-        x[:, k] = a1 * x[:, k - 1] + a2 * x[:, k - 2] + law.innovation * rng.standard_normal(days)
+        x[:, k] = a1 * x[:, k - 1] + a2 * x[:, k - 2] + innovation * rng.standard_normal(days)
     return x[:, 400:]
 
 
@@ -46,8 +46,8 @@ def found(z, fit=None):
 def test_the_power_of_a_seiche_is_the_transform_of_its_covariance():
     one = SEICHE(period=2700.0, damping=4e-4, amplitude=0.01)
     law = one.autoregression(T)
-    a1, a2 = law.coefficients
-    c = [*law.covariance()]
+    (a1, a2), _ = law
+    c = [*covariance(law)]
     while len(c) < 2000:
         c.append(a1 * c[-1] + a2 * c[-2])
     k = np.arange(1, (N - 1) // 2 + 1)
