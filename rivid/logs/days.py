@@ -44,8 +44,8 @@ from rivid.types import ONE_DAY, Bools, Floats, Ints
 TimedValues = dict[str, tuple[Ints, Floats]]
 """Times [us UTC] and values by canonical column."""
 Part = tuple[str, str, str]
-"""Relative path of a file that holds a part of a day; SHA-256 (hex) of what matters for that day (the file, or
-that day's rows in a file of many days); and of the file as it was listed."""
+"""Relative path of a file that holds a part of a day; SHA-256 (hex) of what matters for that day: the file,
+or that day's rows in a file of many days; and SHA-256 of the file as it was listed."""
 
 
 @dataclass(frozen=True)

@@ -463,8 +463,8 @@ class Log:
         digest = sha256()
         for name, (times, values) in self.of_day(date).items():
             digest.update(f"{name} {len(times)};".encode())
-            digest.update(times)
-            digest.update(values)
+            digest.update(times.data)
+            digest.update(values.data)
         digest.update(repr((self.faults_of(date), sorted(self.events_of(date).items()))).encode())
         return digest.hexdigest()
 
