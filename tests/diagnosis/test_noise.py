@@ -157,19 +157,18 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
 
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
-    from rivid.diagnosis.noise.kalman import gather, lanes, log_likelihoods
+    from rivid.diagnosis.noise.kalman import gather, log_likelihoods
     from rivid.diagnosis.noise.model import limits_of
 
     z = POOL.simulate(9, N, np.random.default_rng(8))
     z[3:5, 10:20] = np.nan
-    days = gather(z)
-    limits = limits_of(days, 133.0, 6.7e5, True, 1e-3, None, None)
+    values, there = gather(z)
+    limits = limits_of(values, there, 133.0, 6.7e5, True, 1e-3, None, None)
     points = np.random.default_rng(9).uniform(np.log(limits.low), np.log(limits.high), (5, 6))
-    order, ends, there = lanes(days.pattern, days.patterns)
-    values = np.ascontiguousarray(days.values[order].T)
-    together = log_likelihoods(values, ends, there, limits.systems(points), True)
-    for point, likely in zip(points, together, strict=True):
-        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z)[order], rtol=1e-12)
+    systems = np.array([limits.at(point).system()[:-1] for point in points])
+    columns = (np.ascontiguousarray(part.T, float) for part in (values, there))
+    for point, likely in zip(points, log_likelihoods(*columns, systems, True), strict=True):
+        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z), rtol=1e-12)
 
 
 def test_a_constant_error_has_no_information_in_a_pool_and_some_in_a_river():

@@ -20,9 +20,7 @@ from rivid.errors import RividError
 from rivid.types import Bools, Floats
 
 if TYPE_CHECKING:
-    from rivid.diagnosis.noise.kalman import Days, System
-
-Number = float | Floats
+    from rivid.diagnosis.noise.kalman import System
 
 
 class Smoothed(NamedTuple):
@@ -107,19 +105,18 @@ class NoiseModel:
         RividError
             Where shapes do not fit, or a column lacks a sample that `like` has.
         """
-        from rivid.diagnosis.noise.kalman import gather, innovations, lanes
+        from rivid.diagnosis.noise.kalman import gather, innovations
 
         given = np.asarray(columns, float)
         if given.ndim < 2:
             raise RividError(f"columns have shape {given.shape}: expected (..., days, n)")
         stack = np.ascontiguousarray(given.reshape(-1, *given.shape[-2:]))
-        days = gather(stack.sum(0) if like is None else like)
-        if stack.shape[1:] != days.values.shape:
+        _, there = gather(stack.sum(0) if like is None else like)
+        if stack.shape[1:] != there.shape:
             raise RividError(
-                f"columns have shape {given.shape}: expected (..., days, n) = (..., {days.values.shape})"
+                f"columns have shape {given.shape}: expected (..., days, n) = (..., {there.shape})"
             )
-        m = self.system()
-        white, finite = innovations(stack, *lanes(days.pattern, days.patterns), m.matrix, m.diffuse)
+        white, finite = innovations(stack, np.ascontiguousarray(there.T), self.system())
         if not finite:
             raise RividError(
                 "a column is not finite where the residual is: simulate it on every sample that is read"
@@ -131,14 +128,11 @@ class NoiseModel:
 
         For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
         """
-        from rivid.diagnosis.noise.kalman import gather, lanes, log_likelihoods
+        from rivid.diagnosis.noise.kalman import gather, log_likelihoods
 
-        days = gather(residual)
-        order, ends, there = lanes(days.pattern, days.patterns)
-        m, values = self.system(), np.ascontiguousarray(days.values[order].T)
-        out = np.empty(len(order))
-        out[order] = log_likelihoods(values, ends, there, m.matrix, m.diffuse)[0]
-        return out
+        values, there = (np.ascontiguousarray(part.T, float) for part in gather(residual))
+        *numbers, diffuse = self.system()
+        return np.asarray(log_likelihoods(values, there, np.array([numbers]), diffuse)[0])
 
     def forecast_errors(self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30) -> Floats:
         """Residual at origin + horizon less its forecast from what is known at the origin [m].
@@ -159,34 +153,32 @@ class NoiseModel:
         """
         from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
-        days = gather(residual)
-        n = days.values.shape[1]
+        values, there = gather(residual)
+        n = values.shape[1]
         if horizon < 1 or every < 1 or first < 0 or first + horizon >= n:
             raise RividError(
                 f"forecast of {horizon} samples from sample {first} on: a row has {n}; "
                 "use a shorter horizon or longer rows"
             )
         m = self.system()
-        K, _, _ = gains(np.ascontiguousarray(days.patterns.T), m.matrix, m.diffuse, False)
-        states, _ = filtered(days.values, days.pattern, K, m)
+        K, _, _ = gains(np.ascontiguousarray(there.T), m, False)
+        states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
         forecast = x + m.c * w * (m.phi ** np.arange(horizon)).sum() + m.psi**horizon * s
-        there = days.there
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
-        return np.where(known, days.values[:, origin + horizon] - forecast, np.nan)
+        return np.where(known, values[:, origin + horizon] - forecast, np.nan)
 
     def smooth(self, residual: ArrayLike) -> Smoothed:
         """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
         from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
 
-        days = gather(residual)
-        m = self.system()
-        there = np.ascontiguousarray(days.patterns.T)
-        K, S, P = gains(there, m.matrix, m.diffuse, True)
-        states, v = filtered(days.values, days.pattern, K, m)
-        mean, variance = smoothed(states, v, days.pattern, there, K, S, P, m)
+        (values, there), m = gather(residual), self.system()
+        there = np.ascontiguousarray(there.T)
+        K, S, P = gains(there, m, True)
+        states, v = filtered(values, K, m)
+        mean, variance = smoothed(states, v, there, K, S, P, m)
         x, w, s = np.moveaxis(mean, -1, 0)
         if self.surface_area is None:
             return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
@@ -210,30 +202,10 @@ class NoiseModel:
         """Entries of the filter's matrices."""
         from rivid.diagnosis.noise.kalman import System
 
-        numbers = entries(*(getattr(self, f.name) for f in fields(self)))
-        c, phi, psi, walk, inflow, level, gauge = (float(number) for number in numbers)
-        return System(c, phi, psi, walk, inflow, level, gauge, self.diffuse)
-
-    @property
-    def diffuse(self) -> bool:
-        """Whether the start of a day is unknown."""
-        return self.surface_area is not None
-
-
-def entries(
-    gauge_sd: Number,
-    walk_sd: Number,
-    inflow_sd: Number,
-    inflow_memory: Number,
-    level_sd: Number,
-    level_memory: Number,
-    sample_time: float,
-    surface_area: float | None,
-) -> tuple[Number, ...]:
-    """c, phi, psi, and the variances of v, w, s and e, of numbers or arrays alike."""
-    T, A = sample_time, surface_area
-    phi, psi = np.exp(-T / inflow_memory), np.exp(-T / level_memory)
-    return 0.0 if A is None else T / A, phi, psi, walk_sd**2, inflow_sd**2, level_sd**2, gauge_sd**2
+        T, A = self.sample_time, self.surface_area
+        phi, psi = np.exp(-T / self.inflow_memory), np.exp(-T / self.level_memory)
+        squares = (float(sd) ** 2 for sd in (self.walk_sd, self.inflow_sd, self.level_sd, self.gauge_sd))
+        return System(0.0 if A is None else T / A, float(phi), float(psi), *squares, A is not None)
 
 
 WALK_LIMIT = 1e-3
@@ -253,15 +225,10 @@ class Limits(NamedTuple):
         """The model at the logarithms of the free fields, shape (f,)."""
         return replace(self.model, **dict(zip(self.free, np.exp(point).tolist(), strict=True)))
 
-    def systems(self, points: Floats) -> Floats:
-        """Entries of the filters of many models (q, f), shape (q, 7)."""
-        numbers = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
-        numbers |= dict(zip(self.free, np.exp(points).T, strict=True))
-        return np.stack(np.broadcast_arrays(*entries(**numbers)), axis=1)
-
 
 def limits_of(
-    days: "Days",
+    values: Floats,
+    there: Bools,
     T: float,
     A: float | None,
     level: bool,
@@ -270,9 +237,9 @@ def limits_of(
     memory_floor: float | None,
 ) -> Limits:
     """Limits from the usual change of a sample; arguments as of the fit."""
-    there, n = days.there, days.values.shape[1]
+    n = values.shape[1]
     both = there[:, 1:] & there[:, :-1]
-    scale = float(np.sqrt(np.mean(np.diff(days.values, axis=1)[both] ** 2) / 2.0))
+    scale = float(np.sqrt(np.mean(np.diff(values, axis=1)[both] ** 2) / 2.0))
     longest = 10.0 * n * T  # a longer memory is infinite within a day
     most_walk = min(10.0 * scale, walk_limit or (WALK_LIMIT if level else np.inf))
     bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
@@ -354,8 +321,9 @@ def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
 DAY_LIMIT = 1.3
 """A day's mean square may be this many times the median's before the day loses weight."""
 
-STEP = 1e-4
-"""Of the differences that give slopes, in logarithms."""
+
+STEP = 1e-5
+"""Of the differences that give slopes, in logarithms: they are those half a step further on."""
 
 
 def day_weights(whitened: ArrayLike, limit: float = DAY_LIMIT) -> Floats:
@@ -419,42 +387,41 @@ def fit_noise(
     """
     from rivid.diagnosis.noise.kalman import gather
 
-    days = gather(residual)
-    both = days.there[:, 1:] & days.there[:, :-1]
-    if not np.diff(days.values, axis=1)[both].any():
+    values, there = gather(residual)
+    both = there[:, 1:] & there[:, :-1]
+    if not np.diff(values, axis=1)[both].any():
         raise RividError("residual has no day that moves: expected a residual that varies; check the logs")
-    limits = limits_of(days, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
+    limits = limits_of(values, there, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
     usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
     if weights is not None:
         given = np.asarray(weights, float)
-        if given.shape != (len(days.values),) or not (given >= 0.0).all() or not given.any():
+        if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
             raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(days, given, usual + starts, limits)
-    model = _climb(days, np.ones(len(days.values)), usual + starts, limits)
+        return _climb(values, there, given, usual + starts, limits)
+    model = _climb(values, there, np.ones(len(values)), usual + starts, limits)
     w = day_weights(model.whiten(residual))
-    return model if (w == 1.0).all() else _climb(days, w, (model,), limits)
+    return model if (w == 1.0).all() else _climb(values, there, w, (model,), limits)
 
 
-def _climb(days: "Days", weights: Floats, starts: tuple[NoiseModel, ...], limits: Limits) -> NoiseModel:
+def _climb(
+    values: Floats, there: Bools, weights: Floats, starts: tuple[NoiseModel, ...], limits: Limits
+) -> NoiseModel:
     """The model of greatest likelihood from all starts."""
     from scipy.optimize import minimize
 
-    from rivid.diagnosis.noise.kalman import lanes, log_likelihoods
+    from rivid.diagnosis.noise.kalman import log_likelihoods
 
     used = weights > 0.0
-    w = weights[used] / (weights @ days.there.sum(1))  # a mean a sample: one tolerance fits all
-    order, ends, there = lanes(days.pattern[used], days.patterns)
-    values = np.ascontiguousarray(days.values[used][order].T)
-    free = len(limits.free)
-    around = STEP * np.concatenate([np.zeros((1, free)), np.eye(free), -np.eye(free)])
+    w = weights[used] / (weights @ there.sum(1))  # a mean a sample: one tolerance fits all
+    z, here = (np.ascontiguousarray(part[used].T, float) for part in (values, there))
+    around = STEP * np.concatenate([np.zeros((1, len(limits.free))), np.eye(len(limits.free))])
 
     def cost(p: Floats) -> tuple[float, Floats]:
-        """Less the mean log-likelihood of a sample, and its slopes by central differences."""
-        likelihoods = np.empty((len(around), len(order)))
-        systems = limits.systems(p + around)
-        likelihoods[:, order] = log_likelihoods(values, ends, there, systems, limits.model.diffuse)
-        here, *near = (-float(w @ row) for row in likelihoods)
-        return here, (np.array(near[:free]) - np.array(near[free:])) / (2.0 * STEP)
+        """Less the mean log-likelihood of a sample, and its slopes by differences."""
+        systems = [limits.at(point).system() for point in p + around]
+        days = log_likelihoods(z, here, np.array([m[:-1] for m in systems]), systems[0].diffuse)
+        at, *near = -(days @ w)
+        return float(at), (np.array(near) - at) / STEP
 
     low, high = np.log(limits.low), np.log(limits.high)
     found = []
