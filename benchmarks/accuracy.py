@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.measure import table
+from rivid.core.fir import PRIOR_ONLY_SPREAD, JmapResult, jmap
 from rivid.core.hydraulics import propose_delays
-from rivid.core.jmap import PRIOR_ONLY_SPREAD, JmapResult, jmap
 from rivid.core.settings import DEFAULT_ALPHA, JmapSettings
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import load_scenario

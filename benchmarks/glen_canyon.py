@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.measure import table
 from rivid.config import Config, load_config
-from rivid.core.fir import half_time, map_fir
-from rivid.core.jmap import jmap
+from rivid.core.fir import half_time, jmap, map_fir
 from rivid.core.settings import JmapSettings
 from rivid.logs.days import find_days, read_window
 

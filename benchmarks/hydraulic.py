@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.accuracy import one_season, settings_of, spread
 from benchmarks.measure import table
 from benchmarks.observables import observables
+from rivid.core.fir import jmap
 from rivid.core.hydraulics import travel_bounds
-from rivid.core.jmap import jmap
 from rivid.plots import style
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant

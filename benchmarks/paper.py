@@ -41,8 +41,7 @@ from benchmarks.paper_measures import (
 )
 from rivid.cli.figures import simulated_cascade
 from rivid.config import Config, ReachConfig, load_config, parse
-from rivid.core.fir import ml
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap, ml
 from rivid.plots.paper import draw_paper
 from rivid.plots.paper_data import (
     CascadeReach,

@@ -10,8 +10,7 @@ from scipy.linalg import toeplitz
 
 from rivid.config import parse
 from rivid.core.cusum import cusum
-from rivid.core.fir import map_fir, ml
-from rivid.core.jmap import JmapResult, jmap
+from rivid.core.fir import JmapResult, jmap, map_fir, ml
 from rivid.core.search import direct, indirect
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA
 from rivid.reach.integrator import theoretical_fir

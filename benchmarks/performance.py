@@ -16,8 +16,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.generator import write_reach
 from benchmarks.measure import PYTHON, Usage, functions_in_turn, in_turn, machine, median, process, table
 from benchmarks.saint_venant import sections
-from rivid.core import batched as lanes
-from rivid.core.jmap import jmap
+from rivid.core.fir import condition_numbers, gram, jmap
 from rivid.logs.write import write_days
 from rivid.simulation import Season, simulate
 from rivid.simulation.scenario import load_scenario
@@ -36,9 +35,9 @@ def core(season: Season) -> str:
     def plain(days: slice = few) -> list[float]:
         return [table_vi(a, b, 30, range(1, 16))[0] for a, b in zip(u[days], y[days], strict=True)]
 
-    G, *_ = lanes.gram(u[:192].T.copy(), y[:192].T.copy(), 30)
+    G, *_ = gram(u[:192].T.copy(), y[:192].T.copy(), 30)
     seconds = functions_in_turn(
-        {"plain": plain, "fast": lambda: jmap(u, y), "condition": lambda: lanes.condition_numbers(G)}, runs=9
+        {"plain": plain, "fast": lambda: jmap(u, y), "condition": lambda: condition_numbers(G)}, runs=9
     )
     slow = [s / 40 * 1e6 for s in seconds["plain"]]
     quick = [s / len(u) * 1e6 for s in seconds["fast"]]
@@ -59,7 +58,7 @@ def core(season: Season) -> str:
     return text + f"\nThe same delay on {same} of {len(u)} days.\n"
 
 
-STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.plan, rivid.run.run, rivid.run.workers; rivid.run.workers.without_pandas()"
+STARTING = "import rivid.cli, rivid.cli.run, rivid.config, rivid.run.run, rivid.run.workers; rivid.run.workers.without_pandas()"
 """What `rivid run` imports before it looks at its first file."""
 
 

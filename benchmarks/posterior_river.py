@@ -15,7 +15,7 @@ from scipy.stats import gamma
 from benchmarks.glen_canyon import CFS, DATA, ROOT, correlation_lag, data_sets
 from benchmarks.measure import table
 from rivid.config import Config, load_config
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap
 from rivid.core.posterior.response import hastened
 from rivid.core.posterior.river import posterior_river
 from rivid.core.settings import RiverSettings

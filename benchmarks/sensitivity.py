@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.accuracy import settings_of
 from benchmarks.measure import table
 from benchmarks.paper_measures import SCENARIOS, World, changed, of_season, shuffled, within
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap
 from rivid.core.settings import DEFAULT_ALPHA, JmapSettings
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario

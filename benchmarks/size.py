@@ -23,8 +23,7 @@ import datetime as dt, sys, tempfile
 from pathlib import Path
 import rivid
 from rivid.config import load_config
-from rivid.run.plan import Options
-from rivid.run.run import run
+from rivid.run.run import Options, run
 root, seen = str(Path(rivid.__file__).parent), set()
 config, day = load_config(Path("configs/basse_isere.toml")), dt.date(2008, 3, 12)
 options = Options(workers=1, first=day, last=day, figures=False)

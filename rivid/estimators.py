@@ -51,7 +51,7 @@ class Answer:
     """What an estimator returns for a batch of days; None where it does not estimate a quantity.
 
     Arrays have shape (days,) where no other is given; alpha, variances, condition, iterations and prior_only
-    are those of :class:`rivid.core.jmap.JmapResult`.
+    are those of :class:`rivid.core.fir.JmapResult`.
     """
 
     status: Strings  # "ok", "degenerate" or "unidentifiable"
@@ -259,7 +259,7 @@ def _jmap(**changes: Any) -> Callable[[Config], Prepared]:
     """Delay and response together (Tables V and VI), with the changes to the settings of `[jmap]`."""
 
     def prepare(config: Config) -> Prepared:
-        from rivid.core.jmap import jmap
+        from rivid.core.fir import jmap
 
         settings = config.jmap_settings(**changes)
 

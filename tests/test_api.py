@@ -15,7 +15,7 @@ import rivid
 from rivid.api.diagnosis import DiagnosisResult
 from rivid.cli import cli
 from rivid.config import Config
-from rivid.core.jmap import jmap as core_jmap
+from rivid.core.fir import jmap as core_jmap
 from rivid.diagnosis.result import VERDICTS
 from rivid.effects import effect_classes
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
@@ -213,7 +213,7 @@ def test_figures_keep_the_settings_of_matplotlib_and_functions_their_names():
         "before = dict(dict.items(matplotlib.rcParams))\n"
         f"rivid.read_day({str(WEEK / '2008-03-14.csv')!r}).plot()._repr_png_()\n"
         "print(dict(dict.items(matplotlib.rcParams)) == before, 'matplotlib.pyplot' in sys.modules)\n"
-        "import rivid.simulation.season, rivid.diagnosis.workflow, rivid.core.jmap, rivid.core.posterior\n"
+        "import rivid.simulation.season, rivid.diagnosis.workflow, rivid.core.fir, rivid.core.posterior\n"
         "import rivid.cli.simulate, rivid.cli.diagnose\n"
         "print({type(getattr(rivid, name)).__name__ for name in dir(rivid) if name.islower()} - {'str'})"
     )

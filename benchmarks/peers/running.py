@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.peers import arx, change, crosscorrelation, frols, impulse
 from benchmarks.peers.signals import Floats, Ints, Peer, easy_days
 from benchmarks.posterior.worlds import World, worlds
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap
 from rivid.core.posterior.daily import posterior
 from rivid.core.settings import JmapSettings
 from rivid.errors import RividError

@@ -13,8 +13,7 @@ from benchmarks.paper_measures import (
     two,
     with_ramp,
 )
-from rivid.core.fir import second_difference
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap, second_difference
 from rivid.core.search import direct
 from tests.plots.years import season
 

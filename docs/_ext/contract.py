@@ -11,7 +11,7 @@ from rivid.effects import CATALOGUE, FAMILIES, Effect
 from rivid.errors import EXIT_CODES
 from rivid.fleet import report as fleet
 from rivid.report import diagnosis
-from rivid.results import season, tables
+from rivid.results import season, store
 
 TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": "true or false",
          "date32[day]": "date", "timestamp[ms]": "time"}  # fmt: skip
@@ -21,17 +21,17 @@ _INT, _FLOAT = pa.int64(), pa.float64()
 
 def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
     """Every table by name: its columns, and what they mean."""
-    keys = [tables.DELAYS.field(name) for name in KEYS]
-    curve = tables.MEANINGS | {
+    keys = [store.DELAYS.field(name) for name in KEYS]
+    curve = store.MEANINGS | {
         "delay_samples": ("samples", "a delay that was tried"),
         "criterion": ("", "its criterion; of `posterior` its probability, of CUSUM its g at lag d + 1"),
         "probability": ("", "that this is the delay"),
     }
     flows = pa.schema([("time", pa.timestamp("ms")), *((name, _FLOAT) for name in diagnosis.FLOWS)])
     return {
-        "delays.csv, delays.parquet": (tables.DELAYS, tables.MEANINGS),
+        "delays.csv, delays.parquet": (store.DELAYS, store.MEANINGS),
         "fir.parquet": (
-            pa.schema([*keys, ("lag", _INT), ("value", _FLOAT), ("sd", _FLOAT)]), tables.MEANINGS),
+            pa.schema([*keys, ("lag", _INT), ("value", _FLOAT), ("sd", _FLOAT)]), store.MEANINGS),
         "criterion.parquet": (
             pa.schema([*keys, ("delay_samples", _INT), ("criterion", _FLOAT)]), curve),
         "posterior.parquet": (

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.api.day import Day
 from rivid.api.inputs import GivenConfig, Result, as_config
 from rivid.config import Config, parse
-from rivid.core.jmap import JmapResult
-from rivid.core.jmap import jmap as jmap_of_arrays
+from rivid.core.fir import JmapResult
+from rivid.core.fir import jmap as jmap_of_arrays
 from rivid.core.settings import JmapSettings
 from rivid.errors import ConfigError, RividError
 from rivid.estimators import Answer, Days, build
@@ -63,7 +63,7 @@ class _DelayResult(Result):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class DelayEstimate(_DelayResult, JmapResult):
-    """The result of :func:`jmap`: a :class:`rivid.core.jmap.JmapResult` with its origin.
+    """The result of :func:`jmap`: a :class:`rivid.core.fir.JmapResult` with its origin.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ def jmap(
 
     Notes
     -----
-    Source: Tables V and VI; see :func:`rivid.core.jmap.jmap`.
+    Source: Tables V and VI; see :func:`rivid.core.fir.jmap`.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from rivid.cli.console import Console, abbreviate, print_error, wrap
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
     from rivid.fleet.outcome import Outcome
-    from rivid.run.plan import Options
+    from rivid.run.run import Options
     from rivid.run.workers import Engine, Progress
 
 MOST_LINES = 20

@@ -13,8 +13,7 @@ from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
     from rivid.config import Config
-    from rivid.run.plan import Options
-    from rivid.run.run import Summary
+    from rivid.run.run import Options, Summary
     from rivid.run.workers import Engine
 
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
@@ -90,7 +89,7 @@ def command(
     draws = not (on_dask or no_figures or dry_run or shard or (place / "report.html").exists())
     if draws and (workers or cores()) > 1 and holds_logs(data_dir):
         warm(DRAWING)  # while this process imports, reads and estimates
-    from rivid.run.plan import Options, Shard
+    from rivid.run.run import Options, Shard
     from rivid.run.workers import without_pandas
 
     without_pandas()
@@ -156,7 +155,7 @@ def _engine(
 def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, list[str]]":
     """The configuration, and notes on defaults that another reach may need to change."""
     from rivid.config import Config, ReachConfig, load_config, parse
-    from rivid.results.record import assumed
+    from rivid.results.store import assumed
 
     settings, notes = load_config(path), []
     lacking, papers = assumed(settings), ReachConfig().sample_time
@@ -176,8 +175,7 @@ def _settings(path: Path | None, estimators: tuple[str, ...]) -> "tuple[Config, 
 
 def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") -> int:
     from rivid.results.store import read_rows
-    from rivid.run.plan import make_plan
-    from rivid.run.run import missing
+    from rivid.run.run import make_plan, missing
 
     planned = make_plan(data_dir, settings, options)
     rows, _ = read_rows(out / ".rivid" / "segments")

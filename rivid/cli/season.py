@@ -44,20 +44,19 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
       rivid season out/fleet --reach basse_isere
     """
     from rivid.errors import NoDataError
-    from rivid.results import record
     from rivid.results.season import join, law_of, read_days, write_season
-    from rivid.results.store import Store
+    from rivid.results.store import Store, last_record
     from rivid.run.workers import without_pandas
 
     console = Console(quiet, verbose)
     without_pandas()
     out = _of_reach(out, reach)
-    if not record.last(out):  # before the lock, which would make the directory
+    if not last_record(out):  # before the lock, which would make the directory
         raise NoDataError(f"{out} holds no finished run: run `rivid run DATA_DIR --out OUT` first")
     console.begin(("results", out))
     console.phase("starting")
     with Store(out):
-        run = record.last(out)
+        run = last_record(out)
         if not run.get("outputs"):
             raise NoDataError(f"the last run into {out} did not finish: run it again")
         days = read_days(out, run)
@@ -78,9 +77,9 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
     from rivid.errors import ConfigError
-    from rivid.results import record
+    from rivid.results.store import last_record
 
-    run = record.last(out)
+    run = last_record(out)
     if run:
         if reach is not None and reach != run["reach"]:
             raise ConfigError(f"--reach {reach}: {out} is of {run['reach']} alone: leave --reach out")

@@ -15,9 +15,8 @@ from rivid.estimators import ESTIMATORS
 from rivid.report.summary import SPREAD_OUT, facts
 from rivid.results.days import FEW, has_t50, passage
 from rivid.results.read import EstimatorResults, Results, brief_results
-from rivid.results.tables import finite
-from rivid.run.plan import Options
-from rivid.run.run import Summary
+from rivid.results.store import finite
+from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 
 NAME_WIDTH = 14

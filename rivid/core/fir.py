@@ -1,13 +1,200 @@
-"""FIR estimates without a delay: maximum likelihood (17) and maximum a posteriori (22)."""
+"""FIR estimates: maximum likelihood (17), a posteriori (22), and jointly with the delay (Tables V and VI).
 
-from dataclasses import dataclass
+The dense linear algebra of many days is elementwise over the last axis ("lanes", one day each), in an order
+that depends on the sizes M and N only. So a day's bits do not depend on its neighbours, which batched LAPACK
+and FFT calls do not promise, and one numpy call does a step for all days. The number of lanes is padded to a
+multiple of :data:`LANE_MULTIPLE`, whole SIMD registers, so that no lane is the ragged end of a vector. All
+arrays are C-contiguous: einsum picks its loops, and with them its roundings, by the layout.
+
+The joint estimate searches all delays. For one day and one alpha the penalties of all candidates differ from
+``P0 = D_0' D_0`` (D_0: D with rows 0, 1, 2 zero) by two rows of D_0, since d frees the stencils d + 1 and
+d + 2 only:
+
+    U'U + alpha D_d'D_d = A - alpha (e1 e1' + e2 e2'),   A = U'U + alpha P0.
+
+With ``A = R'R``, ``z = R'^-1 U'y`` and ``V = R'^-1 E'`` for all rows e, each candidate is a 2 x 2 solve in
+the inner products of V and z, criterion included: no candidate needs its own factorisation, nor a
+residual. In :func:`jmap` lags run backwards, from M - 1 to 0: the rows e sit at short lags, so their forward
+substitution then has little left to do.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core import batched as lanes
-from rivid.core.settings import DEFAULT_ALPHA, MAX_CONDITION
-from rivid.types import Floats, Strings
+from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA, MAX_CONDITION, JmapSettings
+from rivid.errors import RividError
+from rivid.types import Floats, Ints, Strings
+
+LANE_MULTIPLE = 16
+"""Lanes come in multiples of this: two registers of eight doubles."""
+
+BLOCK = 176
+"""Most lanes in one block: its Gram matrices (1.3 MB at M = 30) stay in the second-level cache."""
+
+
+def as_days(
+    series: Mapping[str, ArrayLike | None], least: int, why: str, *, row: str = "day", one: bool = True
+) -> tuple[list[Floats], bool]:
+    """Check series and return them as arrays of shape (days, N).
+
+    Parameters
+    ----------
+    series : mapping of str to array_like, shape (N,) or (days, N), or None
+        By the names they have in messages; None for a series that is missing.
+    least : int
+        Fewest samples.
+    why : str
+        What needs so many.
+    row : str
+        What a row is.
+    one : bool
+        Whether a single row of shape (N,) is accepted.
+
+    Returns
+    -------
+    arrays : list of ndarray, shape (days, N)
+    single : bool
+        Whether the series had shape (N,).
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or too few samples.
+    """
+    arrays = {name: np.asarray(values, float) for name, values in series.items() if values is not None}
+    first, shape = next((name, values.shape) for name, values in arrays.items())
+    if len(shape) not in ((1, 2) if one else (2,)):
+        expected = f"(N,) or ({row}s, N)" if one else f"({row}s, N)"
+        raise RividError(f"{first} has shape {shape}: expected {expected}")
+    for name, values in arrays.items():
+        if values.shape != shape:
+            raise RividError(f"{name} has shape {values.shape}: expected that of {first}, {shape}")
+    if shape[-1] < least:
+        raise RividError(f"{shape[-1]} samples a {row}: {why} needs {least} or more")
+    for name, values in arrays.items():
+        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(values)).all(axis=1))
+        if len(bad):
+            raise RividError(f"{name}: not finite on {len(bad)} {row}s, first on row {bad[0]}: mask them")
+    return [np.atleast_2d(values) for values in arrays.values()], len(shape) == 1
+
+
+def blocks(n_days: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
+    """Cut days into blocks of lanes.
+
+    Yields the days of each block, and which day each of its lanes holds, shape (lanes,); padding lanes repeat
+    the block's last day.
+    """
+    for first in range(0, n_days, BLOCK):
+        last = min(first + BLOCK, n_days)
+        yield slice(first, last), padded(np.arange(first, last))
+
+
+def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The indices, the last one repeated up to a multiple of :data:`LANE_MULTIPLE`."""
+    missing = -len(take) % LANE_MULTIPLE
+    return np.concatenate([take, np.full(missing, take[-1])])
+
+
+def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Floats, Floats, Floats, int]:
+    """U'U (M, M, lanes), U'y (M, lanes) and y'y (lanes,) of the Toeplitz matrix U of (16), and its rows.
+
+    u and y have shape (N, lanes), M = `order` <= N. U'U is Toeplitz up to a low-rank correction: ``G[i+1,
+    j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only its first row is a sum over the samples.
+
+    With `free_start` False, u is zero before the first sample, as in (16), and N rows count. True: it is
+    unknown. Then only the N - M + 1 rows with all M samples of u count, and a constant is fitted as well
+    (rows and output less their means).
+    """
+    N, lanes = u.shape
+    M = order
+    first = M - 1 if free_start else 0
+    G = np.empty((M, M, lanes))
+    b = np.empty((M, lanes))
+    for k in range(M):
+        row = max(k, first)
+        np.einsum("nb,nb->b", u[row:], u[row - k : N - k], out=G[0, k])
+        np.einsum("nb,nb->b", y[row:], u[row - k : N - k], out=b[k])
+    G[1:, 0] = G[0, 1:]
+    tail = u[N - M :][::-1]  # u[N-1-i], i = 0..M-1
+    for i in range(M - 1):
+        np.multiply(tail[i], tail[: M - 1], out=G[i + 1, 1:])
+        np.subtract(G[i, :-1], G[i + 1, 1:], out=G[i + 1, 1:])
+        if free_start:  # the row that enters above as the last one leaves below
+            G[i + 1, 1:] += u[M - 2 - i] * u[M - 2 :: -1]
+    yy = np.einsum("nb,nb->b", y, y)
+    n_rows = N - first
+    if free_start:
+        y = y[first:]
+        sums = np.stack([np.einsum("nb->b", u[first - i : N - i]) for i in range(M)])
+        total = np.einsum("nb->b", y)
+        G -= sums[:, None] * sums / n_rows
+        b -= sums * total / n_rows
+        raw = np.einsum("nb,nb->b", y, y)
+        yy = raw - total * total / n_rows
+        yy[yy <= 1e-14 * raw] = 0.0  # a constant, to rounding
+    return G, b, yy, n_rows
+
+
+def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+    """Cholesky factor of A and the forward-substituted right-hand sides, in one sweep.
+
+    Of A (M, M, lanes) the upper triangle is read; `rhs` has shape (M, lanes). `unit` (R, M) holds right-hand
+    sides that all lanes share, as rows, with no fewer leading zeros from row to row: what stays zero is not
+    worked on.
+
+    Returns R (M, M, lanes) with ``A = R'R``, meaningless below the diagonal; ``R'^-1 rhs`` (M, lanes); and
+    ``R'^-1 unit'`` (M, R, lanes). A lane that is not positive definite becomes NaN.
+    """
+    M, _, lanes = A.shape
+    shared = np.empty((0, M)) if unit is None else unit
+    starts = [int(np.flatnonzero(row)[0]) if row.any() else M for row in shared]
+    first = starts[0] if starts else M
+    W = np.empty((M, M + 1, lanes))  # row j: R[j, j:], then z[j]
+    V = np.zeros((M, len(shared), lanes))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for j in range(M):
+            row = W[j, j:]
+            row[:-1], row[-1] = A[j, j:], rhs[j]
+            if j:
+                row -= np.einsum("kib,kb->ib", W[:j, j:], W[:j, j])
+            root = np.sqrt(row[0])
+            row /= root
+            if j >= first:
+                begun = V[j, : bisect_right(starts, j)]
+                begun[:] = shared[: len(begun), j, None]
+                if j > first:
+                    begun -= np.einsum("kib,kb->ib", V[first:j, : len(begun)], W[first:j, j])
+                begun /= root
+    return W[:, :M], W[:, M], V
+
+
+def back_substitute(R: Floats, v: Floats) -> Floats:
+    """Solve ``R h = v`` with R (M, M, lanes) of :func:`cholesky` and v (M, lanes)."""
+    M = len(v)
+    h = np.empty(v.shape)  # C order for any v: einsum's order of summation follows the layout
+    for j in range(M - 1, -1, -1):
+        h[j] = v[j]
+        if j < M - 1:
+            h[j] -= np.einsum("ib,ib->b", R[j, j + 1 :], h[j + 1 :])
+        h[j] /= R[j, j]
+    return h
+
+
+def condition_numbers(G: Floats) -> Floats:
+    """2-norm condition number of each symmetric matrix of G (M, M, lanes), shape (lanes,).
+
+    Infinite where the smallest eigenvalue is not positive. LAPACK works one matrix after another here, so a
+    lane does not depend on its neighbours.
+    """
+    eigenvalues = np.linalg.eigvalsh(np.ascontiguousarray(np.moveaxis(G, -1, 0)))
+    low, high = eigenvalues[:, 0], eigenvalues[:, -1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(low > 0, high / low, np.inf)
 
 
 @dataclass(frozen=True)
@@ -129,20 +316,20 @@ def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
 
 
 def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_start: bool) -> FirResult:
-    (inputs, outputs), single = lanes.as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
+    (inputs, outputs), single = as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
     n = len(inputs)
     D = second_difference(order)
     P = (alpha * (D.T @ D))[:, :, None]
     fir = np.empty((n, order))
     noise, condition = np.empty(n), np.empty(n)
-    for days, take in lanes.blocks(n):
-        G, b, yy, n_rows = lanes.gram(inputs[take].T.copy(), outputs[take].T.copy(), order, free_start)
-        R, z, _ = lanes.cholesky(G + P, b)
-        h = lanes.back_substitute(R, z)
+    for days, take in blocks(n):
+        G, b, yy, n_rows = gram(inputs[take].T.copy(), outputs[take].T.copy(), order, free_start)
+        R, z, _ = cholesky(G + P, b)
+        h = back_substitute(R, z)
         # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
         rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
         here = slice(0, days.stop - days.start)
-        condition[days] = lanes.condition_numbers(G[..., here])
+        condition[days] = condition_numbers(G[..., here])
         fir[days] = np.where(motionless(yy, G), np.nan, h)[:, here].T
         noise[days] = np.maximum(rss, 0.0)[here] / n_rows
     bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
@@ -151,3 +338,272 @@ def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_star
     if single:
         return FirResult(fir[0], noise[0], condition[0], status[0])
     return FirResult(fir, noise, condition, status)
+
+
+NOISE_FLOOR = 1e-10
+"""Smallest noise variance, relative to the mean square of y. Below it the criterion, a difference of two
+nearly equal sums of squares, has no correct digits left; 100 dB is beyond any gauge."""
+
+PRIOR_ONLY_SPREAD = 0.08
+"""The criterion without the d terms is flat where its best and worst candidate differ by no more than this.
+It and the place of the minimum recognise nineteen of twenty days without any relation between u and y
+(docs/accuracy.md)."""
+
+
+@dataclass(frozen=True)
+class JmapResult(FirResult):
+    """Joint estimate of delay and FIR for each day; a leading axis of days, or none for a single day.
+
+    The noise variance is sigma_w2 of (19); the status "degenerate" means that alpha ran away.
+
+    Attributes
+    ----------
+    delay : ndarray, shape (days,)
+        d [samples]: the inflow first acts on the output at lag d + 1 (8). NaN where `status` is
+        "unidentifiable".
+    alpha : ndarray, shape (days,)
+        sigma_w2 / sigma_hD2 [(m3/s)^2].
+    roughness_variance : ndarray, shape (days,)
+        sigma_hD2 [(output unit per m3/s)^2].
+    candidates : ndarray, shape (K,)
+        The delays tried [samples].
+    criterion : ndarray, shape (days, K)
+        (35) at the final variances, or (28) for a fixed alpha.
+    iterations : ndarray of int, shape (days,)
+        Iterations of Table VI; 1 for Table V.
+    prior_only : ndarray of bool, shape (days,)
+        The delay is the prior's: without the d terms the criterion is flat, or has its minimum more than a
+        sample away.
+    """
+
+    delay: Floats
+    alpha: Floats
+    roughness_variance: Floats
+    candidates: Ints
+    criterion: Floats
+    iterations: Ints
+    prior_only: NDArray[np.bool_]
+
+
+def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **changes: Any) -> JmapResult:
+    """Estimate delay and FIR of one day or of many.
+
+    Parameters
+    ----------
+    u : array_like, shape (N,) or (days, N)
+        Inflow deviations from the day's first sample [m3/s].
+    y : array_like, same shape
+        Output deviations from the day's first sample [m for a level, m3/s for a discharge].
+    settings : JmapSettings, optional
+        The paper's by default: Table VI with the Rayleigh prior.
+    **changes
+        Single settings to change, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V.
+
+    Returns
+    -------
+    JmapResult
+
+    Raises
+    ------
+    RividError
+        For shapes that do not fit, values that are not finite, or fewer samples than M.
+
+    Notes
+    -----
+    Source: Table V with (28)-(29) for a fixed alpha; Table VI with (35), (37), (38) otherwise. A day's
+    result does not depend on the other days of the call, to the last bit.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> u = np.cumsum(rng.normal(size=400)); u -= u[0]
+    >>> h = np.r_[0.0, -1.2 * 0.88 ** np.arange(29)]; h[8:] += 0.88 ** np.arange(22)
+    >>> jmap(u, np.convolve(u, h)[:400] + rng.normal(scale=0.3, size=400)).delay
+    np.float64(7.0)
+    """
+    settings = replace(settings or JmapSettings(), **changes)
+    (inputs, outputs), single = as_days(
+        {"u": u, "y": y}, settings.order + 1, f"an FIR of order {settings.order}"
+    )
+    parts = []
+    for days, take in blocks(len(inputs)):
+        with np.errstate(invalid="ignore", divide="ignore"):  # lanes that cannot be identified
+            block = _Block(inputs[take].T.copy(), outputs[take].T.copy(), settings)
+            parts.append(block.result(days.stop - days.start))
+    merged: dict[str, Any] = {
+        name: np.concatenate([part[name] for part in parts]) if parts else _nothing(name, settings)
+        for name in JmapResult.__dataclass_fields__
+        if name != "candidates"
+    }
+    if single:
+        merged = {name: values[0] for name, values in merged.items()}
+    return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
+
+
+def _nothing(name: str, settings: JmapSettings) -> NDArray[Any]:
+    """The column of a call without days."""
+    width = {"fir": (0, settings.order), "criterion": (0, settings.d_max - settings.d_min + 1)}
+    kind: dict[str, Any] = {"iterations": np.intp, "status": "U14", "prior_only": bool}
+    return np.empty(width.get(name, (0,)), kind.get(name, float))
+
+
+class _Candidates:
+    """All candidate delays of one block at one alpha: the 2 x 2 solves of the module's heading."""
+
+    def __init__(self, G: Floats, b: Floats, yy: Floats, alpha: Floats, settings: JmapSettings) -> None:
+        D_0 = second_difference(settings.order)
+        D_0[:3] = 0.0
+        D_0 = D_0[:, ::-1]
+        E = D_0[settings.d_max + 2 : settings.d_min : -1]  # every d + 1 and d + 2, the longest first
+        A = G.copy()
+        P_0 = D_0.T @ D_0
+        for k in range(3):  # P_0 is banded; the upper triangle will do
+            band = A.reshape(-1, A.shape[-1])[k :: len(A) + 1][: len(A) - k]
+            band += alpha * np.diag(P_0, k)[:, None]
+        self.R, self.z, self.V = cholesky(A, b, E)
+        # inner products of A^-1: with itself, with its neighbour, and with U'y; the shortest delay first
+        first = int(np.flatnonzero(E[0])[0])
+        V, z = self.V[first:], self.z[first:]
+        own = np.einsum("krb,krb->rb", V, V)[::-1]
+        next_ = np.einsum("krb,krb->rb", V[:, :-1], V[:, 1:])[::-1]
+        on_y = np.einsum("krb,kb->rb", V, z)[::-1]
+        a11, a22 = 1 / alpha - own[:-1], 1 / alpha - own[1:]
+        det = a11 * a22 - next_ * next_
+        self.c1 = (a22 * on_y[:-1] + next_ * on_y[1:]) / det
+        self.c2 = (a11 * on_y[1:] + next_ * on_y[:-1]) / det
+        # min over h of ||y - U h||^2 + alpha ||D_d h||^2, shape (K, lanes)
+        self.cost = yy - np.einsum("kb,kb->b", self.z, self.z) - (self.c1 * on_y[:-1] + self.c2 * on_y[1:])
+
+    def fir(self, index: Ints) -> Floats:
+        """The FIR, backwards, of candidate number `index` of each lane, shape (M, lanes)."""
+        lane, last = np.arange(len(index)), self.V.shape[1] - 1
+        v = self.z + self.c1[index, lane] * self.V[:, last - index, lane]
+        v += self.c2[index, lane] * self.V[:, last - index - 1, lane]
+        return back_substitute(self.R, v)
+
+
+class _Block:
+    """Up to :data:`BLOCK` days at work."""
+
+    def __init__(self, u: Floats, y: Floats, settings: JmapSettings) -> None:
+        self.settings = s = settings
+        self.n = u.shape[1]
+        G, b, self.yy, self.N = gram(u, y, s.order, s.free_start)
+        self.G, self.b = np.ascontiguousarray(G[::-1, ::-1]), np.ascontiguousarray(b[::-1])
+        self.candidates = np.arange(s.d_min, s.d_max + 1)
+        self.penalty = np.zeros(len(self.candidates))
+        if s.prior == "rayleigh":  # (26), its terms of (27) and (35)
+            self.penalty = self.candidates**2 / s.delay_scale**2 - 2 * np.log(self.candidates)
+        self.fir = np.full((s.order, self.n), np.nan)
+        self.cost = np.full((len(self.candidates), self.n), np.nan)
+        self.index = np.zeros(self.n, np.intp)
+        self.s_w, self.s_h = np.full(self.n, np.nan), np.full(self.n, np.nan)
+        self.iterations = np.zeros(self.n, np.intp)
+
+    def result(self, n_days: int) -> dict[str, NDArray[Any]]:
+        """Estimate, and give the columns of the first `n_days` lanes."""
+        s, here = self.settings, slice(0, n_days)
+        condition = condition_numbers(self.G[..., here])
+        if s.alpha is not None:
+            self._table_v(s.alpha)
+            criterion, data_only = self.cost, self.cost / self.s_w
+        else:
+            terms = self._table_vi()
+            data_only = self.cost / self.s_w
+            criterion = data_only + self.penalty[:, None] + terms
+        bad = motionless(self.yy, self.G)[here] | ~(condition <= MAX_CONDITION)
+        bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
+        alpha = self.s_w / self.s_h
+        runaway = alpha[here] >= ALPHA_CAP * (1 - 1e-9)
+        columns: dict[str, NDArray[Any]] = {
+            "delay": self.candidates[self.index].astype(float)[here],
+            "fir": self.fir[::-1].T[here],
+            "alpha": alpha[here],
+            "noise_variance": self.s_w[here],
+            "roughness_variance": self.s_h[here],
+            "criterion": criterion.T[here],
+        }
+        for values in columns.values():
+            values[bad] = np.nan
+        return columns | {
+            "iterations": np.where(bad, 0, self.iterations[here]),
+            "condition": condition,
+            "status": np.where(bad, "unidentifiable", np.where(runaway, "degenerate", "ok")),
+            "prior_only": ~bad & self._prior_only(data_only)[here],
+        }
+
+    def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
+        """Where the criterion without the d terms does not single out the delay that was chosen."""
+        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
+        return np.asarray(flat | (abs(np.argmin(data_only, axis=0) - self.index) > 1))
+
+    def _table_v(self, alpha: float) -> None:
+        """Uniform prior, fixed alpha: (28)-(29)."""
+        search = _Candidates(self.G, self.b, self.yy, np.full(self.n, alpha), self.settings)
+        self.cost = search.cost
+        self.index = np.argmin(self.cost, axis=0)
+        self.fir = search.fir(self.index)
+        fidelity = self.cost[self.index, np.arange(self.n)] - alpha * self._roughness(self.fir, self.index)
+        self.s_w = self._noise(fidelity, slice(None))
+        self.s_h = self.s_w / alpha
+        self.iterations[:] = 1
+
+    def _table_vi(self) -> Floats:
+        """Both variances estimated in turn with d and h; returns the terms of (35) without d."""
+        s, M = self.settings, self.settings.order
+        R, z, _ = cholesky(self.G, self.b)
+        h = back_substitute(R, z)  # (17)
+        fidelity = self.yy - np.einsum("kb,kb->b", z, z)
+        if s.inverse_gamma:
+            Dh = h.copy()
+            Dh[:-1] -= 2 * h[1:]
+            Dh[:-2] += h[2:]
+            alpha_h, beta_h = M / 2, np.einsum("ib,ib->b", Dh, Dh) / 2
+        else:  # the flat prior of (31): sigma_hD2 = ||D_d h||^2 / M
+            alpha_h, beta_h = -1.0, np.zeros(self.n)
+        shape = M + 2 * (alpha_h + 1)
+
+        index = np.full(self.n, int(np.clip(s.d_init, s.d_min, s.d_max)) - s.d_min)
+        take = np.arange(self.n)  # which lanes the working arrays hold
+        G, b, yy = self.G, self.b, self.yy
+        working = np.isfinite(h).all(axis=0) & ~motionless(yy, G)
+        for iteration in range(1, s.max_iterations + 1):
+            s_w = self._noise(fidelity, take)  # (38)
+            s_h = (self._roughness(h, index) + 2 * beta_h[take]) / shape  # (37)
+            s_h = np.maximum(s_h, s_w / ALPHA_CAP)
+            search = _Candidates(G, b, yy, s_w / s_h, s)
+            index = np.argmin(search.cost / s_w + self.penalty[:, None], axis=0)
+            h = search.fir(index)
+            fidelity = search.cost[index, np.arange(len(take))] - s_w / s_h * self._roughness(h, index)
+
+            settled = (abs(s_h / self.s_h[take] - 1) < s.tolerance) & (
+                abs(s_w / self.s_w[take] - 1) < s.tolerance
+            )
+            now = take[working]
+            self.fir[:, now], self.cost[:, now] = h[:, working], search.cost[:, working]
+            self.index[now], self.s_w[now], self.s_h[now] = index[working], s_w[working], s_h[working]
+            self.iterations[now] = iteration
+            working = working & ~settled & np.isfinite(s_w)
+            left = np.flatnonzero(working)
+            if not len(left):
+                break
+            if len(left) <= len(take) // 2:  # drop the settled lanes, keep whole registers
+                keep = padded(left)
+                G, b, yy, take, h, fidelity, index = (
+                    # np.take, unlike G[..., keep], gives C order: lanes stay next to each other
+                    np.take(array, keep, axis=-1)
+                    for array in (G, b, yy, take, h, fidelity, index)
+                )
+                working = np.arange(len(keep)) < len(left)
+        return np.asarray(2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h))
+
+    def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:
+        return np.asarray(np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N)
+
+    def _roughness(self, h: Floats, index: Ints) -> Floats:
+        """||D_d h||^2 of each lane, d being candidate number `index`."""
+        x = h[:-3] - 2 * h[1:-2] + h[2:-1]  # rows M-1 .. 3 of D h
+        row = np.arange(len(h) - 1, 2, -1)[:, None]
+        free = self.settings.d_min + index + 1
+        x[(row == free) | (row == free + 1)] = 0.0
+        return np.asarray(np.einsum("ib,ib->b", x, x))

@@ -6,7 +6,7 @@ d + 1. So the other columns are projected out of everything once, and each candi
 what is left of its column. Residuals are formed sample by sample, never as a difference of sums of squares:
 filtered signals grow like ramps, and the differences between candidates are small against them.
 
-Days are lanes (:mod:`rivid.core.batched`): a day's bits do not depend on its neighbours.
+Days are lanes (:mod:`rivid.core.fir`): a day's bits do not depend on its neighbours.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core import batched as lanes
+from rivid.core.fir import as_days, blocks
 from rivid.core.settings import SearchSettings
 from rivid.types import Floats, Ints, Strings
 
@@ -139,7 +139,7 @@ def direct(
     """
     s = replace(settings or SearchSettings(), **changes)
     series = {"inflow": inflow, "outflow": outflow, "level": level}
-    days, single = lanes.as_days(series, s.d_max + 2 + len(DIRECT_PARAMETERS), f"d_max = {s.d_max}")
+    days, single = as_days(series, s.d_max + 2 + len(DIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, o, h = (values - values[:, :1] for values in days)
     moving = {"level": h, "inflow": u, "outflow": o}
     found = _search(h, [-np.cumsum(o, axis=1)], moving, DIRECT_PARAMETERS, s)
@@ -178,7 +178,7 @@ def indirect(
     """
     s = replace(settings or SearchSettings(), **changes)
     series = {"inflow": inflow, "level": level}
-    days, single = lanes.as_days(series, s.d_max + 2 + len(INDIRECT_PARAMETERS), f"d_max = {s.d_max}")
+    days, single = as_days(series, s.d_max + 2 + len(INDIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, h = (values - values[:, :1] for values in days)
     h_f, moving = np.cumsum(h, axis=1), {"level": h, "inflow": u}
     found = _search(h_f, [h_f, np.cumsum(u, axis=1)], moving, INDIRECT_PARAMETERS, s)
@@ -201,7 +201,7 @@ def _search(
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
     signals = [target, *shared, np.cumsum(u, axis=1)]  # x^f = x / (1 - q^-1)
-    for days, take in lanes.blocks(n):
+    for days, take in blocks(n):
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
         J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
     last = settings.d_max + 1

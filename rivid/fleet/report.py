@@ -13,7 +13,7 @@ from rivid.fleet.outcome import Outcome, worst
 from rivid.report.attention import BAND_DAYS
 from rivid.report.page import write_page
 from rivid.report.summary import LEVEL
-from rivid.results.tables import (
+from rivid.results.store import (
     FLAG,
     NUMBER,
     TEXT,

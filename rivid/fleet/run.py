@@ -13,10 +13,8 @@ from rivid.errors import ConfigError, NoDataError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
 from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.spec import shown
-from rivid.results import record
-from rivid.results.store import Store
-from rivid.run.plan import Options
-from rivid.run.run import ONE_PROCESS_BELOW, TooManyError, run
+from rivid.results.store import Store, last_record
+from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, Progress, cores, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
@@ -102,7 +100,7 @@ def run_reach(
     try:
         config = reach.config()
         summary = run(reach.data_dir, out, config, options, None, engine or Here())
-        content = str(record.last(out).get("content") or "")
+        content = str(last_record(out).get("content") or "")
         outcome = outcome_of(reach.name, config, summary, content)
     except TooManyError:
         return None

@@ -106,7 +106,7 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
     """Write the unexplained inflow with its 95 % band, a row per used sample; see :data:`MEANINGS`."""
     import pyarrow as pa
 
-    from rivid.results.tables import to_table, write_parquet
+    from rivid.results.store import to_table, write_parquet
 
     schema = pa.schema([("time", pa.timestamp("ms")), *((name, pa.float64()) for name in FLOWS)])
     columns: dict[str, Any] = {name: [] for name in schema.names}

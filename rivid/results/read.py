@@ -124,7 +124,7 @@ def brief_results(rows: "pa.Table", config: "Config") -> Results:
     """
     import pyarrow as pa
 
-    from rivid.results.tables import DELAYS
+    from rivid.results.store import DELAYS
 
     for field in DELAYS:
         if field.name not in rows.column_names:
@@ -146,7 +146,7 @@ def _record(out: Path) -> dict[str, Any]:
     """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
     import json
 
-    from rivid.results.tables import refuse_newer
+    from rivid.results.store import refuse_newer
 
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     if not isinstance(run, dict):

@@ -18,7 +18,7 @@ from rivid.core.law import DelayLaw, delay_law
 from rivid.core.season import season
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.results.tables import (
+from rivid.results.store import (
     DATE,
     FLAG,
     NUMBER,

@@ -25,7 +25,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context, parent_process
 from typing import Any, Protocol
 
-ESTIMATING = ("rivid.run.batch",)
+ESTIMATING = ("rivid.run.run",)
 """Modules of a worker that estimates batches."""
 
 DRAWING = (

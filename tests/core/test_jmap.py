@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap
 from rivid.core.settings import JmapSettings
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario

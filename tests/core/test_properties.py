@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rivid.config import Config, parse
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap
 from rivid.errors import RividError
 from rivid.estimators import ESTIMATORS, Days, build
 from tests import examples

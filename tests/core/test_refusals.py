@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rivid.core.cusum import cusum
-from rivid.core.fir import ml
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap, ml
 from rivid.core.law import LawSettings
 from rivid.core.search import direct, indirect
 from rivid.core.season import SeasonSettings

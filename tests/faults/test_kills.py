@@ -9,8 +9,7 @@ import pytest
 import rivid.run.run as running
 from rivid.config import Config
 from rivid.results.store import read_rows
-from rivid.run.plan import Options
-from rivid.run.run import run
+from rivid.run.run import Options, run
 from tests.daily import write_days
 from tests.faults.processes import KILL, end, forked, moments, start
 from tests.run.test_run import bytes_of

@@ -10,7 +10,7 @@ import pytest
 
 from rivid.errors import RividError
 from rivid.results.read import load_delays, load_results
-from rivid.results.tables import SCHEMA_VERSION
+from rivid.results.store import SCHEMA_VERSION
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, command, rivid
 

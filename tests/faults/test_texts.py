@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rivid.config import Config, parse
 from rivid.errors import ConfigError
-from rivid.results.tables import FORMULA
+from rivid.results.store import FORMULA
 from tests import examples
 from tests.daily import FIRST, text_of, write_days
 from tests.run.test_run import command, rivid

@@ -9,8 +9,7 @@ from click.testing import CliRunner
 
 from rivid.cli.figures import command
 from rivid.errors import LockedError, NoDataError
-from rivid.results.store import Store
-from rivid.results.tables import SCHEMA_VERSION, SEGMENT, to_table, write_tables
+from rivid.results.store import SCHEMA_VERSION, SEGMENT, Store, to_table, write_tables
 from tests.plots.synthetic import dates_of, results
 
 

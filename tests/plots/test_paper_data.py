@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from rivid.config import Config, ReachConfig
-from rivid.core.fir import map_fir, ml
+from rivid.core.fir import jmap, map_fir, ml
 from rivid.core.hydraulics import travel_bounds
-from rivid.core.jmap import jmap
 from rivid.core.search import direct, indirect
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.plots.paper_data import (

@@ -133,7 +133,7 @@ def test_memory_grows_by_inputs_and_outputs_alone():
 
 def test_a_run_does_not_load_numba():
     code = (
-        "import sys\nimport rivid.run.run, rivid.run.batch, rivid.report.build, rivid.check\n"
+        "import sys\nimport rivid.run.run, rivid.run.run, rivid.report.build, rivid.check\n"
         "print('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"

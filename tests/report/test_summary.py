@@ -22,7 +22,7 @@ from rivid.report.summary import (
     trend,
     weeks_ago,
 )
-from rivid.results.record import assumed, describe
+from rivid.results.store import assumed, describe
 from tests.plots.synthetic import dates_of, results, river, without_answers
 from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel
 

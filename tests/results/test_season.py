@@ -15,7 +15,7 @@ from rivid.config import Config, parse
 from rivid.core.law import bulk, delay_law
 from rivid.core.season import season
 from rivid.results.season import LAW_SCHEMA, SCHEMA, join, law_of, read_days
-from rivid.results.tables import DELAYS, to_table, write_parquet
+from rivid.results.store import DELAYS, to_table, write_parquet
 from tests.daily import FIRST, write_days
 from tests.run.test_run import rivid
 

@@ -9,8 +9,17 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.results import store
-from rivid.results.store import Rows, Store, hash_of, read_rows, write_rows, write_segment
-from rivid.results.tables import SEGMENT, to_table, write_tables
+from rivid.results.store import (
+    SEGMENT,
+    Rows,
+    Store,
+    hash_of,
+    read_rows,
+    to_table,
+    write_rows,
+    write_segment,
+    write_tables,
+)
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, rivid
 

@@ -15,9 +15,8 @@ from rivid.errors import ConfigError, RividError
 from rivid.fleet.outcome import kept
 from rivid.results.read import load_results
 from rivid.run import dask as cluster
-from rivid.run.batch import work
 from rivid.run.dask import Dask
-from rivid.run.run import Options, run
+from rivid.run.run import Options, run, work
 from tests.daily import write_days
 from tests.faults.processes import family, remaining, start, wait_until
 from tests.run.test_run import bytes_of

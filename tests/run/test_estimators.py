@@ -10,8 +10,7 @@ import pytest
 
 from rivid.config import Config, parse
 from rivid.core.cusum import cusum
-from rivid.core.fir import map_fir, ml
-from rivid.core.jmap import jmap
+from rivid.core.fir import jmap, map_fir, ml
 from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS, Answer, Days, Estimator, Prepared, build, register
 from rivid.results.read import load_results

@@ -9,10 +9,9 @@ import pytest
 
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, RividError
-from rivid.results import record
+from rivid.results import store as record
 from rivid.results.read import load_results
-from rivid.run.plan import Options
-from rivid.run.run import run
+from rivid.run.run import Options, run
 from tests.daily import write_days
 from tests.run.test_run import bytes_of, command, rivid
 

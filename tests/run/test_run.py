@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from rivid.cli import cli
 from rivid.errors import NoDataError
 from rivid.results.read import load_delays, load_results
-from rivid.results.tables import DELAYS
+from rivid.results.store import DELAYS
 from tests.daily import write_days
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")

@@ -10,7 +10,7 @@ import pytest
 
 from rivid.errors import ConfigError, LockedError
 from rivid.results.store import Store
-from rivid.run.plan import BLOCK, Shard
+from rivid.run.run import BLOCK, Shard
 from tests.daily import write_days
 from tests.run.test_run import bytes_of, rivid
 

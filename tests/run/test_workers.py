@@ -18,7 +18,7 @@ from tests.daily import write_days
 DEADLY = """
 import os, sys
 from pathlib import Path
-import rivid.run.batch as batch
+import rivid.run.run as batch
 read = batch.read_window
 def deadly(root, sources, *rest, **more):
     if str(sources[-1].date) == "2008-03-13":

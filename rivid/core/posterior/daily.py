@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.batched import as_days
+from rivid.core.fir import as_days
 from rivid.core.posterior.front import SHARES, Fronts, averaged_fir, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import log_ndtr, ndtr
 
-from rivid.core.batched import as_days
+from rivid.core.fir import as_days
 from rivid.core.posterior.daily import TOLERANCE, PosteriorResult, normalised, smallest_set
 from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
 from rivid.core.posterior.response import ResponseGrid, hastened, response_grid
