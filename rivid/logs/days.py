@@ -20,7 +20,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from rivid.config import Config
-from rivid.errors import ConfigError, DataError, NoDataError, PendingError
+from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError
 from rivid.logs.log import Log, load
 from rivid.logs.spec import (
     DAY,
@@ -193,6 +193,29 @@ def find_days(
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
 
 
+def unread(root: Path, known: Mapping[str, FileFacts]) -> list[Path]:
+    """Files of many days in a directory that are new or changed since `known` was found."""
+    if not root.is_dir():
+        return []
+    paths = [path for path in _candidates(root, shown(str(root)))[0] if not is_day_file(path.name)]
+    return [path for path in paths if path.is_file() and not _is_known(path.stat(), known.get(path.name))]
+
+
+def look_ahead(path: Path, config: Config) -> FileFacts | None:
+    """The facts of a file in DATA_DIR, in a worker; None where :func:`find_days` has to report an error."""
+    try:
+        spec = spec_of(config)
+        return _look(path, os.path.realpath(path.parent), spec, spec.digest, None, False)
+    except (RividError, OSError, ValueError, MemoryError):
+        return None
+
+
+def _is_known(status: os.stat_result, known: FileFacts | None) -> bool:
+    """Whether size and times of a file are as they were."""
+    stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    return known is not None and (known.size, known.mtime_ns, known.ctime_ns) == stamp
+
+
 def _refuse_empty(root: str, any_file: bool, bad: list[tuple[str, str]]) -> None:
     if any_file:
         raise NoDataError(f"no log in {root} holds more of a day than the row at its midnight")
@@ -242,7 +265,7 @@ def _look(
         raise DataError("is not a regular file")
     stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     date = _date_of(path.name) if is_day_file(path.name) else None
-    if not verify and known is not None and (known.size, known.mtime_ns, known.ctime_ns) == stamp:
+    if known is not None and not verify and _is_known(status, known):
         if known.settings == settings and (date is not None or known.days is not None):
             return known
     if date is not None:

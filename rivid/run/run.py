@@ -12,7 +12,7 @@ import json
 import re
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,7 +31,17 @@ from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared, build
-from rivid.logs.days import Catalog, DataSet, DaySource, FileFacts, find_days, read_window, refuse_columns
+from rivid.logs.days import (
+    Catalog,
+    DataSet,
+    DaySource,
+    FileFacts,
+    find_days,
+    look_ahead,
+    read_window,
+    refuse_columns,
+    unread,
+)
 from rivid.results.store import (
     METHOD_VERSION,
     SCHEMA_VERSION,
@@ -54,7 +64,18 @@ from rivid.results.store import (
     write_tables,
 )
 from rivid.run.drawing import draw_with
-from rivid.run.workers import DRAWING, Engine, Here, Processes, Progress, cores, each, processes, warm
+from rivid.run.workers import (
+    DRAWING,
+    ESTIMATING,
+    Engine,
+    Here,
+    Processes,
+    Progress,
+    cores,
+    each,
+    processes,
+    warm,
+)
 from rivid.types import Bools, Floats
 
 BLOCK = 32
@@ -153,10 +174,17 @@ class Plan:
     now: dt.date | dt.datetime
 
 
-def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str, Any] | None = None) -> Plan:
+def make_plan(
+    data_dir: Path,
+    config: Config,
+    options: Options,
+    known: dict[str, Any] | None = None,
+    engine: Engine | None = None,
+) -> Plan:
     """Find the days of DATA_DIR and make windows of them.
 
-    `known` are the files seen by the last finished run, to avoid hashing them.
+    `known` are the files seen by the last finished run, to avoid hashing them. Where much is new, the workers
+    of the engine read it.
 
     Raises
     ------
@@ -165,7 +193,10 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
     ConfigError
         If the logs lack columns that the configuration names.
     """
-    catalog = find_days(data_dir, config, _facts(known or {}), verify=options.verify)
+    facts = _facts(known or {})
+    if engine is not None and engine.slots > 1 and not options.verify:
+        facts |= _looked_ahead(unread(data_dir, facts), config, engine)
+    catalog = find_days(data_dir, config, facts, verify=options.verify)
     refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
     length, settings = config.run.window_days, config.as_used()
@@ -199,6 +230,14 @@ def make_plan(data_dir: Path, config: Config, options: Options, known: dict[str,
             f"{data_dir} has them from {windows[0].date} to {windows[-1].date}"
         )
     return Plan(catalog, windows, asked, now)
+
+
+def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str, FileFacts]:
+    """Facts of new files of many days, found by all workers; none where the files are few."""
+    if sum(path.stat().st_size for path in paths) < LISTED_HERE:
+        return {}
+    tasks = ((look_ahead, path, config) for path in paths)
+    return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
 
 
 def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
@@ -492,6 +531,9 @@ BATCH_DAYS = 128
 ONE_PROCESS_BELOW = 1000
 """New days below which starting worker processes takes longer than the estimates themselves."""
 
+LISTED_HERE = 10 << 20
+"""Bytes of new files of many days that one process reads: workers take as long to start."""
+
 MOST_PAINTERS = 4
 """Most processes that draw: there are a few figures only, and each process reads the results itself."""
 
@@ -574,19 +616,28 @@ def run(
     painters = min(options.workers or cores(), MOST_PAINTERS)
     build(config)  # refuses settings that contradict each other
     _refuse_places(data_dir, out)
+    draws = options.figures and not options.shard and engine is None and painters > 1
+    own = processes(
+        options.workers or cores(), DRAWING if draws else ESTIMATING
+    )  # begin with their first task
     with Store(out, options.shard.name if options.shard else "") as store:
         before = last_record(out)
-        planned = make_plan(data_dir, config, options, store.known_files(data_dir))
-        if options.force:
-            store.forget([w.key for w in planned.asked])
-        kept = store.read()
-        new = missing(planned.asked, kept)
-        if options.most_new is not None and len(new) > options.most_new:
-            raise TooManyError(f"{len(new)} new days in {data_dir}: expected {options.most_new} or fewer")
-        if new:
-            if options.figures and not options.shard and engine is None and painters > 1:
-                warm(DRAWING)  # while this process reads and estimates
-            _estimate(store, data_dir, config, new, planned, options, progress, engine)
+        with nullcontext(engine) if engine else own as executing:
+            planned = make_plan(data_dir, config, options, store.known_files(data_dir), executing)
+            if options.force:
+                store.forget([w.key for w in planned.asked])
+            kept = store.read()
+            new = missing(planned.asked, kept)
+            if options.most_new is not None and len(new) > options.most_new:
+                raise TooManyError(f"{len(new)} new days in {data_dir}: expected {options.most_new} or fewer")
+            if new:
+                if draws:
+                    warm(DRAWING)  # while this process reads and estimates
+                few = engine is None and options.workers is None and len(new) < ONE_PROCESS_BELOW
+                estimating = Here() if few else executing
+                batches = _batches(data_dir, config, new, planned, estimating)
+                with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
+                    run_batches(batches, store.segments, estimating, done)
         windows = planned.asked if options.shard else planned.windows
         rows = (store.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, config, before, store)
@@ -634,28 +685,13 @@ def _refuse_places(data_dir: Path, out: Path) -> None:
         raise ConfigError(f"OUT is DATA_DIR ({out}): its tables would be taken for logs; give another --out")
 
 
-def _estimate(
-    store: Store,
-    data_dir: Path,
-    config: Config,
-    new: list[Window],
-    planned: Plan,
-    options: Options,
-    progress: Progress | None,
-    engine: Engine | None,
-) -> None:
-    """Estimate the new windows in batches, with as many workers as pay off."""
-    if engine is None:
-        workers = options.workers or (1 if len(new) < ONE_PROCESS_BELOW else cores())
-    else:
-        workers = engine.slots
-    size = max(1, min(BATCH_DAYS, -(-len(new) // workers)))
-    batches = (
-        Batch(data_dir, config, tuple(new[at : at + size]), planned.now) for at in range(0, len(new), size)
-    )
-    with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
-        with nullcontext(engine) if engine else processes(workers) as executing:
-            run_batches(batches, store.segments, executing, done)
+def _batches(
+    data_dir: Path, config: Config, new: list[Window], planned: Plan, engine: Engine
+) -> Iterator[Batch]:
+    """Cut the new windows into batches for an engine."""
+    size = max(1, min(BATCH_DAYS, -(-len(new) // engine.slots)))
+    for at in range(0, len(new), size):
+        yield Batch(data_dir, config, tuple(new[at : at + size]), planned.now)
 
 
 def _summarise(
