@@ -38,6 +38,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     from rivid.core.hydraulics import propose_delays, travel_bounds
     from rivid.core.settings import MAX_ORDER
     from rivid.errors import ConfigError
+    from rivid.report.page import terminal
 
     console = Console()
     reach = load_config(configuration(config, data_dir, console)).reach
@@ -71,22 +72,12 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
             raise ConfigError(too_long)
         click.echo(f"\n# From the travel times of the reach's waves, by `rivid bounds`.\n{lines}")
         return 0
-    size = f"{reach.length:g} m long, {reach.width:g} m wide, {reach.depth:g} m deep; T_s = {T_s:g} s"
-    click.echo(wrap(f"{abbreviate(reach.name)}: {size}") + "\n")
-    click.echo("discharge  velocity  Froude    gravity wave        kinematic wave")
-    click.echo("     m3/s       m/s       -      min  samples        min  samples")
-    for Q, v, F, g, k in zip(
-        bounds.discharge, bounds.velocity, bounds.froude, bounds.gravity, bounds.kinematic, strict=True
-    ):
-        click.echo(f"{Q:9.0f} {v:9.2f} {F:7.3f} {g / 60:8.1f} {g / T_s:8.1f} {k / 60:10.1f} {k / T_s:8.1f}")
-    text = (
-        f"The {proposal.wave} wave brings the first response; a travel time of n samples is a delay "
-        "d = n - 1, since the inflow first acts at lag d + 1. Proposal for the configuration "
-        "(--toml prints only these lines):"
-    )
-    click.echo(f"\n{wrap(f'No proposal: {too_long}.' if too_long else text, hanging=0)}")
-    if not too_long:
-        click.echo(f"\n{lines}")
+    waves = (bounds.discharge, bounds.velocity, bounds.froude, bounds.gravity, bounds.kinematic)
+    text = terminal(
+        "bounds", name=abbreviate(reach.name), reach=reach, T_s=T_s, waves=list(zip(*waves, strict=True)),
+        proposal=proposal, too_long=too_long, lines=lines, wrap=wrap,
+    )  # fmt: skip
+    click.echo(text)
     return 0
 
 

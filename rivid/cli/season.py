@@ -96,40 +96,25 @@ def _of_reach(out: Path, reach: str | None) -> Path:
 def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
     import numpy as np
 
+    from rivid.report.page import terminal
+
     had, has = np.isfinite(days.delay), np.isfinite(joined.delay)
-    differ = int((had & has & (days.delay != joined.delay)).sum())
-    unseen = int((~joined.observed).sum())
-    way = "each day from the days before" if joined.direction == "forward" else "each day from all days"
-    rows = [
-        ("days", f"{len(days.dates):,}, {days.dates[0]} to {days.dates[-1]}"),
-        ("", f"{unseen:,} of them without probabilities: estimated from the others"),
-        ("answered", f"{int(had.sum()):,} alone, {int(has.sum()):,} joined"),
-        (
-            "changed",
-            f"{differ:,} to another delay; {int((has & ~had).sum()):,} new, {int((had & ~has).sum()):,} gone",
-        ),
-        ("related", f"probability {joined.related:.2f} that the delays of consecutive days are related"),
-    ]
-    click.echo(wrap(f"{abbreviate(days.reach)}: posterior-season, {way}"))
-    for name, text in rows if unseen else [rows[0], *rows[2:]]:
-        click.echo(wrap(f"{name:9s} {text}", 2, 10))
-    if days.river:
-        click.echo("  note      a river's days alone are as good: joined, t50 is coarser")
-    click.echo()
-    if law.status != "ok":
-        click.echo(wrap(f"no law: {law.message}"))
-        return
-    what = "t50" if days.river else "T"
-    click.echo(
-        f"{what} = {law.T0:.0f} s (Q / {law.Q0:.0f})^{-law.b:.2f}, "
-        f"{law.b_low:.2f} to {law.b_high:.2f} ({law.level:.0%})"
-    )
-    click.echo(f"  {law.days:,} days in {law.blocks} blocks; days scatter by {law.scatter:.1%} about it\n")
-    click.echo("  discharge [m3/s]   median    delay [s], by the law      a single day   days")
     t = law.table
-    for i in range(len(t.n)):
-        click.echo(
-            f"  {t.discharge_low[i]:7.1f} to {t.discharge_high[i]:6.1f}  {t.discharge[i]:6.1f}  "
-            f"{t.delay[i]:6.0f}  {t.low[i]:6.0f} to {t.high[i]:6.0f}  "
-            f"{t.day_low[i]:6.0f} to {t.day_high[i]:6.0f}  {t.n[i]:5d}"
-        )
+    classes = (
+        t.discharge_low,
+        t.discharge_high,
+        t.discharge,
+        t.delay,
+        t.low,
+        t.high,
+        t.day_low,
+        t.day_high,
+        t.n,
+    )
+    text = terminal(
+        "season", days=days, joined=joined, law=law, reach=abbreviate(days.reach), wrap=wrap,
+        unseen=int((~joined.observed).sum()), alone=int(had.sum()), together=int(has.sum()),
+        differ=int((had & has & (days.delay != joined.delay)).sum()), new=int((has & ~had).sum()),
+        gone=int((had & ~has).sum()), classes=list(zip(*classes, strict=True)),
+    )  # fmt: skip
+    click.echo(text)

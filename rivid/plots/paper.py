@@ -38,16 +38,8 @@ CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "jmap-degenerate": ("JMAPdeg", {"color": style.GREY, "lw": 1.4, "ls": estimates.DASHED}),
 }
 """Curves of Fig. 12: the paper's name and the look."""
-TDR = {
-    "13": ("ml", "Responses of the ML estimator"),
-    "14": ("map", "Responses of the MAP estimator"),
-    "15": ("jmap-uniform", "Responses of the JMAP, uniform prior, alpha fixed"),
-    "16": ("jmap", "Responses of the JMAP, Rayleigh prior"),
-}
-"""Figs 13-16: estimator and title."""
-
-Drawn = tuple[str, str, Figure]
-"""Number and title of a figure, and the figure."""
+Sheet = Callable[..., tuple[Figure, list[Axes]]]
+"""Makes the sheet of a figure: takes the note, heights and number of columns, and margins."""
 
 
 def draw_paper(
@@ -70,8 +62,8 @@ def draw_paper(
     dam = "downstream" if year.outflow else "upstream"
     files = []
     with style.styled():
-        for figure_of in FIGURES:
-            num, title, figure = figure_of(year, estimated, i, cascade)
+        for num, (title, _) in FIGURES.items():
+            figure = figure_of(num, year, estimated, i, cascade)
             path = folder / f"fig{int(num):02d}{'_priors' if num == '11' else ''}.png"
             files.append(style.written(figure, path, title, kind=num, dam=dam))
             style.save_vector(figure, path.with_suffix(".svg"))
@@ -93,11 +85,15 @@ def choose(estimated: Results, day: dt.date | None = None) -> int:
     return e.dates.index(chosen)
 
 
-def _sheet(
-    num: str, title: str, note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **look: Any
-) -> tuple[Figure, list[Axes]]:
-    margins = {"left": 0.8, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
-    return style.sheet(f"Fig. {num} · {title}", note, heights, [1.0] * columns, **margins)
+def figure_of(num: str, year: Year, estimated: Results, i: int, cascade: Sequence[CascadeReach]) -> Figure:
+    """One of :data:`FIGURES`; `i` is the number of the day of Figs 7, 11 and 12."""
+    title, draw = FIGURES[num]
+
+    def sheet(note: str, heights: Sequence[float] = (3.0,), columns: int = 1, **look: Any) -> Any:
+        margins = {"left": 0.8, "right": 0.72, "top": 0.82, "bottom": 0.62} | look
+        return style.sheet(f"Fig. {num} · {title}", note, heights, [1.0] * columns, **margins)
+
+    return draw(sheet, year, estimated, i, cascade)
 
 
 def _who(year: Year) -> str:
@@ -112,23 +108,21 @@ def daily_range(days: Sequence[Floats]) -> float:
     return float(np.mean([np.ptp(day) for day in days]))
 
 
-def _by_day(
-    year: Year, num: str, title: str, facts: str, values: Floats, label: str, *, from_zero: bool = True
-) -> Drawn:
-    """One line over the days of the record, broken where days are missing."""
-    figure, (ax,) = _sheet(num, title, f"{_who(year)} · {facts}", [2.4], left=0.85, right=0.3, top=0.62)
+def _by_day(sheet: Sheet, year: Year, facts: str, values: Floats, label: str, low: float | None) -> Figure:
+    """One line over the days of the record, broken where days are missing; from `low` on, where given."""
+    figure, (ax,) = sheet(f"{_who(year)} · {facts}", [2.4], left=0.85, right=0.3, top=0.62)
     style.date_axis(ax, year.dates[0], year.dates[-1])
     alone = "o" if len(values) < 3 else ""
     x, y = estimates.with_gaps(day_numbers(year.dates), values)
     ax.plot(x, y, color=style.INK, lw=1.1, marker=alone, ms=3)
-    if from_zero:
-        ax.set_ylim(0, 1.08 * float(values.max()))
+    if low is not None:
+        ax.set_ylim(low, 1.08 * float(values.max()))
     ax.set_ylabel(label)
     ax.grid(True, axis="y")
-    return num, title, figure
+    return figure
 
 
-def discharge(year: Year, *_: Any) -> Drawn:
+def discharge(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 2: mean daily discharge."""
     Q = year.discharge
     facts = (
@@ -136,33 +130,30 @@ def discharge(year: Year, *_: Any) -> Drawn:
         f"{share(int((Q < OFTEN).sum()), len(Q))} of days; over a day it moves by "
         f"{daily_range(year.outflow or year.inflow):.0f} m³/s"
     )
-    return _by_day(year, "2", "Mean daily discharge", facts, Q, "discharge [m³/s]")
+    return _by_day(sheet, year, facts, Q, "discharge [m³/s]", 0)
 
 
-def level(year: Year, *_: Any) -> Drawn:
+def level(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 3: mean daily level at the downstream dam."""
     h = year.mean_level
     facts = f"{h.min():.2f} to {h.max():.2f} m; over a day it moves by {daily_range(year.level):.2f} m"
-    label = "level [m above the datum]"
-    return _by_day(year, "3", "Mean daily level", facts, h, label, from_zero=False)
+    return _by_day(sheet, year, facts, h, "level [m above the datum]", None)
 
 
-def froude(year: Year, *_: Any) -> Drawn:
+def froude(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 4: mean daily Froude number (6)."""
     F = year.bounds.froude
     facts = f"{F.min():.3f} to {F.max():.3f}; the bounds (5) hold below 2"
-    return _by_day(year, "4", "Mean daily Froude number", facts, F, "Froude number [-]")
+    return _by_day(sheet, year, facts, F, "Froude number [-]", 0)
 
 
-def bounds_by_flow(year: Year, *_: Any) -> Drawn:
+def bounds_by_flow(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 5: bounds of the travel time (5) against the flow."""
     reach, T = year.config.reach, year.sample_time
     low, high = reach.discharge_range
     Q = np.linspace(low, high, 200)
     bounds = travel_bounds(Q, length=reach.length, width=reach.width, depth=reach.depth)
-    title = "Bounds of the travel time against the flow"
-    figure, (ax,) = _sheet(
-        "5", title,
+    figure, (ax,) = sheet(
         f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(reach.depth)} m deep · "
         f"gravity wave {bounds.gravity[-1] / T:.1f} to {bounds.gravity[0] / T:.1f} T_s, kinematic wave "
         f"{bounds.kinematic[-1] / T:.0f} to {bounds.kinematic[0] / T:.0f} T_s (T_s = {T:g} s)",
@@ -170,16 +161,14 @@ def bounds_by_flow(year: Year, *_: Any) -> Drawn:
     travel_times(ax, Q, bounds.gravity, bounds.kinematic, T)
     ax.set_xlim(low, high)
     ax.set_xlabel("flow [m³/s]")
-    return "5", title, figure
+    return figure
 
 
-def bounds_by_day(year: Year, *_: Any) -> Drawn:
+def bounds_by_day(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 6: the same bounds for each day's mean discharge and Froude number."""
     bounds, T = year.bounds, year.sample_time
-    title = "Bounds of the travel time of each day"
     g, k = bounds.gravity / T, bounds.kinematic / T
-    figure, (ax,) = _sheet(
-        "6", title,
+    figure, (ax,) = sheet(
         f"{_who(year)} · gravity wave {g.min():.1f} to {g.max():.1f} T_s, kinematic wave {k.min():.0f} to "
         f"{k.max():.0f} T_s (T_s = {T:g} s)",
     )  # fmt: skip
@@ -187,7 +176,7 @@ def bounds_by_day(year: Year, *_: Any) -> Drawn:
     day = day_numbers(year.dates)
     x, gravity = estimates.with_gaps(day, bounds.gravity)
     travel_times(ax, x, gravity, estimates.with_gaps(day, bounds.kinematic)[1], T)
-    return "6", title, figure
+    return figure
 
 
 def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> Axes:
@@ -212,11 +201,10 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
 # Figs 7, 10, the priors, and 12: one day
 
 
-def logs(year: Year, _: Results, i: int, *__: Any) -> Drawn:
+def logs(sheet: Sheet, year: Year, _: Results, i: int, *__: Any) -> Figure:
     """Fig. 7: the data set of one day."""
-    u, h, title = year.inflow[i], year.level[i], "A one-day data set"
-    figure, panels = _sheet(
-        "7", title,
+    u, h = year.inflow[i], year.level[i]
+    figure, panels = sheet(
         f"{year.config.reach.name} · {year.dates[i]} · N = {len(u)} samples, T_s = {year.sample_time:g} s",
         [1.75, 1.75], gap=(0.0, 0.22), left=0.85, right=0.3,
     )  # fmt: skip
@@ -237,15 +225,13 @@ def logs(year: Year, _: Results, i: int, *__: Any) -> Drawn:
     flows.tick_params(labelbottom=False)
     style.key(flows)
     figure.align_ylabels(panels)
-    return "7", title, figure
+    return figure
 
 
-def theoretical(year: Year, *_: Any) -> Drawn:
+def theoretical(sheet: Sheet, year: Year, *_: Any) -> Figure:
     """Fig. 10: the response (10) with the paper's numbers."""
     h = 1e4 * theoretical_fir(SHOWN, DELAY, ALPHA_I, ALPHA_O, K_Q, K_H)
-    title = "A theoretical impulse response"
-    figure, (ax,) = _sheet(
-        "10", title,
+    figure, (ax,) = sheet(
         "d = 7, K_i T_s / A = 1e-4 s/m², K_o T_s / A = 1.2e-4 s/m², K_Q = 1, K_h = −1000 m²/s",
         [2.9], top=0.85,
     )  # fmt: skip
@@ -262,21 +248,20 @@ def theoretical(year: Year, *_: Any) -> Drawn:
     ax.set_ylabel("h[k] [10⁻⁴ m per m³/s]")
     ax.grid(True, axis="y")
     style.minutes_above(ax, year.sample_time)
-    return "10", title, figure
+    return figure
 
 
-def priors(year: Year, estimated: Results, i: int, *__: Any) -> Drawn:
+def priors(sheet: Sheet, year: Year, estimated: Results, i: int, *__: Any) -> Figure:
     """The Rayleigh prior on d (26) and the inverse-gamma prior on sigma_hD2 (32), as in use.
 
     The second needs a day: its beta_h comes from that day's ML response.
     """
-    s, title = year.config.jmap_settings(), "The priors in use"
+    s = year.config.jmap_settings()
     ml, jmap = estimated.of("ml"), estimated.of("jmap")
     M, h = s.order, ml.fir[i]
     nu = float(np.sum(np.convolve(h, (1.0, -2.0, 1.0))[:M] ** 2))  # ||D h_ML||^2
     alpha_h, beta_h = M / 2, nu / 2
-    figure, (left, right) = _sheet(
-        "11", title,
+    figure, (left, right) = sheet(
         f"{estimated.reach} · sigma_d = {number(s.delay_scale)} T_s · alpha_h = M/2 = {number(alpha_h)}, "
         f"beta_h = ‖D h_ML‖²/2 = {beta_h:.1e} on {jmap.dates[i]}",
         [2.7], 2, gap=(0.75, 0.0), right=0.3, bottom=0.85, top=0.9,
@@ -306,19 +291,18 @@ def priors(year: Year, estimated: Results, i: int, *__: Any) -> Drawn:
         ax.set_ylim(0, None)
         ax.grid(True, axis="y")
     style.figure_key([left, right], down=0.14)
-    return "11", title, figure
+    return figure
 
 
-def responses(_: Year, estimated: Results, i: int, *__: Any) -> Drawn:
+def responses(sheet: Sheet, _: Year, estimated: Results, i: int, *__: Any) -> Figure:
     """Fig. 12: the impulse responses of one day, and the JMAP's as a bar."""
     jmap = estimated.of("jmap")
     T, M, unit = estimated.sample_time, jmap.fir.shape[1], response_unit(estimated.output_unit)
     d, deg = jmap.delay[i], estimated.of("jmap-degenerate").delay[i]
-    title = "Impulse responses and delay of one day"
     facts = f"{estimated.reach} · {jmap.dates[i]} · condition number of U'U {jmap.condition[i]:.1e}"
     facts += f" · JMAP d = {delays([float(d)], T)}" if np.isfinite(d) else ""
     facts += f", JMAPdeg d = {deg:.0f}" if np.isfinite(deg) else ""
-    figure, (ax,) = _sheet("12", title, facts, [3.3], bottom=1.05, top=1.1)
+    figure, (ax,) = sheet(facts, [3.3], bottom=1.05, top=1.1)
     ax.axhline(0, color=style.LIGHT, lw=0.7)
     drawn = {name: estimated.of(name).fir[i] for name in CURVES}
     # the last lags hold the rest of the truncated response and do not set the scale
@@ -347,7 +331,7 @@ def responses(_: Year, estimated: Results, i: int, *__: Any) -> Drawn:
     )  # fmt: skip
     style.minutes_above(ax, T)
     style.figure_key([ax], down=0.58, left=0.8)
-    return "12", title, figure
+    return figure
 
 
 # Figs 9 and 13-18: the year
@@ -362,11 +346,11 @@ def _panels(year: Year) -> list[tuple[str, str]]:
     ]
 
 
-def searches(year: Year, estimated: Results, *_: Any) -> Drawn:
+def searches(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     """Fig. 9: delays by exhaustive search in the simple models."""
-    s, title = year.config.jmap_settings(), "Delays by exhaustive search"
-    figure, panels = _sheet(
-        "9", title, f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
+    s = year.config.jmap_settings()
+    figure, panels = sheet(
+        f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
         right=0.3, bottom=0.85,
     )  # fmt: skip
     shown = [("direct", "direct approach (8)")] if year.outflow else []
@@ -376,19 +360,18 @@ def searches(year: Year, estimated: Results, *_: Any) -> Drawn:
         style.message(panels[1], "No outflow is logged: no direct approach.")
         panels[1].set_axis_off()
     style.figure_key(panels)
-    return "9", title, figure
+    return figure
 
 
-def jmap_histograms(year: Year, estimated: Results, *_: Any) -> Drawn:
+def jmap_histograms(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     """Fig. 18: delays of the JMAP with three priors."""
-    title = "How often each delay (JMAP)"
-    figure, panels = _sheet(
-        "18", title, f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
+    figure, panels = sheet(
+        f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
         bottom=0.85, top=0.92,
     )  # fmt: skip
     _histograms(panels, estimated, _panels(year))
     style.figure_key(panels)
-    return "18", title, figure
+    return figure
 
 
 def _histograms(panels: Sequence[Axes], estimated: Results, shown: Sequence[tuple[str, str]]) -> None:
@@ -401,35 +384,33 @@ def _histograms(panels: Sequence[Axes], estimated: Results, shown: Sequence[tupl
         ax.set_ylim(0, top)
 
 
-def jmap_maps(year: Year, estimated: Results, *_: Any) -> Drawn:
+def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     """Fig. 17: the delay of each day for three priors."""
-    title = "Delay of each day (JMAP)"
     note = f"{_who(year)} · T_s = {year.sample_time:g} s"
-    figure, panels = _sheet("17", title, note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
+    figure, panels = sheet(note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
     for letter, ax, (name, words) in zip("abc", panels, _panels(year), strict=True):
         style.date_axis(ax, year.dates[0], year.dates[-1], labels=letter == "c")
         estimates.delay_map(ax, estimated, estimated.of(name), counted=False, bounds=False)
         style.name_panel(ax, letter, words)
     style.figure_key(panels)
-    return "17", title, figure
+    return figure
 
 
-def _tdr(num: str) -> Callable[..., Drawn]:
-    """Figs 13-16: the impulse responses of the year, the time-day representation."""
+def _tdr(name: str) -> Callable[..., Figure]:
+    """Figs 13-16: the impulse responses of the year by one estimator, the time-day representation."""
 
-    def representation(year: Year, estimated: Results, *__: Any) -> Drawn:
-        name, title = TDR[num]
-        e = estimated.of(name)
+    def representation(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
+        e, config = estimated.of(name), year.config
         note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
-        note += f" · alpha = {year.config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
-        note += f" · sigma_d = {year.config.jmap_settings().delay_scale:g} T_s" if name == "jmap" else ""
-        figure, (ax,) = _sheet(num, title, note)
+        note += f" · alpha = {config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
+        note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
+        figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         estimates.tdr(ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time)
         if e.answered.any():
             estimates.grey_scale(ax, e.fir, response_unit(estimated.output_unit))
         style.key(ax)
-        return num, title, figure
+        return figure
 
     return representation
 
@@ -437,16 +418,15 @@ def _tdr(num: str) -> Callable[..., Drawn]:
 # Fig. 19: the cascade
 
 
-def cascade(_: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Drawn:
+def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Figure:
     """Fig. 19: how far the delay varies in each reach of a cascade, estimated and by experience."""
-    title = "Delays of the reaches of a cascade"
 
     def width(interval: tuple[int, int]) -> int:
         return interval[1] - interval[0]
 
     halved = [r.name for r in reaches if width(r.estimated) <= width(r.empirical) / 2]
     result = f"interval halved on {listed(halved)}" if halved else "no interval is halved"
-    figure, (ax,) = _sheet("19", title, f"JMAP with uniform prior · {result}")
+    figure, (ax,) = sheet(f"JMAP with uniform prior · {result}")
     span = max(r.length for r in reaches) / 1000
     for r in reaches:
         reach_delays(ax, r, shift=0.016 * span)
@@ -458,7 +438,7 @@ def cascade(_: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> 
     ax.grid(True, axis="y")
     style.second_axis(ax, reaches[0].sample_time, "[minutes]")
     style.key(ax)
-    return "19", title, figure
+    return figure
 
 
 def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
@@ -488,8 +468,23 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
     return ax
 
 
-FIGURES: tuple[Callable[..., Drawn], ...] = (
-    discharge, level, froude, bounds_by_flow, bounds_by_day, logs, searches, theoretical, priors, responses,
-    *(_tdr(num) for num in TDR), jmap_maps, jmap_histograms, cascade,
-)  # fmt: skip
-"""All figures in the paper's order, as functions of year, estimates, day and cascade."""
+FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {
+    "2": ("Mean daily discharge", discharge),
+    "3": ("Mean daily level", level),
+    "4": ("Mean daily Froude number", froude),
+    "5": ("Bounds of the travel time against the flow", bounds_by_flow),
+    "6": ("Bounds of the travel time of each day", bounds_by_day),
+    "7": ("A one-day data set", logs),
+    "9": ("Delays by exhaustive search", searches),
+    "10": ("A theoretical impulse response", theoretical),
+    "11": ("The priors in use", priors),
+    "12": ("Impulse responses and delay of one day", responses),
+    "13": ("Responses of the ML estimator", _tdr("ml")),
+    "14": ("Responses of the MAP estimator", _tdr("map")),
+    "15": ("Responses of the JMAP, uniform prior, alpha fixed", _tdr("jmap-uniform")),
+    "16": ("Responses of the JMAP, Rayleigh prior", _tdr("jmap")),
+    "17": ("Delay of each day (JMAP)", jmap_maps),
+    "18": ("How often each delay (JMAP)", jmap_histograms),
+    "19": ("Delays of the reaches of a cascade", cascade),
+}
+"""Title and function of each figure, in the paper's order."""

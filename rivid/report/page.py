@@ -89,6 +89,11 @@ def write_page(path: Path, name: str, context: Mapping[str, Any]) -> Path:
     return path
 
 
+def terminal(name: str, /, **facts: Any) -> str:
+    """Return the text of the template ``name.txt.j2`` for a terminal."""
+    return html.unescape(environment().get_template(f"{name}.txt.j2").render(facts)).rstrip("\n")
+
+
 def data_uri(path: Path, remedy: str = "draw the figures again") -> str:
     """Return a PNG file as a data URI; RividError, which ends with `remedy`, if the file cannot be read."""
     try:

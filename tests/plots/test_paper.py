@@ -10,7 +10,7 @@ from PIL import Image
 
 from rivid.errors import ConfigError
 from rivid.plots import paper
-from rivid.plots.paper import FIGURES, cascade, choose, draw_paper
+from rivid.plots.paper import FIGURES, choose, draw_paper, figure_of
 from rivid.plots.paper_data import estimate, of_year
 from rivid.plots.style import styled
 from rivid.report.build import write_gallery
@@ -25,7 +25,7 @@ def figures():
     """The figures of a year by their number, drawn and not written."""
     y, e = year(), estimated()
     with styled():
-        drawn = {num: figure for num, _, figure in (make(y, e, choose(e), [of_year(y)]) for make in FIGURES)}
+        drawn = {num: figure_of(num, y, e, choose(e), [of_year(y)]) for num in FIGURES}
     assert list(drawn) == NUMBERS
     return drawn
 
@@ -55,7 +55,7 @@ def written(folder):
 
 
 def test_a_figure_and_its_page_are_the_same_bytes_each_time(tmp_path, monkeypatch):
-    monkeypatch.setattr(paper, "FIGURES", (paper.priors,))
+    monkeypatch.setattr(paper, "FIGURES", {"11": paper.FIGURES["11"]})
     kinds, files = written(tmp_path / "a")
     assert kinds == ["11"] and set(files) == {"fig11_priors.png", "fig11_priors.svg", "index.html"}
     assert written(tmp_path / "b")[1] == files
@@ -97,9 +97,9 @@ def test_the_given_day_is_shown_and_an_unknown_one_or_one_without_a_response_is_
 def test_other_years_are_drawn_as_well(y):
     e = estimate(y)
     with styled():
-        drawn = [make(y, e, choose(e), [of_year(y)]) for make in FIGURES]
-    assert [number for number, _, _ in drawn] == NUMBERS
-    panels = next(figure for number, _, figure in drawn if number == "9").axes
+        drawn = {num: figure_of(num, y, e, choose(e), [of_year(y)]) for num in FIGURES}
+    assert list(drawn) == NUMBERS
+    panels = drawn["9"].axes
     assert panels[1].axison == bool(y.outflow)
 
 
@@ -107,5 +107,5 @@ def test_a_reach_without_any_estimate_has_its_interval_alone():
     y = year()
     r = dataclasses.replace(of_year(y), delay=np.full(12, np.nan))
     with styled():
-        figure = cascade(y, estimated(), 0, [r])[2]
+        figure = figure_of("19", y, estimated(), 0, [r])
     assert tuple(figure.axes[0].lines[0].get_ydata()) == (5, 11) and len(labels(figure)) == 3
