@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 @click.command("check")
-@shared.data_dir()
+@shared.data_dir
 @shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
 @shared.as_json("One JSON object on stdout: every day, and a summary.")
-@shared.talk()
-@shared.today()
+@shared.talk
+@shared.today
 def command(
     data_dir: Path, config: Path | None, as_json: bool, quiet: bool, verbose: bool, today: dt.date | None
 ) -> int:

@@ -10,14 +10,14 @@ from rivid.cli.console import Console
 
 
 @click.command("diagnose")
-@shared.data_dir()
+@shared.data_dir
 @shared.config()
-@shared.out()
+@shared.out
 @shared.value("--model", shared.FILE, "FILE", "Start with the effects of this augmented model (model.toml).")
 @shared.flag("--no-figures", "Draw no figures.")
 @shared.days("use")
 @shared.as_json("diagnosis.json on stdout.")
-@shared.talk()
+@shared.talk
 def command(
     data_dir: Path, config: Path | None, out: Path | None, model: Path | None, no_figures: bool,
     first: dt.date | None, last: dt.date | None, as_json: bool, quiet: bool, verbose: bool,

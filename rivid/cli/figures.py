@@ -17,7 +17,7 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
 
 
 @click.command("figures")
-@shared.results()
+@shared.results
 @shared.value("--day", shared.DATE, "DATE", "The day of the impulse responses; default: a typical one.")
 @shared.flag("--paper", "Draw the paper's figures instead, into OUT/paper.")
 @shared.value("--logs", shared.PATH, "DATA_DIR", "With --paper: the run's logs, if they have been moved.")
@@ -25,7 +25,7 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
     "--cascade", shared.PATH, "PATH",
     "With --paper, for Fig. 19: a scenario to simulate, or OUT of a reach's run. Repeatable.", multiple=True,
 )  # fmt: skip
-@shared.talk()
+@shared.talk
 def command(
     out: Path, day: dt.date | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
     quiet: bool, verbose: bool,

@@ -22,9 +22,9 @@ MOST_LINES = 20
 
 
 @click.command("fleet", short_help="Report on all reaches of a fleet together.")
-@shared.results()
+@shared.results
 @shared.as_json("fleet.json on stdout, in one line.")
-@shared.talk()
+@shared.talk
 def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 

@@ -11,9 +11,9 @@ from rivid.cli.console import Console, print_error, wrap
 
 
 @click.command("ingest")
-@shared.exports()
+@shared.exports
 @shared.config("What the exports look like: [input] (TOML).", required=True)
-@shared.logs_out()
+@shared.logs_out
 @shared.value(
     "--format", shared.OneOf(["csv", "csv.gz", "parquet"]), "NAME",
     "Of the daily logs: csv, csv.gz or parquet.", default="csv", show_default=True,
@@ -27,8 +27,8 @@ from rivid.cli.console import Console, print_error, wrap
 @shared.days("write")
 @shared.dry_run("Count, and write nothing.")
 @shared.as_json()
-@shared.talk()
-@shared.today()
+@shared.talk
+@shared.today
 def command(
     exports: tuple[Path, ...], config: Path, out: Path, format: Any, run_config: Path | None, force: bool,
     first: dt.date | None, last: dt.date | None, dry_run: bool, as_json: bool, quiet: bool, verbose: bool,

@@ -70,9 +70,10 @@ def nearest(came: str, names: list[str]) -> str:
     return f" Did you mean {close[0]!r}?" if close else ""
 
 
-def value(name: str, kind: Any, metavar: str, text: str, **more: Any) -> Decorator:
+def value(name: str, kind: Any, metavar: str, text: str, short: str = "", **more: Any) -> Decorator:
     """Return an option with a value."""
-    return click.option(name, type=kind, metavar=metavar, help=text, **more)
+    names = (name, short) if short else (name,)
+    return click.option(*names, type=kind, metavar=metavar, help=text, **more)
 
 
 def flag(name: str, text: str) -> Decorator:
@@ -80,38 +81,29 @@ def flag(name: str, text: str) -> Decorator:
     return click.option(name, is_flag=True, help=text)
 
 
-def data_dir() -> Decorator:
-    """DATA_DIR, the logs."""
-    return click.argument("data_dir", type=PATH)
-
-
-def exports() -> Decorator:
-    """EXPORTS, foreign files."""
-    kind = click.Path(path_type=Path, exists=True, dir_okay=False)
-    return click.argument("exports", nargs=-1, required=True, type=kind)
-
-
-def results() -> Decorator:
-    """OUT, the directory that a run has written."""
-    return click.argument("out", type=DIRECTORY)
+data_dir = click.argument("data_dir", type=PATH)
+"""DATA_DIR, the logs."""
+exports = click.argument(
+    "exports", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False)
+)
+"""EXPORTS, foreign files."""
+results = click.argument("out", type=DIRECTORY)
+"""OUT, the directory that a run has written."""
 
 
 def config(text: str = f"The reach and its settings (TOML); {SEARCHED}", **more: Any) -> Decorator:
     """--config, -c."""
-    return click.option("--config", "-c", type=more.pop("type", FILE), metavar="FILE", help=text, **more)
+    return value("--config", more.pop("type", FILE), "FILE", text, short="-c", **more)
 
 
-def out(
-    text: str = "Directory of the results; default: [run] out of the configuration, else ./out.",
-) -> Decorator:
-    """--out, -o."""
-    return click.option("--out", "-o", type=NEW_DIRECTORY, metavar="DIR", help=text)
-
-
-def logs_out() -> Decorator:
-    """--out, -o, of commands that write logs."""
-    text = "Directory of the daily logs."
-    return click.option("--out", "-o", type=NEW_DIRECTORY, required=True, metavar="DATA_DIR", help=text)
+out = value(
+    "--out", NEW_DIRECTORY, "DIR",
+    "Directory of the results; default: [run] out of the configuration, else ./out.", short="-o",
+)  # fmt: skip
+logs_out = value(
+    "--out", NEW_DIRECTORY, "DATA_DIR", "Directory of the daily logs.", short="-o", required=True
+)
+"""--out, -o, of commands that write logs."""
 
 
 def days(verb: str) -> Decorator:
@@ -136,17 +128,12 @@ def as_json(text: str = "One JSON object on stdout.") -> Decorator:
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
-def talk() -> Decorator:
+def talk(command: Any) -> Any:
     """--quiet and --verbose."""
-
-    def both(command: Any) -> Any:
-        text = "Print files, versions and the time of each phase on stderr."
-        command = click.option("--verbose", "-v", is_flag=True, help=text)(command)
-        return click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")(command)
-
-    return both
+    text = "Print files, versions and the time of each phase on stderr."
+    command = click.option("--verbose", "-v", is_flag=True, help=text)(command)
+    return click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")(command)
 
 
-def today() -> Decorator:
-    """--today, for tests."""
-    return value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)
+today = value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)
+"""--today, for tests."""

@@ -21,9 +21,9 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
 
 
 @click.command("run")
-@shared.data_dir()
+@shared.data_dir
 @shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
-@shared.out()
+@shared.out
 @shared.value(
     "--estimator", shared.OneOf(ESTIMATORS), "NAME",
     f"Use this one in place of [run] estimators; repeatable. {', '.join(ESTIMATORS)}.", multiple=True,
@@ -44,8 +44,8 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
 @shared.value("--scheduler", str, "URL", "A standing Dask scheduler, or its scheduler file; implies dask.")
 @shared.dry_run()
 @shared.as_json("A JSON line per day, and one for the whole, on stdout.")
-@shared.talk()
-@shared.today()
+@shared.talk
+@shared.today
 def command(
     data_dir: Path, config: Path | None, out: Path | None, estimator: tuple[str, ...], force: bool,
     verify: bool, strict: bool, no_figures: bool, shard: str | None, first: dt.date | None,

@@ -21,10 +21,10 @@ def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list
 
 
 @click.command("season")
-@shared.results()
+@shared.results
 @click.option("--both-ways", is_flag=True, help="Use the later days too: for a study of a pool.")
 @click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")
-@shared.talk()
+@shared.talk
 def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose: bool) -> int:
     """Join the days of a finished run of `posterior`.
 

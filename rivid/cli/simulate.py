@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 @click.command("simulate")
 @click.argument("scenario", type=shared.PATH)
-@shared.logs_out()
+@shared.logs_out
 @shared.value("--seed", click.IntRange(min=0), "N", "Seed of the random numbers; default: the scenario's.")
 @shared.value("--truth", shared.FILE, "FILE", "File of the truth; default: <DATA_DIR>_truth.json.")
-@shared.talk()
+@shared.talk
 def command(
     scenario: Path, out: Path, seed: int | None, truth: Path | None, quiet: bool, verbose: bool
 ) -> int:

@@ -138,27 +138,16 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
                 failed.setdefault(str(date), message)
     trend = recent.trend if recent else None
     return Outcome(
-        reach=reach,
-        code=summary.exit_code,
-        data_sets=summary.windows,
-        computed=summary.computed,
-        dropped=summary.dropped,
-        failures=summary.failures,
-        new_failures=summary.new_failures,
-        bad_files=len(summary.bad_files),
-        content=content,
-        first=str(dates[0]) if dates else "",
-        last=str(dates[-1]) if dates else "",
-        estimator=e.estimator if e else "",
+        reach=reach, code=summary.exit_code, data_sets=summary.windows, computed=summary.computed,
+        dropped=summary.dropped, failures=summary.failures, new_failures=summary.new_failures,
+        bad_files=len(summary.bad_files), content=content, first=str(dates[0]) if dates else "",
+        last=str(dates[-1]) if dates else "", estimator=e.estimator if e else "",
         quantity="t50" if recent and recent.quantity == "t50" else "delay" if e else "",
-        sample_time=config.reach.sample_time,
-        answered_week=int(np.isfinite(values[week]).sum()),
-        days_week=int(week.sum()),
-        band=band(days, values),
-        moved=trend["moved"] if trend else None,
+        sample_time=config.reach.sample_time, answered_week=int(np.isfinite(values[week]).sum()),
+        days_week=int(week.sum()), band=band(days, values), moved=trend["moved"] if trend else None,
         change=trend["now"] - trend["before"] if trend else 0.0,
         recent=sorted(failed.items())[-MOST_FAILURES:],
-    )
+    )  # fmt: skip
 
 
 def keep(out: Path, outcome: Outcome) -> None:

@@ -77,13 +77,9 @@ def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: F
     """A year from arrays of shape (days, N), of a simulated season for example, without days with gaps."""
     kept = [int(i) for i in np.flatnonzero(np.isfinite(inflow + outflow + level).all(axis=1))]
     return Year(
-        config=config,
-        dates=tuple(dates[i] for i in kept),
-        inflow=tuple(inflow[kept]),
-        outflow=tuple(outflow[kept]),
-        level=tuple(level[kept]),
-        left_out=len(dates) - len(kept),
-    )
+        config=config, dates=tuple(dates[i] for i in kept), inflow=tuple(inflow[kept]),
+        outflow=tuple(outflow[kept]), level=tuple(level[kept]), left_out=len(dates) - len(kept),
+    )  # fmt: skip
 
 
 def read_year(data_dir: Path, config: Config) -> Year:
@@ -175,25 +171,14 @@ def _estimates(year: Year, name: str) -> EstimatorResults:
             if (given := getattr(answer, key)) is not None:
                 values[days] = given
     return EstimatorResults(
-        estimator=name,
-        dates=list(year.dates),
-        status=status,
-        messages=[""] * n,
-        delay=found["delay"],
+        estimator=name, dates=list(year.dates), status=status, messages=[""] * n, delay=found["delay"],
         at_bound=np.isin(found["delay"], candidates[[0, -1]] if candidates.size else ()),
-        prior_only=prior_only,
-        t50=np.full(n, np.nan),
-        fir=found["fir"],
-        candidates=candidates,
-        criterion=np.full((n, candidates.size), np.nan),
-        alpha=found["alpha"],
-        noise_sd=np.sqrt(found["noise_variance"]),
-        roughness_sd=np.sqrt(found["roughness_variance"]),
-        condition=found["condition"],
-        mean_inflow=np.array([flow.mean() for flow in year.inflow]),
-        bound_gravity_s=year.bounds.gravity,
-        bound_kinematic_s=year.bounds.kinematic,
-    )
+        prior_only=prior_only, t50=np.full(n, np.nan), fir=found["fir"], candidates=candidates,
+        criterion=np.full((n, candidates.size), np.nan), alpha=found["alpha"],
+        noise_sd=np.sqrt(found["noise_variance"]), roughness_sd=np.sqrt(found["roughness_variance"]),
+        condition=found["condition"], mean_inflow=np.array([flow.mean() for flow in year.inflow]),
+        bound_gravity_s=year.bounds.gravity, bound_kinematic_s=year.bounds.kinematic,
+    )  # fmt: skip
 
 
 # Cascade
