@@ -218,8 +218,9 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     0.6 samples, 3 % of days anywhere between 1 and 15), with a correlation from day to day of 0, 0.5 and 0.8:
     the size of the t test is 0.2, 1.0 and 1.6 %, of the binomial one 0.05, 0.2 and 1.2 %; a move of one
     sample is found by the t test in 45, 24 and 14 %, by the binomial one in 1, 3 and 8 % of the records, a
-    move of two samples in 98, 85 and 63 % and in 78, 72 and 68 %. The t test keeps its level to within a factor of
-    1.6 and finds small moves; the binomial test exceeds its level twelvefold where days are correlated.
+    move of two samples in 98, 85 and 63 % and in 78, 72 and 68 %. The t test keeps its level to within a
+    factor of 1.6 and finds small moves; the binomial test exceeds its level twelvefold where days are
+    correlated.
     """
     count = np.bincount(ago, minlength=WEEKS + 1)[: WEEKS + 1]
     weeks = np.flatnonzero(count >= FEWEST_DAYS)
