@@ -14,8 +14,8 @@ from benchmarks.exam.answering import Logs
 from benchmarks.exam.cases import Case
 from benchmarks.exam.planting import Planted, plain, scenario_of
 from rivid.effects import World, changes_of
-from rivid.simulation.programme import DAY, Floats, ar1, daily_flow, programme
 from rivid.simulation.scenario import Scenario
+from rivid.simulation.season import DAY, Floats, ar1, daily_flow, programme
 
 RESERVOIRS = 16
 STEP = 60.0

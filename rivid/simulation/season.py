@@ -1,12 +1,18 @@
-"""The water of a scenario, in either reach: the linear pool of (7), or the equations of Saint-Venant (1)."""
+"""A season of a scenario: the river and the programme of its inflow, the water, the operators, the truth.
+
+The dispatcher of the upstream dam follows the load. The water is the linear pool of (7), or follows the
+equations of Saint-Venant (1).
+"""
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from rivid.effects import Effect, changes_of
 from rivid.effects.base import World
@@ -17,9 +23,87 @@ from rivid.reach.integrator import LinearReach, PoolFlow, pool_level
 from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays, quantise, roster
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
-from rivid.simulation.programme import ar1, daily_flow, programme
-from rivid.simulation.scenario import LevelScenario, Scenario
+from rivid.simulation.scenario import FlowScenario, LevelScenario, ProgrammeScenario, Scenario
 from rivid.types import DAY, Floats, Ints
+
+# The inflow
+
+SHAPE_HOURS = np.array([0.5, 5.5, 7.5, 9.5, 11.5, 16.5, 18.5, 20.5, 23.0])
+"""Corners of the day's load [h]: night, morning peak, midday, evening peak."""
+SHAPE_LOADS = np.array([0.1, 0.0, 1.0, 0.9, 0.55, 0.5, 1.0, 0.9, 0.2])
+"""Load at each corner as a share of the day's swing."""
+SHAPE_MEAN = float(np.interp(np.arange(0.0, 24.0, 0.01), SHAPE_HOURS, SHAPE_LOADS, period=24.0).mean())
+"""Mean of the usual load, taken away so that the day keeps the river's mean."""
+LOAD_SPREAD = 0.12
+"""How much a corner's load differs from day to day, as a share of the swing (standard deviation)."""
+
+
+def ar1(n: int, step: float, memory: float, rng: np.random.Generator) -> Floats:
+    """A stationary AR(1) of unit variance, shape (n,).
+
+    `step` is the time between values, `memory` that over which the correlation falls to 1/e (same unit).
+    """
+    rho = math.exp(-step / memory)
+    shocks = rng.standard_normal(n)
+    shocks[1:] *= math.sqrt(1.0 - rho * rho)  # the first value has the full variance already
+    return np.asarray(lfilter([1.0], [1.0, -rho], shocks))
+
+
+def daily_flow(flow: FlowScenario, first_day: dt.date, days: int, rng: np.random.Generator) -> Floats:
+    """Mean discharge of each day [m3/s], shape (days,), within `flow.lowest` and `flow.highest`.
+
+    The season has one time of high water, and wet and dry spells.
+    """
+    day_of_year = (first_day - dt.date(first_day.year, 1, 1)).days + np.arange(days)
+    season = flow.seasonal * np.cos(2 * np.pi * (day_of_year - flow.peak_day + 1) / 365.25)
+    spells = flow.variability * ar1(days, 1.0, flow.memory_days, rng)
+    return np.asarray(np.clip(flow.mean * np.exp(season + spells), flow.lowest, flow.highest))
+
+
+def programme(
+    scenario: ProgrammeScenario,
+    time: Floats,
+    means: Floats,
+    weekdays: NDArray[np.intp],
+    rng: np.random.Generator,
+) -> Floats:
+    """Inflow commands u_Qi in whole quanta [m3/s], held from each sample to the next, shape (n,).
+
+    `time`, shape (n,), are sample times from the first day's midnight [s], `means`, shape (days,), the mean
+    discharges of the days [m3/s], and `weekdays`, shape (days,), are 0 on Mondays. The load's corners move a
+    little every day and are joined across midnight. On top lie corrections, the share of the load's unrest
+    that this dam takes. The dispatcher acts on some samples only, in steps that the ramp limits.
+    """
+    p = scenario
+    days = len(means)
+    swing = p.swing * np.exp(p.swing_spread * rng.standard_normal(days) - p.swing_spread**2 / 2)
+    swing *= np.where(weekdays >= 5, p.weekend, 1.0)
+    swing = np.minimum(swing, 2.0 * np.maximum(means - p.lowest, 0.0))  # a dry river has no water to shift
+    corners = SHAPE_HOURS * 3600.0 + p.jitter * rng.standard_normal((days, len(SHAPE_HOURS)))
+    corners = np.sort(np.clip(corners, 0.0, DAY - 1.0), axis=1) + DAY * np.arange(days)[:, None]
+    loads = SHAPE_LOADS + LOAD_SPREAD * rng.standard_normal(corners.shape) - SHAPE_MEAN
+    load = np.interp(time, corners.ravel(), (loads * swing[:, None]).ravel())
+    river = np.interp(time, DAY * (np.arange(days) + 0.5), means)
+    step = float(np.median(np.diff(time)))
+    unrest = p.corrections * ar1(len(time), step, p.correction_memory, rng)
+    target = np.maximum(river + load + unrest, p.lowest)
+    return _dispatch(p, target, rng.random(len(time)) < p.activity)
+
+
+def _dispatch(p: ProgrammeScenario, target: Floats, acts: NDArray[np.bool_]) -> Floats:
+    """Follow the target on the samples where the dispatcher acts, in whole quanta and limited steps."""
+    wanted = np.round(target / p.quantum).tolist()
+    most = max(round(p.ramp / p.quantum), 1)
+    now = wanted[0]
+    units = []
+    for want, act in zip(wanted, acts.tolist(), strict=True):
+        if act:
+            now += min(max(want - now, -most), most)
+        units.append(now)
+    return np.asarray(units) * p.quantum
+
+
+# The water
 
 TRIAL = 1.0
 """Step of outflow from which the response of a channel's level is computed [m3/s]."""
@@ -122,6 +206,8 @@ class Water:
             raise type(error)(f"channel: {error}") from None
         return PoolFlow(flow.level, flow.outflow, flow.released)
 
+
+# The season
 
 EDGE = 0.1
 """Within this many samples of an edge the true delay has two right answers."""
@@ -327,10 +413,9 @@ def true_delay(travel_time: Floats, sample_time: float) -> tuple[Ints, Ints, NDA
 
     Returns
     -------
-    delay : ndarray of int, shape (days,)
-        ``d = ceil(arrival / T_s) - 1``: the change is seen first at lag d + 1.
-    delay_other : ndarray of int, shape (days,)
-        The delay on the other side of the edge where it is near, else the same.
+    delay, delay_other : ndarray of int, shape (days,)
+        ``d = ceil(arrival / T_s) - 1``: the change is seen first at lag d + 1; and the delay on the other
+        side of the edge where it is near, else the same.
     near_edge : ndarray of bool, shape (days,)
         The arrival is within 0.1 T_s of a sample.
 

@@ -5,8 +5,8 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from rivid.simulation.programme import ar1, daily_flow, programme
 from rivid.simulation.scenario import FlowScenario, ProgrammeScenario
+from rivid.simulation.season import ar1, daily_flow, programme
 
 DAYS = 140
 TIME = (86_400.0 * np.arange(DAYS)[:, None] + 133.0 * np.arange(650)).ravel()

@@ -8,8 +8,8 @@ from benchmarks.exam.cases import cases
 from benchmarks.exam.planting import plant, sealed
 from benchmarks.exam.river import routed
 from benchmarks.tests.exam.test_cases import SCENARIOS
-from rivid.simulation.programme import DAY
 from rivid.simulation.scenario import load_scenario
+from rivid.simulation.season import DAY
 
 BY_NAME = {case.name: case for case in cases()}
 
