@@ -422,8 +422,8 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
         for name, kind in kinds(e).items():
             if (days := kind & shown).any():
-                label, look = _class_label(name, e, days.sum(), True), MARKS[name] | {"alpha": 0.75}
-                style.marks(ax, Q[days], y[days], label, size, markeredgewidth=0.7, zorder=3, **look)
+                look = {"markeredgewidth": 0.7, "zorder": 3, "alpha": 0.75, **MARKS[name]}
+                style.marks(ax, Q[days], y[days], _class_label(name, e, days.sum(), True), size, **look)
         flow_axis(ax, Q[shown], label)
         bounds_over_flow(ax, results, e, shown)
     else:
