@@ -40,7 +40,7 @@ from benchmarks.paper_measures import (
     within,
 )
 from rivid.cli.figures import simulated_cascade
-from rivid.config import Config, ReachConfig, load_config, parse
+from rivid.config import Config, JmapConfig, ReachConfig, load_config, parse
 from rivid.core.fir import jmap, ml
 from rivid.plots.paper import draw_paper
 from rivid.plots.paper_data import (
@@ -48,7 +48,6 @@ from rivid.plots.paper_data import (
     Year,
     estimate,
     of_year,
-    own_bounds,
     read_year,
     shortest,
     year_of,
@@ -164,9 +163,9 @@ def cascades() -> dict[str, list[CascadeReach]]:
         found[name] = []
         for season in simulate_cascade(parse(changed, Scenario, "benchmark")):
             reach = ReachConfig(**season.scenario.reach.model_dump(include=set(ReachConfig.model_fields)))
-            year = year_of(
-                own_bounds(Config(reach=reach)), season.dates, season.inflow, season.outflow, season.level
-            )
+            jmap_config = JmapConfig(order="bounds", d_max="bounds", sigma_d="bounds")
+            config = Config(reach=reach, jmap=jmap_config)
+            year = year_of(config, season.dates, season.inflow, season.outflow, season.level)
             found[name].append(of_year(year, season.delay.astype(float)))
     return found
 

@@ -111,15 +111,16 @@ def _paper(
 
 def simulated_cascade(scenario: Path) -> "list[CascadeReach]":
     """Simulate the reaches of a scenario; the settings of their estimates come from their hydraulics."""
-    from rivid.config import Config, ReachConfig
-    from rivid.plots.paper_data import of_year, own_bounds, year_of
+    from rivid.config import Config, JmapConfig, ReachConfig
+    from rivid.plots.paper_data import of_year, year_of
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
 
     reaches = []
     for season in simulate_cascade(load_scenario(scenario)):
         reach = season.scenario.reach.model_dump(include=set(ReachConfig.model_fields))
-        config = own_bounds(Config(reach=ReachConfig(**reach)))
+        jmap = JmapConfig(order="bounds", d_max="bounds", sigma_d="bounds")
+        config = Config(reach=ReachConfig(**reach), jmap=jmap)
         year = year_of(config, season.dates, season.inflow, season.outflow, season.level)
         reaches.append(of_year(year, season.delay.astype(float)))
     return reaches

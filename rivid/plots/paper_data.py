@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.config import Config, parse
-from rivid.core.hydraulics import TravelBounds, propose_delays, travel_bounds
+from rivid.core.hydraulics import TravelBounds, travel_bounds
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS, Days
 from rivid.logs.days import find_days, read_window
@@ -240,14 +240,3 @@ def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
     nominal = round(float(bounds.gravity.mean()) / reach.sample_time)
     known = np.empty(0) if truth is None else truth
     return CascadeReach(reach.name, reach.length, reach.sample_time, delay, nominal, known)
-
-
-def own_bounds(config: Config) -> Config:
-    """The same configuration, with order, d_max and sigma_d from the reach's hydraulics."""
-    reach = config.reach
-    proposal = propose_delays(
-        reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-        sample_time=reach.sample_time, kind=reach.kind,
-    )  # fmt: skip
-    changes = {"order": proposal.order, "d_max": proposal.d_max, "sigma_d": proposal.delay_scale}
-    return config.model_copy(update={"jmap": config.jmap.model_copy(update=changes)})

@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 
-from rivid.config import Config, ReachConfig
 from rivid.core.fir import jmap, map_fir, ml
 from rivid.core.hydraulics import travel_bounds
 from rivid.core.search import direct, indirect
@@ -14,7 +13,6 @@ from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.plots.paper_data import (
     estimate,
     of_year,
-    own_bounds,
     read_run,
     shortest,
     year_of,
@@ -161,9 +159,3 @@ def test_a_reach_of_the_cascade_has_the_delays_of_the_uniform_prior_with_fixed_a
     r = of_year(year(), s.delay.astype(float))
     assert np.array_equal(r.delay, expected) and np.array_equal(r.truth, s.delay)
     assert r.empirical == (5, 11) and r.nominal == 8
-
-
-def test_a_reachs_own_bounds_set_its_range():
-    config = own_bounds(Config(reach=ReachConfig(length=4500.0)))
-    assert (config.jmap.d_max, config.jmap.order, config.jmap.sigma_d) == (7, 14, 3.0)
-    assert config.reach.length == 4500.0
