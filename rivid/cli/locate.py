@@ -39,9 +39,9 @@ def find(data_dir: Path) -> Path | None:
         start = start.parent
     home = _home()
     try:
-        device = start.stat().st_dev
+        device = _device(start)
         for folder in (start, *start.parents):
-            if folder.stat().st_dev != device:
+            if _device(folder) != device:
                 return None
             if path := own(folder):
                 return path
@@ -61,6 +61,10 @@ def own(folder: Path) -> Path | None:
         return None
     _refuse_foreign(path, facts)
     return path
+
+
+def _device(folder: Path) -> int:
+    return folder.stat().st_dev
 
 
 def _home() -> Path | None:
