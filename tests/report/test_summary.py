@@ -93,9 +93,9 @@ def test_a_move_of_two_samples_is_nearly_always_found():
 
 def test_two_days_at_a_bound_are_no_move_and_weeks_without_scatter_move_at_any_difference():
     values = np.full(AGO.size, 7.0)
-    assert not trend(values, AGO).moved
+    assert not trend(values, AGO)["moved"]
     values[-2:] = 15.0
-    assert not trend(values, AGO).moved
+    assert not trend(values, AGO)["moved"]
     t = trend(7.0 + (AGO == 0), AGO)
     assert (
         t["moved"]
@@ -263,7 +263,7 @@ def test_a_delay_far_from_the_mode_of_the_prior_and_a_uniform_prior_are_noted():
 def test_spread_delays_have_a_range_and_delays_at_both_ends_are_piled():
     record = summary_of(simple(np.arange(1, 16).repeat(4)))["record"]
     f = record["facts"]
-    assert record["spread"] and (f["median"], f.low, f.high) == (8, 2, 14)
+    assert record["spread"] and (f["median"], f["low"], f["high"]) == (8, 2, 14)
     assert summary_of(simple([1, 15] * 30 + [6] * 10))["record"]["piled"]
 
 
@@ -347,4 +347,4 @@ def test_missing_days_are_those_between_the_first_and_the_last(seed):
 
 def test_an_estimator_from_other_software_is_summarised_too():
     run = simple([6, 7], name="theirs")
-    assert facts(run, run.estimators[0]).with_delay == 2
+    assert facts(run, run.estimators[0])["with_delay"] == 2
