@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rivid.core.search import DelayResult
+from rivid.core.search import WithReason
 from rivid.core.settings import CusumSettings
 from rivid.errors import RividError
-from rivid.types import Floats
+from rivid.types import Floats, Strings
 
 __all__ = ["CusumResult", "CusumSettings", "cusum"]
 
@@ -27,11 +27,15 @@ MAD_TO_SD = 1.4826
 
 
 @dataclass(frozen=True)
-class CusumResult(DelayResult):
+class CusumResult(WithReason):
     """The first upward change of each FIR, at lag d + 1; identifiable where d is from d_min to d_max.
 
     Attributes
     ----------
+    delay : ndarray, shape (days,)
+        d [samples]; NaN where the day is not identifiable.
+    reason : ndarray of str, shape (days,)
+        Why there is no delay; empty where there is one.
     decision : ndarray, shape (days, M)
         g at each lag [standard deviations], not reset by the alarm; NaN where there is no FIR.
     alarm : ndarray, shape (days,)
@@ -43,6 +47,8 @@ class CusumResult(DelayResult):
         Standard deviation of a coefficient, as used [output unit per m3/s].
     """
 
+    delay: Floats
+    reason: Strings
     decision: Floats
     alarm: Floats
     mean: Floats

@@ -33,19 +33,9 @@ INDIRECT_PARAMETERS = ("K_h alpha_o + 1", "-K_Q alpha_o", "alpha_i")
 """theta of (14): [-], then [m per m3/s] twice."""
 
 
-@dataclass(frozen=True)
-class DelayResult:
-    """Delay of each day, or why there is none; a leading axis of days, or none for a single day.
+class WithReason:
+    """Base of results with a reason where a day has no delay."""
 
-    Attributes
-    ----------
-    delay : ndarray, shape (days,)
-        d [samples]: the inflow first acts at lag d + 1. NaN where the day is not identifiable.
-    reason : ndarray of str, shape (days,)
-        Why there is no delay; empty where there is one.
-    """
-
-    delay: Floats
     reason: Strings
 
     @property
@@ -60,13 +50,17 @@ class DelayResult:
 
 
 @dataclass(frozen=True)
-class SearchResult(DelayResult):
-    """Delay of each day by exhaustive search, the smallest of equals.
+class SearchResult(WithReason):
+    """Delay of each day by exhaustive search, the smallest of equals; no axis of days for a single day.
 
     A day is identifiable where (13) or (15) has one solution for every candidate.
 
     Attributes
     ----------
+    delay : ndarray, shape (days,)
+        d [samples]: the inflow first acts at lag d + 1. NaN where the day is not identifiable.
+    reason : ndarray of str, shape (days,)
+        Why there is no delay; empty where there is one.
     candidates : ndarray of int, shape (K,)
         The delays tried [samples].
     criterion : ndarray, shape (days, K)
@@ -79,6 +73,8 @@ class SearchResult(DelayResult):
         Mean square of the residual v at that delay, 2 J [m2].
     """
 
+    delay: Floats
+    reason: Strings
     candidates: Ints
     criterion: Floats
     parameters: Floats

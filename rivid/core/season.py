@@ -6,7 +6,7 @@ as independent.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,13 +61,10 @@ COMMON = 2.0
 """Days that the even distribution counts for, before the season's own is learned."""
 
 
-class Days(NamedTuple):
-    """Probabilities of the days, shape (days, D) or (days,)."""
-
-    own: Floats  # as given; even where it is missing
-    likely: Floats  # the same as far as it is trusted, the rest even; rows sum to one
-    alike: Floats  # likelihood if days are independent: independent_likelihood
-    observed: NDArray[np.bool_]
+Days = tuple[Floats, Floats, Floats, Bools]
+"""Of each day: its probabilities as given, even where they are missing, shape (days, D); the same as far as
+they are trusted, the rest even; the likelihood if days are independent, shape (days,); and whether it is
+observed."""
 
 
 @dataclass(frozen=True)
@@ -218,11 +215,8 @@ class SeasonResult:
     drift: Floats
 
 
-class _Belief(NamedTuple):
-    """Unnormalised masses: of the chains, shape (B, S, K), and of independent days."""
-
-    chains: Floats
-    alone: float
+_Belief = tuple[Floats, float]
+"""Unnormalised masses: of the chains, shape (B, S, K), and of independent days."""
 
 
 def season(
@@ -315,19 +309,18 @@ def _checked(
         if (flow <= 0.0).any() or np.isinf(flow).any():
             raise RividError(f"discharge goes down to {np.nanmin(flow):g} m3/s: expected it positive, or NaN")
     likely = trust[:, None] * rows + (1.0 - trust[:, None]) / D
-    return Days(rows, likely, independent_likelihood(likely, observed), observed), chain_of(
-        d_min, D, flow, n, s
-    )
+    days = rows, likely, independent_likelihood(likely, observed), observed
+    return days, chain_of(d_min, D, flow, n, s)
 
 
 def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
     """Filter: p(d | days up to this one), and the masses before each day."""
     mass, alone = chain.start, chain.alone
-    answers, beliefs = np.empty(days.own.shape), []
-    for t, (own, likely, alike) in enumerate(zip(days.own, days.likely, days.alike, strict=True)):
+    answers, beliefs = np.empty(days[0].shape), []
+    for t, (own, likely, alike, _) in enumerate(zip(*days, strict=True)):
         if t:
             mass = chain.step(mass, t)
-        beliefs.append(_Belief(mass, alone))
+        beliefs.append((mass, alone))
         share = chain.cells(t)
         answers[t] = np.einsum("bsk,bkd->d", mass, share) * likely + alone * alike * own
         mass, alone = mass * (share @ likely)[:, None], alone * alike
@@ -338,19 +331,17 @@ def _forward(days: Days, chain: Chain) -> tuple[Floats, list[_Belief]]:
 
 def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, list[_Belief]]:
     """Smoother: p(d | all days)."""
-    n, D = days.own.shape
-    answers, beliefs = np.empty((n, D)), list(before)
+    own, likely, alike, _ = days
+    answers, beliefs = np.empty(own.shape), list(before)
     after, after_alone = np.ones_like(chain.start), 1.0
-    for t in range(n - 1, -1, -1):
+    for t in range(len(own) - 1, -1, -1):
         share = chain.cells(t)
-        mass, alone = before[t].chains * after, before[t].alone * after_alone
-        beliefs[t] = _Belief(mass, alone)
-        answers[t] = (
-            np.einsum("bsk,bkd->d", mass, share) * days.likely[t] + alone * days.alike[t] * days.own[t]
-        )
+        mass, alone = before[t][0] * after, before[t][1] * after_alone
+        beliefs[t] = (mass, alone)
+        answers[t] = np.einsum("bsk,bkd->d", mass, share) * likely[t] + alone * alike[t] * own[t]
         if t:
-            after = chain.back(after * (share @ days.likely[t])[:, None], t)
-            after_alone *= days.alike[t]
+            after = chain.back(after * (share @ likely[t])[:, None], t)
+            after_alone *= alike[t]
             top = max(float(after.max()), after_alone)
             after, after_alone = after / top, after_alone / top
     return answers, beliefs
@@ -361,12 +352,13 @@ def _result(
 ) -> SeasonResult:
     """Normalise, and average the parameters over the models after each day."""
     n, D = answers.shape
+    _, likely, alike, observed = days
     independent, exponent, drift = np.empty(n), np.empty(n), np.empty(n)
     for t, (mass, alone) in enumerate(beliefs):
         share = chain.cells(t)
-        models = (mass * (share @ days.likely[t])[:, None]).sum(axis=2)
+        models = (mass * (share @ likely[t])[:, None]).sum(axis=2)
         related = float(models.sum())
-        alone *= days.alike[t]
+        alone *= alike[t]
         independent[t] = alone / (alone + related)
         exponent[t] = (models.sum(axis=1) @ chain.exponents) / related if related > 0.0 else np.nan
         drift[t] = (models.sum(axis=0) @ chain.drifts) / related if related > 0.0 else np.nan
@@ -374,4 +366,4 @@ def _result(
     candidates, sure = np.arange(d_min, d_min + D), p.max(axis=1)
     delay = np.where(sure >= s.answer_above, candidates[np.argmax(p, axis=1)], np.nan)
     in_set = smallest_set(p, p)
-    return SeasonResult(candidates, p, delay, sure, in_set, days.observed, independent, exponent, drift)
+    return SeasonResult(candidates, p, delay, sure, in_set, observed, independent, exponent, drift)

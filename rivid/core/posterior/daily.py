@@ -268,7 +268,7 @@ def weighted_fronts(
     G, n_rows = gram(u, y, o, noise_bank(), last + 4)
     evidence, nothing = log_evidence(G, n_rows, o is not None, first, last)
     q, link = weights(evidence, nothing, stores, s)
-    return Fronts(G, n_rows, evidence, o is not None), q, stores, link
+    return (G, n_rows, evidence, o is not None), q, stores, link
 
 
 def likeliest(probability: Floats, s: PosteriorSettings) -> Ints:

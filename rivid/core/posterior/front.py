@@ -222,13 +222,9 @@ RIDGE = 1e-11
 """Added to the diagonal of the scaled normal equations: equal columns share their coefficient."""
 
 
-class Fronts(NamedTuple):
-    """The fronts of a block of days."""
-
-    G: Floats  # (K, K, kinds, days), from noise.gram
-    n_rows: int
-    evidence: list[Floats]  # from log_evidence
-    with_outflow: bool
+Fronts = tuple[Floats, int, list[Floats], bool]
+"""Of a block of days: G (K, K, kinds, days) and its rows from :func:`rivid.core.posterior.noise.gram`, the
+evidence from :func:`log_evidence`, and whether the outflow is logged."""
 
 
 def averaged_fir(

@@ -8,7 +8,6 @@ has a normal prior and is positive; e is white of variance s2.
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,12 +27,8 @@ FLOOR = 1e-9
 """Smallest share of noise in the output's variance."""
 
 
-class Evidence(NamedTuple):
-    """Log evidence, the noise variance at its best, with the posterior of the gain."""
-
-    log: Floats
-    gain: Floats  # mean, before it is cut at zero
-    gain_variance: Floats  # the same
+Evidence = tuple[Floats, Floats, Floats]
+"""Log evidence, the noise variance at its best; mean and variance of the gain before it is cut at zero."""
 
 
 def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float) -> Evidence:
@@ -57,7 +52,7 @@ def marginal(yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: f
     t = g / np.sqrt(variance)
     doubtful = t < SURE_T
     log[doubtful] += log_ndtr(t[doubtful])
-    return Evidence(log - log_ndtr(gain / gain_sd), g, variance)
+    return log - log_ndtr(gain / gain_sd), g, variance
 
 
 def _gain(xy: Floats, xx: Floats, s2: Floats, gain: float, precision0: float) -> tuple[Floats, Floats]:
@@ -95,7 +90,7 @@ def evidence(
     flat = grid.h.reshape(-1, n)
     xy = np.matmul(sums.uy, flat.T).reshape(C, B, shapes, T)
     xz = np.matmul(flat, sums.uz).reshape(C, B, shapes, T, SINE)
-    logs, gains, variances = [], [], []
+    found = []
     yy = sums.yy
     for columns in (slice(0, 1), slice(1, SINE)):  # the mean first, then the sine as well
         part = xz[..., columns]
@@ -103,11 +98,11 @@ def evidence(
         xx = xx - np.einsum("...z,...z->...", part, part)
         xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
-        found = _worth(np.broadcast_to(yy[:, None, None], xy.shape), xy, xx, n_rows, gain, gain_sd, within)
-        logs.append(found.log - 0.5 * columns.stop * np.log(n_rows))
-        gains.append(found.gain)
-        variances.append(found.gain_variance)
-    return Evidence(*(np.stack(x, axis=2) for x in (logs, gains, variances)))
+        every = np.broadcast_to(yy[:, None, None], xy.shape)
+        log, *of_gain = _worth(every, xy, xx, n_rows, gain, gain_sd, within)
+        found.append((log - 0.5 * columns.stop * np.log(n_rows), *of_gain))
+    log, mean, variance = (np.stack(x, axis=2) for x in zip(*found, strict=True))
+    return log, mean, variance
 
 
 def _worth(
@@ -117,12 +112,12 @@ def _worth(
     best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
     bound = -0.5 * m * (np.log(2.0 * np.pi * best_fit / m) + 1.0)
     top = np.unravel_index(np.argmax(bound), bound.shape)
-    likeliest = marginal(
+    likeliest, _, _ = marginal(
         np.array([yy[top]]), np.array([xy[top]]), np.array([xx[top]]), m, gain, gain_sd
     )  # fmt: skip
-    keep = bound >= likeliest.log[0] - within
+    keep = bound >= likeliest[0] - within
     found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
-    out = Evidence(np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape))
+    out = np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape)
     for whole, part in zip(out, found, strict=True):
         whole[keep] = part
     return out
@@ -178,17 +173,8 @@ class RiverPosterior(PosteriorResult):
     lead: Floats
 
 
-@dataclass(frozen=True)
-class _Window:
-    """One window: distribution of t50 over the grid and what is averaged over everything."""
-
-    weight: Floats
-    link: float
-    gain: float
-    gain_sd: float
-    lead: float
-    fir: Floats
-    fir_sd: Floats
+_Window = tuple[Floats, float, float, float, float, Floats, Floats]
+"""Distribution of t50 over the grid, link, gain and its spread, lead, response and its spread."""
 
 
 def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None = None) -> RiverPosterior:
@@ -230,23 +216,24 @@ def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Wind
     T = s.flattening(n_rows)
     found = evidence(sums, grid, n_rows, s.gain, s.gain_sd, NEGLIGIBLE * T)
     none = nothing(sums, n_rows)
-    top = max(float(found.log.max()), float(none.max()))
+    top = max(float(found[0].max()), float(none.max()))
     leads = np.array(LEADS)
     allowed = leads[:, None] <= LEAD_SHARE * grid.t50
     prior = allowed / allowed.sum(axis=0) / len(grid.t50) / none.size
-    q = np.exp((found.log - top) / T)
+    q = np.exp((found[0] - top) / T)
     q *= prior[:, None, None, None, :] * grid.prior[:, None]
     seen, unseen = float(q.sum()), float(np.exp((none - top) / T).mean())
     q /= seen
-    return _Window(q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grid, s))
+    return q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grid, s)
 
 
 def _averages(
     q: Floats, found: Evidence, leads: Floats, grid: ResponseGrid, s: RiverSettings
 ) -> tuple[float, float, float, Floats, Floats]:
     """Gain and its spread, lead, response and its spread."""
-    once = np.einsum("cbzst,cbzst->st", q, found.gain)
-    twice = np.einsum("cbzst,cbzst->st", q, found.gain**2 + found.gain_variance)
+    _, mean, spread = found
+    once = np.einsum("cbzst,cbzst->st", q, mean)
+    twice = np.einsum("cbzst,cbzst->st", q, mean**2 + spread)
     gain = float(once.sum())
     fir = np.einsum("st,stl->l", once, grid.h)
     variance = np.einsum("st,stl->l", twice, grid.h**2) - fir**2
@@ -272,12 +259,13 @@ def _spread(s: RiverSettings) -> tuple[Floats, Floats]:
 def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings) -> RiverPosterior:
     """Travel times of the windows that have one, and the reasons of the others."""
     edges, table = _spread(s)
-    empty = _Window(
-        np.full(len(grid.t50), np.nan), 0.0, np.nan, np.nan, np.nan, *np.full((2, s.n_lags + 1), np.nan)
-    )
+    no_fir = np.full(s.n_lags + 1, np.nan)
+    empty = np.full(len(grid.t50), np.nan), 0.0, np.nan, np.nan, np.nan, no_fir, no_fir
     still = np.array([w is None for w in windows])
-    all_windows = [w or empty for w in windows]
-    below = np.stack([w.weight @ table for w in all_windows])
+    weight, link, gain, gain_sd, lead, fir, fir_sd = (
+        np.stack(part) for part in zip(*(w or empty for w in windows), strict=True)
+    )
+    below = np.stack([row @ table for row in weight])
     low, t50, high = (
         np.array([np.interp(level, F, edges) if np.isfinite(F[0]) else np.nan for F in below])
         for level in (0.05, 0.5, 0.95)
@@ -298,7 +286,6 @@ def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings)
     beyond[still] = np.nan
     nearest = np.floor(t50 + 0.5)
     right = share(nearest, 0.5 + TOLERANCE)
-    link = np.array([w.link for w in all_windows])
     wide = high - low > s.widest + 0.5 * t50
     message = np.select(
         [still, ~(link >= s.link_above), beyond[:, 0] > 0.5, beyond[:, 1] > 0.5, wide],
@@ -324,12 +311,12 @@ def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings)
         place=t50,
         place_low=low,
         place_high=high,
-        fir=np.stack([w.fir for w in all_windows]),
-        fir_sd=np.stack([w.fir_sd for w in all_windows]),
+        fir=fir,
+        fir_sd=fir_sd,
         link=link,
         status=status,
         message=message,
-        gain=np.array([w.gain for w in all_windows]),
-        gain_sd=np.array([w.gain_sd for w in all_windows]),
-        lead=np.array([w.lead for w in all_windows]),
+        gain=gain,
+        gain_sd=gain_sd,
+        lead=lead,
     )
