@@ -2,7 +2,9 @@
 
 import os
 
+LONG = bool(os.environ.get("RIVID_LONG"))
 
-def examples(full):
-    """The number of random examples: all in `make test-long`, else a quarter, but at least 20."""
-    return full if os.environ.get("RIVID_LONG") else min(full, max(full // 4, 20))
+
+def examples(full, least=20):
+    """The number of random examples: all in `make test-long`, else a quarter, but at least `least`."""
+    return full if LONG else min(full, max(full // 4, least))

@@ -23,10 +23,10 @@ def test_a_clock_that_is_an_hour_off_from_a_date_on(column, seconds):
 @pytest.mark.parametrize(
     ("column", "seconds", "n", "code", "values"),
     [
-        ("inflow", 3600, 40, "clock.before", {}),
+        ("inflow", 3600, 20, "clock.before", {}),
         ("inflow", -3600, 3, "clock.slow", {"longest_s": pytest.approx(35 * 60, abs=60)}),
         ("outflow", 3600, 3, "clock.gate", {"column": "u_Qo", "speed": "fast"}),
-        ("output", -3600, 40, "clock.gate", {"column": "h_L", "speed": "slow"}),
+        ("output", -3600, 20, "clock.gate", {"column": "h_L", "speed": "slow"}),
     ],
 )
 def test_a_clock_that_is_an_hour_off_on_every_day_gives_impossible_lags(column, seconds, n, code, values):
@@ -45,7 +45,7 @@ def test_a_clock_that_drifts(column, per_day):
 
 @pytest.mark.parametrize(("column", "by"), [("inflow", 1), ("outflow", -1), ("output", 1)])
 def test_dates_that_are_a_day_off(column, by):
-    days, config = sound()
+    days, config = sound(30)
     wrong = redated(days, by, column, among=slice(10, 25))
     finding = the_one(wrong, config, "dates", column=NAMES[column], sense="late" if by > 0 else "early")
     # a day with a shifted neighbour may fit either way
@@ -53,17 +53,17 @@ def test_dates_that_are_a_day_off(column, by):
 
 
 def test_exchanged_or_inverted_columns_from_a_date_on_or_always():
-    days, config = sound()
+    days, config = sound(20)
     swapped = [replace(day, inflow=day.outflow, outflow=day.inflow) for day in days]
     assert not the_one(swapped, config, "swapped.flows").days
     the_one(swapped[:1], config, "swapped.flows")
-    the_one([*days[:30], *swapped[30:]], config, "swapped.flows", when=slice(30, None))
+    the_one([*days[:10], *swapped[10:]], config, "swapped.flows", when=slice(10, None))
     the_one([replace(day, output=200.0 - day.output) for day in days], config, "swapped.level")
 
 
 @pytest.mark.parametrize("n", [1, 5])
 def test_a_constant_inflow_is_not_exchanged_with_the_outflow(n):
-    days, config = sound()
+    days, config = sound(5)
     still = [replace(day, inflow=np.full_like(day.inflow, 300.0)) for day in days[:n]]
     assert {finding.kind for finding in check_days(still, config)} == {"constant"}
 

@@ -11,12 +11,17 @@ from tests.check.season import CFS, NAMES, scaled, sound, the_one
 FOOT = 0.3048
 
 
+def three_weeks():
+    days, config = sound()
+    return days[:20], config
+
+
 def configured(config, section, **keys):
     """A configuration with keys of a section changed."""
     return config.model_copy(update={section: getattr(config, section).model_copy(update=keys)})
 
 
-@pytest.mark.parametrize("n", [1, 40])
+@pytest.mark.parametrize("n", [1, 8])
 @pytest.mark.parametrize(
     ("column", "factor", "code", "unit"),
     [
@@ -29,7 +34,7 @@ def configured(config, section, **keys):
     ],
 )
 def test_a_column_in_another_unit(column, factor, code, unit, n):
-    days, config = sound()
+    days, config = three_weeks()
     finding = the_one(scaled(days[:n], factor, column), config, code, unit=unit)
     assert not finding.days
     if column != "output":
@@ -38,17 +43,17 @@ def test_a_column_in_another_unit(column, factor, code, unit, n):
 
 
 def test_a_unit_that_changes_on_a_date():
-    days, config = sound()
+    days, config = three_weeks()
     for column in ("inflow", "outflow"):
-        some = slice(25, 27)
+        some = slice(12, 14)
         the_one(scaled(days, CFS, column, among=some), config, "unit.factor", when=some, unit="cfs")
-    some = slice(30, None)
+    some = slice(14, None)
     feet = scaled(days, 1 / FOOT, "output", among=some)
     the_one(feet, config, "unit.level_days", when=some, unit="ft", ratio=approx(3.28, abs=0.01))
 
 
 def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
-    days, config = sound()
+    days, config = three_weeks()
     wrong = scaled(days, CFS, "inflow", "outflow")
     values = the_one(wrong, config, "unit.range_unit", low=100, high=800, unit="cfs").values
     assert [flow["column"] for flow in values["flows"]] == ["u_Qi", "u_Qo"]
@@ -56,7 +61,7 @@ def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
 
 
 def test_a_declared_unit_that_does_not_fit():
-    days, config = sound()
+    days, config = three_weeks()
     declared = configured(config, "input", units={"u_Qi": "cfs"})
     wrong = scaled(days, 1 / CFS, "inflow")
     the_one(wrong, declared, "unit.declared", small="u_Qi", unit="m3/s", declared="cfs")
@@ -65,21 +70,21 @@ def test_a_declared_unit_that_does_not_fit():
 
 
 def test_without_a_declared_area_only_large_factors_are_found():
-    days, _ = sound()
+    days, _ = three_weeks()
     assert check_days(scaled(days, 1 / FOOT, "output"), Config()) == []
     the_one(scaled(days, 100, "output"), Config(), "unit.level", unit="cm", is_declared=False)
 
 
 def test_an_area_or_a_bed_level_that_does_not_fit():
-    days, config = sound()
+    days, config = three_weeks()
     area = configured(config, "reach", surface_area=6.7e6)
     the_one(days, area, "balance.area", fitting_area=approx(6.7e5, rel=0.1))
     the_one(days, configured(config, "reach", bed_level=424.0), "unit.bed", bed=424)
 
 
 def test_a_missing_part_of_the_outflow_is_found_over_weeks_and_not_on_a_single_day():
-    days, config = sound()
-    some = slice(10, 20)
+    days, config = three_weeks()
+    some = slice(6, 13)
     the_one(scaled(days, 0.5, "outflow", among=some), config, "balance.flows", when=some, small="u_Qo")
     assert check_days(scaled(days, 0.5, "outflow", among=slice(10, 11)), config) == []
 

@@ -10,6 +10,7 @@ from scipy.stats import norm
 from rivid.core.cusum import CusumSettings, cusum
 from rivid.errors import RividError
 from rivid.reach.integrator import theoretical_fir
+from tests import examples
 
 
 def rough_firs(n, M=30, seed=0, jump=4.0):
@@ -50,7 +51,7 @@ def plain(h, s):
         {"d_min": 4, "d_max": 8, "mean_lags": 6},
     ],
 )
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(examples(3, 1)))
 def test_it_is_the_loop_over_single_numbers(changes, seed):
     fir, _ = rough_firs(60, seed=seed)
     found, settings = cusum(fir, **changes), CusumSettings(**changes)
@@ -62,26 +63,15 @@ def test_it_is_the_loop_over_single_numbers(changes, seed):
         assert found.identifiable[i] == (delay is not None)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_onset_is_the_most_likely_start_of_what_raised_the_alarm(seed):
+def test_the_onset_is_the_most_likely_start_of_what_raised_the_alarm():
     # of all starts j, the one with the largest sum of excesses from j + 1 to the alarm
-    fir, _ = rough_firs(80, seed=seed, jump=2.0)
+    fir, _ = rough_firs(80, jump=2.0)
     found = cusum(fir, mean=-5.0, sd=1.0, drift=1.0, threshold=3.0, d_max=27)
     z = fir + 5.0 - 1.0
     for i in np.flatnonzero(found.identifiable):
         last = int(found.alarm[i])
         assert found.delay[i] == 1 + np.argmax([z[i, j + 1 : last + 1].sum() for j in range(1, last)])
     assert found.identifiable.sum() > 60
-
-
-@pytest.mark.parametrize("moment", ["onset", "alarm"])
-def test_a_jump_that_towers_over_the_noise_is_dated_exactly(moment):
-    for d in range(1, 16):
-        rng = np.random.default_rng(d)
-        fir = -5.0 + 10.0 * (np.arange(30) > d) + rng.normal(size=(50, 30))
-        found = cusum(fir, mean=-5.0, sd=1.0, drift=5.0, threshold=0.5, moment=moment)
-        assert found.delay.tolist() == [d] * 50
-        assert found.alarm.tolist() == [d + 1] * 50
 
 
 def test_false_alarms_come_as_often_as_the_exact_run_lengths_predict():
@@ -122,7 +112,6 @@ def test_units_do_not_matter_and_neither_does_a_shift():
 def test_the_papers_response_decays_before_the_jump_so_the_drift_must_be_tuned():
     h = theoretical_fir(30, 7, 1e-4, 1.2e-4)  # Fig. 10
     assert cusum(h, sd=1e-4, drift=0.8, threshold=0.5).delay == 7
-    assert cusum(h, sd=1e-4, drift=0.8, threshold=0.5, moment="alarm").delay == 7
     assert cusum(h, sd=1e-4, drift=0.1, threshold=0.5).delay < 7
 
 
@@ -135,7 +124,6 @@ def test_days_without_an_answer_have_a_reason_and_leave_the_others_alone():
     fir[3] = np.where(np.arange(30) > 20, 30.0, 0.1 * (-1.0) ** np.arange(30))
     found = cusum(fir)
     words = ["no FIR", "does not scatter", "no change above the threshold of 5", "beyond d_max = 15", ""]
-    assert [bool(r) for r in found.reason] == [True, True, True, True, False]
     assert all(word in reason for word, reason in zip(words, found.reason, strict=True)), found.reason
     assert found.status.tolist() == ["unidentifiable"] * 4 + ["ok"]
     assert np.isnan(found.delay[:4]).all() and np.isnan(found.decision[:2]).all()
@@ -143,20 +131,13 @@ def test_days_without_an_answer_have_a_reason_and_leave_the_others_alone():
     assert found.delay[4] == cusum(fir[4]).delay
 
 
-@pytest.mark.parametrize("size", [1, 7, 100])
-def test_a_days_bits_do_not_depend_on_its_neighbours(size):
+def test_a_day_does_not_depend_on_its_neighbours_and_may_come_alone():
     fir, _ = rough_firs(333, seed=3)
-    whole, days = cusum(fir), np.random.default_rng(size).permutation(333)[:size]
-    again = cusum(fir[days])
-    for f in fields(whole):
-        np.testing.assert_array_equal(getattr(again, f.name), getattr(whole, f.name)[days])
-
-
-def test_one_fir_comes_without_an_axis_of_days():
-    fir, _ = rough_firs(1, seed=5)
-    found = cusum(fir[0])
-    assert found.delay.shape == () and found.decision.shape == (30,)
-    assert found.delay == cusum(fir).delay[0] and found.status == "ok"
+    whole = cusum(fir)
+    for days in (np.random.default_rng(7).permutation(333)[:7], 5):
+        again = cusum(fir[days])
+        for f in fields(whole):
+            np.testing.assert_array_equal(getattr(again, f.name), getattr(whole, f.name)[days])
 
 
 @pytest.mark.parametrize(

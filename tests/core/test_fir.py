@@ -19,46 +19,22 @@ def days(n, N=200, seed=0):
     return u, y - y[:, :1]
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_ml_is_least_squares(seed):
-    u, y = days(4, seed=seed)
-    result = ml(u, y, order=12)
-    for i in range(4):
-        U = toeplitz_matrix(u[i], 12)
-        h, rss, _, singular = lstsq(U, y[i])
-        assert np.allclose(result.fir[i], h, rtol=0, atol=1e-9 * np.abs(h).max())
-        assert result.noise_variance[i] == pytest.approx(rss / len(y[i]), rel=1e-9)
-        assert result.condition[i] == pytest.approx((singular[0] / singular[-1]) ** 2, rel=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("alpha", [1e-2, 1.0, 1e4])
-def test_map_is_least_squares_with_the_prior_as_rows(seed, alpha):
-    u, y = days(3, seed=seed)
-    result = map_fir(u, y, order=12, alpha=alpha)
-    for i in range(3):
-        rows = np.vstack([toeplitz_matrix(u[i], 12), np.sqrt(alpha) * second_differences(12)])
-        h = lstsq(rows, np.r_[y[i], np.zeros(12)])[0]
-        assert np.allclose(result.fir[i], h, rtol=0, atol=1e-9 * np.abs(h).max())
-        rss = np.sum((y[i] - toeplitz_matrix(u[i], 12) @ h) ** 2)
-        assert result.noise_variance[i] == pytest.approx(rss / len(y[i]), rel=1e-8)
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("alpha", [0.0, 1.0, 1e4])
-def test_a_free_start_is_least_squares_with_a_constant_on_the_full_rows(seed, alpha):
-    M, (u, y) = 12, days(3, seed=seed)
-    y += 7.0  # a state before the first sample
-    result = map_fir(u, y, M, alpha, free_start=True) if alpha else ml(u, y, M, free_start=True)
-    for i in range(3):
-        U = np.c_[toeplitz_matrix(u[i], M)[M - 1 :], np.ones(len(y[i]) - M + 1)]
-        prior = np.c_[np.sqrt(alpha) * second_differences(M), np.zeros(M)]
-        solution = lstsq(np.vstack([U, prior]), np.r_[y[i][M - 1 :], np.zeros(M)])[0]
-        assert np.allclose(result.fir[i], solution[:M], rtol=0, atol=1e-9 * np.abs(solution[:M]).max())
-        rss = np.sum((y[i][M - 1 :] - U @ solution) ** 2)
-        assert result.noise_variance[i] == pytest.approx(rss / len(U), rel=1e-8)
-        centred = U[:, :M] - U[:, :M].mean(axis=0)
-        assert result.condition[i] == pytest.approx(np.linalg.cond(centred.T @ centred), rel=1e-6)
+@pytest.mark.parametrize("free_start", [False, True])
+@pytest.mark.parametrize("alpha", [0.0, 1e-2, 1.0, 1e4])
+def test_the_fir_is_least_squares_with_the_prior_as_rows_and_a_free_start_as_a_constant(alpha, free_start):
+    M, (u, y) = 12, days(12)
+    y += 7.0 * free_start  # a state before the first sample
+    found = map_fir(u, y, M, alpha, free_start=free_start) if alpha else ml(u, y, M, free_start=free_start)
+    for i in range(12):
+        U, z = toeplitz_matrix(u[i], M), y[i]
+        if free_start:
+            U, z = np.c_[U[M - 1 :], np.ones(len(z) - M + 1)], z[M - 1 :]
+        prior = np.c_[np.sqrt(alpha) * second_differences(M), np.zeros((M, U.shape[1] - M))]
+        solution = lstsq(np.vstack([U, prior]), np.r_[z, np.zeros(M)])[0]
+        assert np.allclose(found.fir[i], solution[:M], rtol=0, atol=1e-9 * np.abs(solution[:M]).max())
+        assert found.noise_variance[i] == pytest.approx(np.sum((z - U @ solution) ** 2) / len(z), rel=1e-8)
+        X = U[:, :M] - U[:, :M].mean(axis=0) if free_start else U
+        assert found.condition[i] == pytest.approx(np.linalg.cond(X.T @ X), rel=1e-6)
 
 
 def test_a_free_start_is_exact_where_a_rest_start_is_not():

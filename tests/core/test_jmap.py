@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from rivid.core.batched import BLOCK
 from rivid.core.fir import jmap
 from rivid.core.settings import JmapSettings
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
+from tests import examples
 from tests.core import transcription
 from tests.core.transcription import table_v, table_vi, toeplitz_matrix
 
@@ -30,7 +32,7 @@ def season(n, seed=0, noise=0.003):
     return u, y - y[:, :1], delays
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(examples(3, 1)))
 @pytest.mark.parametrize(
     ("settings", "slow"),
     [
@@ -42,7 +44,7 @@ def season(n, seed=0, noise=0.003):
     ],
 )
 def test_table_vi_as_transcribed(seed, settings, slow):
-    u, y, _ = season(12, seed)
+    u, y, _ = season(8, seed)
     result = jmap(u, y, settings)
     delays = list(range(settings.d_min, settings.d_max + 1))
     assert result.candidates.tolist() == delays
@@ -59,7 +61,7 @@ def test_table_vi_as_transcribed(seed, settings, slow):
 
 @pytest.mark.parametrize("alpha", [10.0, 1e3, 1e4])
 def test_table_v_as_transcribed(alpha):
-    u, y, _ = season(12, 3)
+    u, y, _ = season(6, 3)
     result = jmap(u, y, prior="uniform", alpha=alpha)
     for i in range(len(u)):
         d, h, criterion = table_v(u[i], y[i], 30, range(1, 16), alpha)
@@ -89,7 +91,7 @@ def test_a_free_start_is_table_vi_on_the_full_rows_less_their_means(monkeypatch)
 
 
 def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
-    u, y, _ = season(30, 4)
+    u, y, _ = season(12, 4)
     result = jmap(u, y, inverse_gamma=False, max_iterations=6)
     for i in range(len(u)):
         d, _, _, s_w, s_h, _ = table_vi(u[i], y[i], 30, range(1, 16), inverse_gamma=False, most=6)
@@ -113,17 +115,17 @@ def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
     ],
 )
 def test_a_days_bits_do_not_depend_on_its_batch(settings):
-    u, y, _ = season(211, 5)
+    u, y, _ = season(BLOCK + 5, 5)
     whole = jmap(u, y, settings)
     order = np.random.default_rng(0).permutation(len(u))
     permuted = jmap(u[order], y[order], settings)
-    sevens = [jmap(u[i : i + 7], y[i : i + 7], settings) for i in range(0, 105, 7)]
-    ones = [jmap(u[i], y[i], settings) for i in range(0, 211, 10)]
+    sevens = [jmap(u[i : i + 7], y[i : i + 7], settings) for i in range(0, 35, 7)]
+    ones = [jmap(u[i], y[i], settings) for i in range(0, BLOCK, 20)]
     for name in PER_DAY:
         column = getattr(whole, name)
         assert np.array_equal(getattr(permuted, name), column[order])
-        assert np.array_equal(np.concatenate([getattr(part, name) for part in sevens]), column[:105])
-        assert np.array_equal(np.stack([getattr(part, name) for part in ones]), column[::10])
+        assert np.array_equal(np.concatenate([getattr(part, name) for part in sevens]), column[:35])
+        assert np.array_equal(np.stack([getattr(part, name) for part in ones]), column[:BLOCK:20])
 
 
 def test_unrelated_output_is_the_priors_answer_and_says_so():

@@ -53,7 +53,8 @@ def test_a_hayami_wave_is_the_integral_of_its_density(cv, t):
 def test_an_exchange_is_a_wave_of_which_a_share_is_held(cv, t):
     arrived, area = exchange(np.array([t]), cv)
     assert arrived[0] == pytest.approx((1 - EXCHANGED) * step(t, cv) + EXCHANGED * delayed(t, cv), abs=1e-7)
-    both, _ = quad(lambda x: (1 - EXCHANGED) * step(x, cv) + EXCHANGED * delayed(x, cv), 0, t)
+    # the integral of `delayed` from 0 to t, with the order of its two integrals exchanged
+    both, _ = quad(lambda x: step(x, cv) * (1 - EXCHANGED * np.exp(-(t - x) / HELD_FOR)), 0, t, limit=200)
     assert area[0] == pytest.approx(both, abs=1e-6)
 
 

@@ -4,7 +4,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
@@ -14,12 +13,13 @@ from rivid.core.posterior.response import hastened, response_grid
 from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, marginal, nothing, posterior_river
 from rivid.core.settings import RiverSettings
 from rivid.errors import RividError
+from tests import examples
 from tests.core.river_windows import river_windows
 
 
-@pytest.mark.parametrize(("days", "seed"), [(1, 1), (3, 2), (3, 3)])
+@pytest.mark.parametrize(("days", "seed"), [(1, 1), (3, 2)])
 def test_t50_of_rivers_that_are_no_member_of_a_family_is_found(days, seed):
-    u, y, t50 = river_windows(8, seed, days)
+    u, y, t50 = river_windows(examples(8, 5), seed, days)
     p = posterior_river(u, y)
     error = np.abs(p.place - t50)
     assert (p.status == "ok").all()
@@ -76,7 +76,7 @@ def test_weights_are_the_flattened_evidence_of_every_model():
 
 
 def test_another_rivers_inflow_is_not_answered():
-    u, y, _ = river_windows(8, 8)
+    u, y, _ = river_windows(examples(8, 5), 8, days=2)
     p = posterior_river(np.roll(u, 1, axis=0), y)
     assert (p.status == "unidentifiable").mean() >= 0.85
     assert np.isnan(p.delay[p.status != "ok"]).all()
@@ -94,7 +94,7 @@ def test_a_travel_time_beyond_the_range_is_no_answer(t50):
         assert (p.beyond[:, 1] > 0.5).all()
 
 
-def test_still_windows_have_a_reason_and_leave_the_others_alone():
+def test_still_windows_have_a_reason_and_units_and_other_windows_do_not_matter():
     u, y, _ = river_windows(3, 10, days=1)
     flat = u.copy()
     flat[1] = 70.0
@@ -103,13 +103,11 @@ def test_still_windows_have_a_reason_and_leave_the_others_alone():
     assert np.isnan(p.place[1]) and np.isnan(p.probability[1]).all() and p.link[1] == 0.0
     assert p.place[2] == alone.place[0]
     assert np.array_equal(p.fir[2], alone.fir[0])
-
-
-def test_unit_and_constant_do_not_matter():
-    u, y, _ = river_windows(1, 11, days=1)
-    p, q = posterior_river(u, y), posterior_river(35.3 * u, 35.3 * y + 400.0)
-    assert q.place == pytest.approx(p.place, abs=1e-5)
-    assert q.gain == pytest.approx(p.gain, abs=1e-5)
+    other = posterior_river(35.3 * u[2:], 35.3 * y[2:] + 400.0)
+    assert (other.place, other.gain) == (
+        pytest.approx(alone.place, abs=1e-5),
+        pytest.approx(alone.gain, abs=1e-5),
+    )
 
 
 def test_wrong_arrays_are_named():
@@ -135,7 +133,7 @@ def dense(y, x, s2):
 
 
 @pytest.mark.parametrize("true_gain", [1.0, 0.1, -0.5])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(examples(3, 1)))
 def test_marginal_is_the_best_dense_likelihood_over_the_noise_variance(seed, true_gain):
     rng = np.random.default_rng(seed)
     x = rng.normal(size=60)
@@ -146,19 +144,7 @@ def test_marginal_is_the_best_dense_likelihood_over_the_noise_variance(seed, tru
     assert found[0][0] <= -best.fun + 1e-9
 
 
-def test_the_dense_likelihood_is_an_integral_over_the_gain():
-    rng = np.random.default_rng(7)
-    x = rng.normal(size=8)
-    y = 0.3 * x + rng.normal(size=8)
-
-    def at(g):
-        prior = norm.pdf(g, GAIN, SD) / norm.sf(0, GAIN, SD)
-        return prior * np.exp(norm.logpdf(y, g * x, 0.9).sum())
-
-    assert dense(y, x, 0.81) == pytest.approx(np.log(quad(at, 0, 4)[0]), abs=1e-8)
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(examples(3, 1)))
 def test_evidence_of_a_window_is_that_of_its_whitened_columns(seed):
     s = RiverSettings(d_max=12, warm=40)
     u, y, _ = river_windows(1, seed, days=1)
@@ -196,28 +182,6 @@ def test_leaving_out_what_cannot_count_changes_nothing_that_does():
     assert 0 < kept.mean() < 0.8
     assert np.array_equal(some[kept], every[kept])
     assert (every[~kept] < every.max() - 25.0).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_sums_are_those_of_the_lagged_columns(seed):
-    rng = np.random.default_rng(seed)
-    u, y = 100 + np.cumsum(rng.normal(size=(2, 200)), axis=1), np.cumsum(rng.normal(size=200))
-    warm, n_lags = 30, 25
-    sums = whitened_sums(u, y, daily_sine(200, 96), warm, n_lags, river_noises())
-    rows = np.arange(warm, 200)
-    for b, (a, c) in enumerate(river_noises()):
-        Z = np.column_stack([np.ones(170), *(lfilter(a, c, x)[rows] for x in daily_sine(200, 96))])
-        Q = np.linalg.qr(Z)[0]
-        z = lfilter(a, c, y - y[0])[rows]
-        for i in range(2):
-            white = lfilter(a, c, u[i] - u[i, 0])
-            X = np.stack([white[rows - k] for k in range(n_lags + 1)], axis=1)
-            size = np.abs(X.T @ X).max()
-            assert np.allclose(sums.uu[i, b], X.T @ X, atol=1e-10 * size)
-            assert np.allclose(sums.uy[i, b], X.T @ z, atol=1e-10 * np.sqrt(size * (z @ z)))
-            assert np.allclose(abs(sums.uz[i, b]), abs(X.T @ Q), atol=1e-8 * np.sqrt(size))
-        assert sums.yy[b] == pytest.approx(z @ z)
-        assert np.allclose(abs(sums.yz[b]), abs(Q.T @ z), atol=1e-8 * np.sqrt(z @ z))
 
 
 @pytest.mark.parametrize("which", range(len(river_noises())))

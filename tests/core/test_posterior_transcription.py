@@ -8,8 +8,9 @@ from scipy.stats import norm
 
 from rivid.core.posterior.daily import posterior
 from rivid.core.posterior.front import MODELS, log_evidence, structures
-from rivid.core.posterior.noise import DRIFT_MEMORY, gram, noise_bank, prewhiten, spectral_factor
+from rivid.core.posterior.noise import DRIFT_MEMORY, gram, noise_bank, spectral_factor
 from rivid.core.settings import GUARD, PosteriorSettings
+from tests import examples
 from tests.core.posterior_days import commands, linear_days, wave_days
 
 N = 300
@@ -92,7 +93,7 @@ def slow_is_echo(y, u, o, candidate, n_lags):
     return False
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(examples(3, 1)))
 @pytest.mark.parametrize("with_outflow", [True, False])
 @pytest.mark.parametrize("days", [linear_days, wave_days])
 def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow, seed):
@@ -104,7 +105,7 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
     rng = np.random.default_rng(seed)
     for which, structure in enumerate(structures(with_outflow)):
         kinds = bank[structure.noises]
-        for _ in range(25):
+        for _ in range(examples(25, 12)):
             i, k, d, j = (int(rng.integers(m)) for m in (2, len(kinds), last - first + 1, 10))
             out = o[i] if with_outflow else None
             slow = slow_evidence(
@@ -128,7 +129,7 @@ def echoing_days(n, seed, N):
     return u, y + 0.002 * rng.normal(size=y.shape), o
 
 
-def test_what_is_an_echo_is_found_by_a_regression_for_each_candidate_too():
+def test_an_echo_is_found_by_a_regression_for_each_candidate_and_is_not_taken_for_the_front():
     u, y, o = (a - a[:, :1] for a in echoing_days(1, 3, N))
     first, last = 2, 13
     G, n = gram(u, y, o, noise_bank(), last + 4)
@@ -136,12 +137,7 @@ def test_what_is_an_echo_is_found_by_a_regression_for_each_candidate_too():
     is_echo = [bool(np.isinf(fronts[0][:, d, :, 0]).all()) for d in range(last - first + 1)]
     assert is_echo == [slow_is_echo(y[0], u[0], o[0], d, last + 4) for d in range(first, last + 1)]
     assert is_echo[11 - first] and not is_echo[3 - first]
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_strong_echo_is_not_taken_for_the_front(seed):
-    u, y, o = echoing_days(4, seed, N)
-    result = posterior(u, y, o)
+    result = posterior(*echoing_days(4, 3, N))
     assert (result.candidates[np.argmax(result.probability, axis=1)] == 3).all()
     assert (result.probability[:, 8:].sum(axis=1) < 0.01).all()  # the echo's delay is 11
 
@@ -191,25 +187,23 @@ def slow_posterior(u, y, o, s):
     return weight, places, stores
 
 
-@pytest.mark.parametrize("days", [linear_days, wave_days])
+@pytest.mark.parametrize("days", [pytest.param(linear_days, marks=pytest.mark.long), wave_days])
 def test_probability_is_the_flattened_sum_over_all_models(days):
-    u, y, o, _ = days(2, 5, N)
-    s = PosteriorSettings(d_min=3, d_max=6, order=20)
+    u, y, o, _ = days(1, 5, 200)
+    s = PosteriorSettings(d_min=3, d_max=5, order=20)
     result = posterior(u, y, o, s)
-    for i in range(1):  # a regression for each of thousands of models
-        weight, places, stores = slow_posterior(u[i], y[i], o[i], s)
-        tenths = np.arange(10 * (s.d_min - GUARD) + 1, 10 * (s.d_max + GUARD + 1)) / 10
-        F = weight @ np.array([slow_below(tenths, x, st, s) for x, st in zip(places, stores, strict=True)])
-        below = dict(zip(tenths.round(1).tolist(), F.tolist(), strict=True))
-        p = np.array([below[d + 1.0] - below[float(d)] for d in result.candidates])
-        assert np.allclose(result.probability[i], p / p.sum(), atol=1e-4)
-        assert result.beyond[i] == pytest.approx([below[s.d_min], 1 - below[s.d_max + 1.0]], abs=1e-4)
-        best = result.candidates[np.argmax(p)]
-        assert result.right[i] == pytest.approx(
-            below[round(best + 1.1, 1)] - below[round(best - 0.1, 1)], abs=1e-4
-        )
-        for place, level in ((result.place, 0.5), (result.place_low, 0.05), (result.place_high, 0.95)):
-            assert np.interp(place[i], tenths, F) == pytest.approx(level, abs=1e-3)
+    weight, places, stores = slow_posterior(u[0], y[0], o[0], s)
+    tenths = np.arange(10 * (s.d_min - GUARD) + 1, 10 * (s.d_max + GUARD + 1)) / 10
+    F = weight @ np.array([slow_below(tenths, x, st, s) for x, st in zip(places, stores, strict=True)])
+    below = dict(zip(tenths.round(1).tolist(), F.tolist(), strict=True))
+    p = np.array([below[d + 1.0] - below[float(d)] for d in result.candidates])
+    assert np.allclose(result.probability[0], p / p.sum(), atol=1e-4)
+    assert result.beyond[0] == pytest.approx([below[s.d_min], 1 - below[s.d_max + 1.0]], abs=1e-4)
+    best = result.candidates[np.argmax(p)]
+    right = below[round(best + 1.1, 1)] - below[round(best - 0.1, 1)]
+    assert result.right[0] == pytest.approx(right, abs=1e-4)
+    for place, level in ((result.place, 0.5), (result.place_low, 0.05), (result.place_high, 0.95)):
+        assert np.interp(place[0], tenths, F) == pytest.approx(level, abs=1e-3)
 
 
 @pytest.mark.parametrize("with_outflow", [True, False])
@@ -248,16 +242,6 @@ def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outfl
         h += share * lfilter([1.0], [1.0, *a], front)
     assert np.allclose(result.fir[0], h, atol=1e-4 * np.abs(h).max())
     assert (result.fir_sd[0][d_hat + 2 :] > 0).all()
-
-
-def test_prewhitening_is_the_recursive_filter():
-    series = np.random.default_rng(0).normal(size=(3, 2, 137))
-    bank = noise_bank()
-    fast = prewhiten(series, bank)
-    for k, C in enumerate(bank):
-        assert np.allclose(
-            fast[:, k], lfilter([1.0], C, series), rtol=0, atol=1e-10 * np.abs(fast[:, k]).max()
-        )
 
 
 @pytest.mark.parametrize("ratio", [1e-4, 0.03, 2.0])

@@ -62,7 +62,9 @@ def is_complete(answer, days):
 def test_any_finite_input_gives_a_result_or_a_reason(name):
     (estimator,) = build(parse({"run": {"estimators": [name]}}, Config)).values()
 
-    @settings(max_examples=25 if ESTIMATORS[name].has_probability else 60, deadline=None, derandomize=True)
+    most = 25 if ESTIMATORS[name].has_probability else 60
+
+    @settings(max_examples=examples(most, 10), deadline=None, derandomize=True)
     @given(series(), series(), series())
     def holds(u, y, o):
         u, y, o = (deviations(x[None]) for x in (u, y, o))
@@ -73,7 +75,7 @@ def test_any_finite_input_gives_a_result_or_a_reason(name):
     holds()
 
 
-@settings(max_examples=examples(60), deadline=None, derandomize=True)
+@settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.floats(-12, 12), st.sampled_from([-1.0, 1.0]))
 def test_scaling_y_scales_h_and_leaves_d(seed, power, sign):
     """Table VI; 1/scale of y on y is one over its square on both variances, nothing on alpha."""
@@ -87,7 +89,7 @@ def test_scaling_y_scales_h_and_leaves_d(seed, power, sign):
     assert np.allclose(scaled.noise_variance, scale**2 * plain.noise_variance, rtol=1e-6)
 
 
-@settings(max_examples=examples(60), deadline=None, derandomize=True)
+@settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(-(2**20), 2**20), st.integers(-(2**20), 2**20))
 def test_adding_a_constant_changes_nothing(seed, to_u, to_y):
     """Deviations from the day's first sample are what is estimated; numbers here add without rounding."""
@@ -106,7 +108,7 @@ def restful(seed, n=300):
     return u - u[0]
 
 
-@settings(max_examples=examples(60), deadline=None, derandomize=True)
+@settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(3, 13), st.floats(0.1, 10.0), st.sampled_from([-1, 1]))
 def test_shifting_the_inflow_by_a_sample_shifts_d_by_one(seed, delay, gap, by):
     """Uniform prior, noise-free, an interior d: with u one sample later, y comes one sample sooner."""
@@ -120,7 +122,7 @@ def test_shifting_the_inflow_by_a_sample_shifts_d_by_one(seed, delay, gap, by):
     assert jmap(later, y, prior="uniform").delay == delay - by
 
 
-@settings(max_examples=examples(60), deadline=None, derandomize=True)
+@settings(max_examples=examples(60, 12), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(2, 14), st.floats(0.3, 2.0))
 def test_noise_free_the_delay_is_found(seed, delay, gap):
     """Operators act at once, the inflow after d: two jumps (10). Next to the first, d = 1 never wins."""
@@ -130,7 +132,7 @@ def test_noise_free_the_delay_is_found(seed, delay, gap):
     assert jmap(u, np.convolve(u, h)[:300], prior="uniform").delay == delay
 
 
-@settings(max_examples=examples(40), deadline=None, derandomize=True)
+@settings(max_examples=examples(40, 10), deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from([np.nan, np.inf, -np.inf]), st.booleans(), st.integers(0, 648))
 def test_a_number_that_is_none_is_refused_with_its_row(seed, value, in_u, at):
     u, y, _ = season(3, seed)

@@ -1,6 +1,7 @@
 """Proposals in the simulator: their gain, their rivals, and effects that another one makes needless."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from tests.diagnosis import sizes
 from tests.diagnosis.pools import fitted, made, season
 
 
+@cache
 def found(record, *names):
     """Proposals of some effects about the calibrated model."""
     model, linear, evaluation = fitted(record)
@@ -42,7 +44,7 @@ def quiet(_):
     """No report."""
 
 
-def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood():
+def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood(monkeypatch):
     record = season(31, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
     model, linear, evaluation, pool = found(record, "diurnal_inflow")
     fit = record.take(linear.split.fit)
@@ -54,11 +56,6 @@ def test_in_the_simulator_an_effect_has_its_size_and_its_likelihood():
     assert proposal.gain_select > 5.0
     again = evaluate(larger.linear(record, linear.split))
     np.testing.assert_allclose(again.likelihood, after.likelihood)
-
-
-def test_a_reach_that_cannot_be_gains_nothing(monkeypatch):
-    record = season(31, effects=(CATALOGUE["diurnal_inflow"](amplitude=7.0, hour=9.0),))
-    model, linear, evaluation, pool = found(record, "diurnal_inflow")
 
     def broken(*_args, **_more):
         raise RividError("dry")

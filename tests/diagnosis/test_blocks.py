@@ -82,25 +82,17 @@ def test_the_share_between_blocks_is_that_of_a_covariance_matrix(length):
     assert across(rho, length) == pytest.approx(between, abs=2.5 / 40)  # the matrix has ends
 
 
-def test_days_without_memory_keep_the_blocks_of_the_split():
-    rng = np.random.default_rng(1)
-    dealt = split(365)
-    assert np.array_equal(flip_blocks(rng.normal(size=(20, 365)), dealt), dealt.block)
-
-
-def test_remembering_days_get_longer_blocks_that_are_unions_of_the_splits():
+def test_remembering_days_get_longer_blocks_that_are_unions_of_the_splits_and_are_enough_to_flip():
     rng = np.random.default_rng(2)
     dealt = split(365)
+    assert np.array_equal(flip_blocks(rng.normal(size=(20, 365)), dealt), dealt.block)  # no memory
     label = flip_blocks(np.stack([remembering(365, 0.62, rng) for _ in range(20)]), dealt)
     assert len(np.unique(label)) < len(np.unique(dealt.block))
     assert all(len(set(label[dealt.block == b])) == 1 for b in np.unique(dealt.block))
     assert across(0.62 ** np.arange(1, 40), np.bincount(label).max()) < 1.5 * MOST_ACROSS
-
-
-def test_there_are_always_enough_blocks_to_flip():
-    dealt = split(40)
-    label = flip_blocks(np.ones(40), dealt)  # the longest memory there is
-    assert len(np.unique(label[~dealt.sealed])) >= FEWEST_BLOCKS
+    few = split(40)
+    label = flip_blocks(np.ones(40), few)  # the longest memory there is
+    assert len(np.unique(label[~few.sealed])) >= FEWEST_BLOCKS
 
 
 @sizes("sets", 100, 400)

@@ -27,15 +27,15 @@ def choice(record, responses):
 
 
 def test_of_responses_that_predict_alike_the_first_is_enough():
-    record = season(1, days=30)
+    record = season(1, days=20)
     (first,), refused = choice(record, [nominal(record, fronts) for fronts in ("none", "zero", "fir")])
     assert first.model.reach.name == "integrator-delay" and first.acceptable() and not refused
-    assert first.evaluation.likelihood.shape == (30,)
+    assert first.evaluation.likelihood.shape == (20,)
 
 
 def test_a_response_that_cannot_follow_is_behind():
     """A pool of a tenth of the surface, thought to be known within a hundredth."""
-    record = season(4, days=30)
+    record = season(4, days=20)
     known = {"area_sd": 0.01, "delay_sd": 0.01}
     small = LinearPool.nominal(record, "zero", surface_area=6e4, delay=4000.0, **known)
     (poor, good), _ = choice(record, [small, nominal(record)])
@@ -58,7 +58,7 @@ def test_a_candidate_that_cannot_be_run_is_skipped_or_raised_if_it_is_the_only_o
 
 def test_a_response_that_lacks_an_effect_is_not_left_for_more_coefficients():
     """A lag of ten minutes: a FIR follows it, the integrator does not, and the lag is what is missing."""
-    record = season(6, effects=(CATALOGUE["outflow_lag"](lag=900.0),))
+    record = season(6, days=24, effects=(CATALOGUE["outflow_lag"](lag=900.0),))
     classes = {"outflow_lag": CATALOGUE["outflow_lag"]}
     study = find_effects(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
     assert study.first.reach.name == "integrator-delay"

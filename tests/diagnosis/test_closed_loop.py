@@ -33,7 +33,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "seed", "habits"), CASES, ids=lambda v: str(v))
 def test_the_law_is_that_of_the_operators_of_the_logs(name, seed, habits):
-    s = season(name, seed, **(ALIKE | habits))
+    s = season(name, seed, 45, **(ALIKE | habits))
     record, true = record_of(s), s.scenario.operators
     dealt = split(record.dates)
     law = identify(record.take(dealt.fit))
@@ -65,11 +65,8 @@ def test_operators_who_wait_for_the_wave_are_found_by_their_lag(lag):
     record = record_of(season("basse_isere", 7, **ALIKE))
     n = record.time.shape[1]
     early = np.roll(record.inflow, -lag, axis=1)  # commanded so much earlier than it really was
-    law = identify(
-        dataclasses.replace(record, inflow=early, used=record.used & (np.arange(n) < n - lag)).take(
-            split(record.dates).fit
-        )
-    )
+    late = dataclasses.replace(record, inflow=early, used=record.used & (np.arange(n) < n - lag))
+    law = identify(late.take(split(record.dates).fit))
     assert law.lag == lag and law.feedforward == pytest.approx(1.0, abs=0.02)
     assert law.level_gain == pytest.approx(270.0, rel=0.12)
 
@@ -128,15 +125,12 @@ def test_what_the_law_explains_is_that_of_a_plain_loop_over_moves():
     assert found.r2 == pytest.approx(1.0 - np.mean(np.square(left)) / np.mean(np.square(seen)))
 
 
-def test_steps_of_logs_are_found():
+def test_steps_of_logs_and_the_time_between_looks_without_notice_are_found():
     rng = np.random.default_rng(10)
     for step in (0.01, 0.05, 0.5, 1.0, 5.0, 20.0):
         assert step_of(step * np.round(rng.normal(100.0, 30.0, 500))) == step
     assert step_of(rng.normal(100.0, 30.0, 500)) == 0.0 and step_of(np.ones(3)) == 0.0
-
-
-def test_the_time_between_looks_is_that_of_moves_without_notice():
-    s = season("basse_isere", 11, **(ALIKE | {"notice": 1e9, "look": (900.0, 901.0)}))
+    s = season("basse_isere", 11, 30, **(ALIKE | {"notice": 1e9, "look": (900.0, 901.0)}))
     look, notice = looks(record_of(s), 0)
     assert look == 7 * 133.0 and notice == np.inf  # the first sample at 900 s or later
 
@@ -322,12 +316,8 @@ def test_errors_are_those_of_the_days_one_by_one():
     assert found.baseline == found.augmented
 
 
-@pytest.fixture(scope="module")
-def logged():
-    return record_of(season("basse_isere", 19, 30))
-
-
-def test_without_operators_that_can_be_identified_there_is_no_loop(logged):
+def test_without_operators_or_a_reach_that_can_be_run_there_is_no_loop(monkeypatch):
+    logged = record_of(season("basse_isere", 18, 30))
     shuffled = logged.outflow[np.random.default_rng(20).permutation(logged.days)]
     found = closed_loop(study_of(dataclasses.replace(logged, outflow=np.roll(shuffled, 200, axis=1)), None))
     assert found.baseline is None and found.shown is None and found.operators.r2 < 0.5
@@ -337,23 +327,14 @@ def test_without_operators_that_can_be_identified_there_is_no_loop(logged):
     assert found.operators is None and "hardly moves" in found.reason
     assert closed_loop(study_of(dataclasses.replace(logged, kind="river"), None)) is None
 
+    other = SimpleNamespace(name="tank", parameters=(), with_parameters=lambda vector: other)
+    with pytest.raises(RividError, match="closed loop of tank: expected a pool"):
+        run_day(other, LAW, logged.take([3]), NO_CHANGES)
+    assert gauge_of(logged, NO_CHANGES).shape == logged.time.shape
 
-def test_a_reach_that_runs_dry_is_a_reason_and_no_failure(logged, monkeypatch):
     def dry(*_):
         raise RividError("the reach runs dry")
 
     monkeypatch.setattr(loops, "run_day", dry)
     found = closed_loop(study_of(logged, linear(logged)))
     assert found.baseline is None and found.reason.endswith("to the end of 0 days only.")
-
-
-def test_another_kind_of_response_is_refused(logged):
-    class Other:
-        name, parameters = "tank", ()
-
-        def with_parameters(self, vector):
-            return self
-
-    with pytest.raises(RividError, match="closed loop of tank: expected a pool"):
-        run_day(Other(), LAW, logged.take([3]), NO_CHANGES)
-    assert gauge_of(logged, NO_CHANGES).shape == logged.time.shape

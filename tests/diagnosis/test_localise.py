@@ -42,11 +42,6 @@ def scores(seed):
     return rng.standard_normal((DAYS, N)) + level + course
 
 
-def planted(seed, size, hours, days):
-    there = np.isin(np.arange(N) // 6, hours)[None] & days[:, None]
-    return scores(seed) + size * there
-
-
 def test_the_influence_of_a_block_is_what_its_removal_changes():
     rng = np.random.default_rng(1)
     J = 400
@@ -82,38 +77,30 @@ def test_hours_and_dates_of_a_planted_inflow_are_found(seasons):
     days = (np.arange(DAYS) >= 12) & (np.arange(DAYS) < 45)
     right = 0
     for seed in range(seasons):
-        place = strongest(
-            as_scores(planted(seed, 3.0, range(9, 17), days), USED, BLOCKS), [HOUR, WEEKDAY], DATES
-        )
+        there = np.isin(np.arange(N) // 6, range(9, 17))[None] & days[:, None]
+        place = strongest(as_scores(scores(seed) + 3.0 * there, USED, BLOCKS), [HOUR, WEEKDAY], DATES)
         assert place is not None and place.driver == "hour"
         assert abs(place.size - 3.0) < 4 * place.size_se
         right += (place.low, place.high) == (9.0, 17.0) and place.windows == ((DATES[12], DATES[44]),)
     assert right >= 0.8 * seasons
 
 
-def test_a_loss_in_the_night_of_all_days_goes_past_midnight():
-    place = strongest(
-        as_scores(planted(3, -2.0, (22, 23, 2, 3), np.ones(DAYS, bool)), USED, BLOCKS), [HOUR], DATES
-    )
-    assert place is not None
-    assert (place.low, place.high) == (22.0, 4.0)
-    assert place.size == pytest.approx(-2.0, abs=4 * place.size_se)
-    assert place.windows == ((DATES[0], DATES[-1]),)
+NIGHT = np.isin(np.arange(N) // 6, (22, 23, 2, 3))[None] & np.ones((DAYS, 1), bool)
+LATER = np.broadcast_to((np.arange(DAYS) >= 33)[:, None], (DAYS, N))
 
 
-def test_a_part_of_the_season_is_localised_by_its_dates_alone():
-    for seed in range(2):
-        there = (np.arange(DAYS) >= 33)[:, None]
-        place = strongest(as_scores(scores(seed) + 3.0 * there, USED, BLOCKS), [HOUR, DATE], DATES)
-        assert place is not None and place.driver == "date"
-        assert place.windows == ((DATES[33], DATES[59]),)
-        assert place.size == pytest.approx(3.0, abs=4 * place.size_se)
-
-
-def test_weekends_are_localised_as_weekdays():
-    weekend = WEEKDAY.bin >= 5
-    place = strongest(as_scores(scores(5) + 2.0 * weekend, USED, BLOCKS), [HOUR, WEEKDAY], DATES)
-    assert place is not None and (place.driver, place.low, place.high) == ("weekday", 5.0, 7.0)
+@pytest.mark.parametrize(
+    ("there", "size", "by", "expected", "first"),
+    [(NIGHT, -2.0, [HOUR], ("hour", 22.0, 4.0), 0),
+     (WEEKDAY.bin >= 5, 2.0, [HOUR, WEEKDAY], ("weekday", 5.0, 7.0), 0),
+     (LATER, 3.0, [HOUR, DATE], ("date", 30.0, 60.0), 33)],
+    ids=["past midnight", "weekends", "dates"],
+)  # fmt: skip
+def test_a_flow_is_localised_by_what_it_depends_on(there, size, by, expected, first):
+    place = strongest(as_scores(scores(3) + size * there, USED, BLOCKS), by, DATES)
+    assert (place.driver, place.low, place.high) == expected
+    assert place.size == pytest.approx(size, abs=4 * place.size_se)
+    assert place.windows == ((DATES[first], DATES[-1]),)
 
 
 def record(kind="pool"):
@@ -127,6 +114,8 @@ def record(kind="pool"):
 
 
 def test_every_used_sample_of_a_record_is_in_the_bin_of_its_label():
+    names = {d.name for d in drivers(record("river"), BLOCKS)}
+    assert "discharge" in names and not any("outflow" in name for name in names)
     rec = record()
     by = {d.name: d for d in drivers(rec, BLOCKS)}
     assert set(by) == {
@@ -145,11 +134,6 @@ def test_every_used_sample_of_a_record_is_in_the_bin_of_its_label():
     counts = np.bincount(by["level"].bin[rec.used])
     assert counts.max() - counts.min() <= 0.02 * counts.sum()
     assert (by["level"].bin[np.isnan(rec.output)] == -1).all()
-
-
-def test_a_river_without_an_outflow_is_not_binned_by_it():
-    names = {d.name for d in drivers(record("river"), BLOCKS)}
-    assert "discharge" in names and not any("outflow" in name for name in names)
 
 
 def test_hours_since_a_step_are_counted_from_it():

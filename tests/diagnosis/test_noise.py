@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from rivid.diagnosis.noise.model import WALK_LIMIT, NoiseModel, day_weights, fit_noise
+from rivid.diagnosis.noise.kalman import gather, log_likelihoods
+from rivid.diagnosis.noise.model import WALK_LIMIT, NoiseModel, day_weights, fit_noise, limits_of
 from rivid.errors import RividError
 from tests.diagnosis import sizes
 
@@ -68,21 +69,17 @@ def reading(model, z, until=N):
 
 @every_model
 @every_gap
-def test_log_likelihood_is_that_of_the_multivariate_normal(model, gap):
+def test_likelihood_and_whitening_are_those_of_the_dense_covariance(model, gap):
     z = day_of(model, gap)
-    B, data, _, _, _ = reading(model, z)
-    expected = multivariate_normal(np.zeros(len(data)), B @ dense(model) @ B.T).logpdf(data)
-    assert model.log_likelihood(z[None])[0] == pytest.approx(expected, abs=1e-7)
-
-
-@every_model
-@every_gap
-def test_whitening_is_the_cholesky_factor_of_the_covariance(model, gap):
-    z = day_of(model, gap, seed=1)
     B, data, place, _, _ = reading(model, z)
-    expected = np.zeros(N)
-    expected[place] = np.linalg.solve(np.linalg.cholesky(B @ dense(model) @ B.T), data)
-    assert np.allclose(model.whiten(z[None])[0], expected, atol=1e-8)
+    V = B @ dense(model) @ B.T
+    expected = multivariate_normal(np.zeros(len(data)), V).logpdf(data)
+    assert model.log_likelihood(z[None])[0] == pytest.approx(expected, abs=1e-7)
+    column = np.random.default_rng(1).normal(size=N)  # has no gaps of its own
+    for given in (z, column):
+        expected = np.zeros(N)
+        expected[place] = np.linalg.solve(np.linalg.cholesky(V), reading(model, given + 0.0 * z)[1])
+        assert np.allclose(model.whiten(given[None], like=z[None])[0], expected, atol=1e-8)
 
 
 @every_model
@@ -126,22 +123,9 @@ def test_a_forecast_is_conditioning_on_what_is_known_at_its_origin(model, gap, h
         assert error == pytest.approx(z[origin + horizon] - (start + (ahead - from_first) @ mean), abs=1e-8)
 
 
-@every_model
-def test_whitening_is_linear_and_takes_its_gaps_from_the_residual(model):
-    rng = np.random.default_rng(4)
-    z = model.simulate(6, N, rng)
-    z[rng.random(z.shape) < 0.2] = np.nan
-    a, b = rng.normal(size=(2, 3, 6, N))
-    both = model.whiten(np.stack([a, b, 2.0 * a - b]), like=z)
-    assert both.shape == (3, 3, 6, N)
-    assert np.allclose(both[2], 2.0 * both[0] - both[1], atol=1e-9)
-    assert (both[0][:, np.isnan(z)] == 0.0).all()
-
-
-@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("alike", [True, False], ids=["few patterns of gaps", "one for each day"])
 @every_model
 def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
-    """With a few patterns of gaps, and with one of its own for each day."""
     rng = np.random.default_rng(7)
     z = model.simulate(11, N, rng)
     z[:4, :5] = np.nan
@@ -157,9 +141,6 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model, alike):
 
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
-    from rivid.diagnosis.noise.kalman import gather, log_likelihoods
-    from rivid.diagnosis.noise.model import limits_of
-
     z = POOL.simulate(9, N, np.random.default_rng(8))
     z[3:5, 10:20] = np.nan
     values, there = gather(z)
@@ -195,36 +176,33 @@ def test_simulated_noise_has_the_dense_covariance(model):
 
 
 TRUE = NoiseModel(3e-3, 6e-4, 3.0, 9000.0, 0.0, 13300.0, 133.0, 6.7e5)
+POOL_NAMES = ("gauge_sd", "walk_sd", "inflow_sd", "inflow_memory")
+RIVER_NAMES = ("gauge_sd", "level_sd", "level_memory")
 
 
 @sizes("seeds", 3, 12)
-def test_the_fit_finds_the_noise_that_was_there(seeds):
-    names = ("gauge_sd", "walk_sd", "inflow_sd", "inflow_memory")
+@pytest.mark.parametrize(
+    ("true", "names", "spread", "gaps"),
+    [(TRUE, POOL_NAMES, [0.05, 0.3, 0.2, 0.4], 0.0), (TRUE, POOL_NAMES, [0.05, 0.3, 0.2, 0.4], 0.1),
+     (MODELS["river"], RIVER_NAMES, 0.15, 0.0)],
+    ids=["pool", "pool with gaps", "river"],
+)  # fmt: skip
+def test_the_fit_finds_the_noise_that_was_there(true, names, spread, gaps, seeds):
     logs, gains = [], []
     for seed in range(seeds):
-        z = TRUE.simulate(40, 300, np.random.default_rng(seed))
-        fit = fit_noise(z, 133.0, 6.7e5, weights=np.ones(40))
-        logs.append([np.log(getattr(fit, n) / getattr(TRUE, n)) for n in names])
-        gains.append(2.0 * (fit.log_likelihood(z) - TRUE.log_likelihood(z)).sum())
-    logs = np.array(logs)
-    assert (np.abs(logs.mean(0)) < 4.0 * logs.std(0, ddof=1) / np.sqrt(seeds)).all()
-    assert (logs.std(0) < [0.05, 0.3, 0.2, 0.4]).all()
-    # twice the gain over the truth is chi-square of four degrees: below, the climb has not arrived
-    assert min(gains) > 0.0
-    assert abs(np.mean(gains) - 4.0) < 4.0 * np.sqrt(8.0 / seeds)
-
-
-@sizes("seeds", 3, 8)
-def test_the_fit_of_a_river_finds_the_noise_that_was_there(seeds):
-    true = MODELS["river"]
-    names, logs = ("gauge_sd", "level_sd", "level_memory"), []
-    for seed in range(seeds):
-        fit = fit_noise(true.simulate(40, 200, np.random.default_rng(seed)), 133.0, None)
-        assert fit.surface_area is None and fit.inflow_sd == 0.0 and fit.walk_sd == 0.0
+        rng = np.random.default_rng(seed)
+        z = true.simulate(40, 300, rng)
+        z[rng.random(z.shape) < gaps] = np.nan
+        fit = fit_noise(z, 133.0, true.surface_area, weights=np.ones(40))
+        assert (fit.surface_area is None) == (fit.inflow_sd == fit.walk_sd == 0.0) == (true is not TRUE)
         logs.append([np.log(getattr(fit, n) / getattr(true, n)) for n in names])
+        gains.append(2.0 * (fit.log_likelihood(z) - true.log_likelihood(z)).sum())
     logs = np.array(logs)
     assert (np.abs(logs.mean(0)) < 4.0 * logs.std(0, ddof=1) / np.sqrt(seeds)).all()
-    assert (logs.std(0) < 0.15).all()
+    assert (logs.std(0) < spread).all()
+    # twice the gain over the truth is chi-square, of one degree a parameter: below, the climb has not arrived
+    assert min(gains) > 0.0
+    assert abs(np.mean(gains) - len(names)) < 4.0 * np.sqrt(2.0 * len(names) / seeds)
 
 
 def test_wind_is_separated_from_the_walk_because_the_walk_is_capped():
@@ -238,12 +216,11 @@ def test_wind_is_separated_from_the_walk_because_the_walk_is_capped():
     assert fit.log_likelihood(z).sum() > plain.log_likelihood(z).sum() + 10.0
 
 
-def test_limits_of_gauge_noise_and_memory_hold():
+def test_the_fit_keeps_the_floors_of_gauge_noise_and_memory():
     nearly_white = dataclasses.replace(TRUE, gauge_sd=1e-4, walk_sd=0.0, inflow_sd=15.0, inflow_memory=60.0)
     z = nearly_white.simulate(20, 200, np.random.default_rng(0))
     fit = fit_noise(z, 133.0, 6.7e5, gauge_floor=2.9e-3)
-    assert fit.gauge_sd >= 2.9e-3 * (1 - 1e-9)
-    assert fit.inflow_memory >= 1330.0 * (1 - 1e-9)
+    assert fit.gauge_sd >= 2.9e-3 * (1 - 1e-9) and fit.inflow_memory >= 1330.0 * (1 - 1e-9)
     assert fit_noise(z, 133.0, 6.7e5, memory_floor=5000.0).inflow_memory >= 5000.0 * (1 - 1e-9)
 
 
@@ -266,36 +243,17 @@ def test_missing_samples_do_not_count_in_the_weights_of_days():
     r[5] = 0.0
     weights = day_weights(r)
     assert weights[5] == 0.0 and (np.delete(weights, 5) == 1.0).all()
-    assert day_weights(r * np.where(np.arange(30) == 7, 2.0, 1.0)[:, None])[7] == pytest.approx(
-        1.3 / 4, rel=0.2
-    )
+    doubled = r * np.where(np.arange(30) == 7, 2.0, 1.0)[:, None]
+    assert day_weights(doubled)[7] == pytest.approx(1.3 / 4, rel=0.2)
 
 
-def test_gaps_do_not_bias_the_fit():
-    rng = np.random.default_rng(0)
-    z = TRUE.simulate(40, 300, rng)
-    z[rng.random(z.shape) < 0.1] = np.nan
-    fit = fit_noise(z, 133.0, 6.7e5)
-    assert fit.gauge_sd == pytest.approx(TRUE.gauge_sd, rel=0.08)
-    gain = 2.0 * (fit.log_likelihood(z) - TRUE.log_likelihood(z)).sum()
-    assert -2.0 < gain < 20.0  # chi-square of four, less what the weights of days cost
-
-
-@pytest.mark.parametrize(
-    "change,word",
-    [
-        ({"gauge_sd": 0.0}, "gauge_sd is 0.0"),
-        ({"inflow_memory": -1.0}, "inflow_memory"),
-        ({"walk_sd": float("nan")}, "walk_sd is nan"),
-        ({"surface_area": None}, "river reach"),
-    ],
-)
-def test_a_noise_that_makes_no_sense_is_refused(change, word):
-    with pytest.raises(RividError, match=word):
-        dataclasses.replace(POOL, **change)
-
-
-def test_columns_that_do_not_fit_are_refused():
+def test_impossible_noises_and_columns_that_do_not_fit_are_refused():
+    for change, word in (
+        ({"gauge_sd": 0.0}, "gauge_sd is 0.0"), ({"inflow_memory": -1.0}, "inflow_memory"),
+        ({"walk_sd": float("nan")}, "walk_sd is nan"), ({"surface_area": None}, "river reach"),
+    ):  # fmt: skip
+        with pytest.raises(RividError, match=word):
+            dataclasses.replace(POOL, **change)
     z = np.zeros((3, N))
     with pytest.raises(RividError, match="expected"):
         POOL.whiten(np.zeros((2, 4, N)), like=z)

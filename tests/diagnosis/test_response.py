@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
-from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import (
     real_flows,
     slopes_by_differences,
     vector_of,
-    without_nudge,
 )
 from rivid.diagnosis.response.linear import LinearPool
 from rivid.diagnosis.response.river import RiverResponse
@@ -19,7 +17,7 @@ from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
 from rivid.reach.saint_venant import Channel, simulate
-from tests.diagnosis.responses import GAUGE, few, nominal, one_row, river_record, season
+from tests.diagnosis.responses import few, nominal, one_row, river_record, season
 
 rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
 
@@ -33,37 +31,6 @@ def column(response, record, name, **values):
 # The hydraulic pool
 
 
-def test_a_gain_error_is_found_at_its_size():
-    name = "outflow_gain_error"
-    record = season(4, effects=((name, "error", 0.1),))
-    response = few(record)
-    like = np.where(record.used, record.output, np.nan)
-    noise = NoiseModel(GAUGE, 1e-4, 0.05, 16_000.0, 0.0, 1e3, 133.0, response.surface_area)
-    y = noise.whiten(record.output - response.baseline(record), like=like)
-    x = noise.whiten(column(response, record, name, error=1e-3) / 1e-3, like=like)
-    assert np.vdot(x, y) / np.vdot(x, x) == pytest.approx(0.1, abs=0.005)
-
-
-def test_in_a_level_pool_a_column_is_what_the_open_loop_gives_for_a_day():
-    record = season(5, days=2)
-    response = few(record, slope=0.0, depth=9.0)
-    changes = changes_of([CATALOGUE["lateral_inflow"](inflow=1.0)], record.world())
-    free = response.simulate(record, changes) - response.simulate(record)
-    about = response.baseline(record, changes) - response.baseline(record)
-    assert rms(free - about) < 0.05 * rms(about)
-
-
-def test_the_nudge_is_removed_over_true_steps():
-    rng = np.random.default_rng(1)
-    time = np.cumsum(rng.uniform(50.0, 133.0, (2, 9)), axis=1)
-    level, nudge = rng.standard_normal((2, 2, 9))
-    wanted = level.copy()
-    for day in range(2):
-        for k in range(9):
-            wanted[day, k] -= sum(nudge[day, j] * (time[day, j + 1] - time[day, j]) for j in range(k))
-    np.testing.assert_allclose(without_nudge(time, level, nudge), wanted, atol=1e-12)
-
-
 def test_the_baseline_is_the_nudged_run_without_its_nudge():
     record = season(4, days=2)
     response = few(record)
@@ -74,7 +41,8 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
             channel, record.time[day], record.inflow[day], record.outflow[day], start,
             observed=record.output[day],
         )  # fmt: skip
-        level = without_nudge(record.time[[day]], flow.level[None], flow.nudge[None])[0]
+        added = np.cumsum(flow.nudge[:-1] * np.diff(record.time[day]))
+        level = flow.level - np.append(0.0, added)
         np.testing.assert_allclose(response.baseline(record)[day], level, atol=1e-9)
 
 
@@ -100,26 +68,19 @@ def test_an_offset_of_the_gauge_changes_the_reading_only():
     np.testing.assert_allclose(shifted, response.baseline(record) + offset, atol=1e-9)
 
 
-def test_corrections_are_lagged_flows():
+def test_corrections_are_lagged_flows_and_those_of_the_inflow_go_with_its_arrival():
     record = season(4, days=2)
     response = nominal(record)
     names = [p.name for p in response.parameters]
-    start = vector_of(response)
     scale = record.sample_time / response.surface_area
     for name, flow in (("outflow_lag_2", record.outflow), ("inflow_lag_8", record.inflow)):
         lag = int(name.rsplit("_", 1)[1])
-        vector = start.copy()
-        vector[names.index(name)] = scale
+        vector = vector_of(response) + scale * (np.array(names) == name)
         added = response.with_parameters(vector).baseline(record) - response.baseline(record)
         np.testing.assert_allclose(added[:, lag:], scale * (flow[:, :-lag] - flow[:, :1]), atol=1e-12)
-
-
-def test_corrections_of_the_inflow_go_with_its_arrival():
-    record = season(4, days=2)
-    response = nominal(record)
     assert response.inflow_lags == (6, 7, 8, 9, 10)
     assert response.settled(record) is response
-    deeper = response.with_parameters(vector_of(response) + np.eye(len(response.parameters))[2] * 0.4)
+    deeper = response.with_parameters(vector_of(response) + np.eye(len(names))[2] * 0.4)
     moved = deeper.settled(record)
     assert moved.inflow_lags[0] < 6 and len(moved.parameters) == len(response.parameters)
     assert moved.parameters[:10] == deeper.parameters[:10]

@@ -70,7 +70,7 @@ def test_p_of_the_best_window_is_that_of_brute_force(k, dates):
         "until": [(0, j) for j in range(1, DAYS + 1)],
         "between": list(itertools.combinations(range(0, DAYS + 1), 2)),
     }[dates]
-    for seed in range(2):
+    for seed in range(k):
         r, X, Z = library(seed, k=k)
         r = r + 0.1 * Z[0]
         weights = np.random.default_rng(seed).uniform(0.3, 1.0, DAYS)
@@ -176,31 +176,6 @@ def test_the_false_rate_is_not_above_nominal(null, sets):
     for level in (0.05, 0.01):
         error = np.sqrt(level * (1.0 - level) / sets)
         assert np.mean(np.array(smallest) <= level) < level + 3.0 * error
-
-
-@sizes("sets", 100, 300)
-def test_p_of_a_null_is_uniform(sets):
-    p = []
-    for seed in range(sets):
-        r, X, Z = library(seed)
-        p.append(scan(r, X, [Candidate("a", Z)], blocks=BLOCKS, flips=99, seed=seed)[0])
-    for level in (0.1, 0.5, 0.9):
-        assert abs((np.array(p) <= level).mean() - level) < 3.5 * np.sqrt(level * (1.0 - level) / sets)
-
-
-@sizes("sets", 20, 60)
-def test_power_grows_with_the_size_of_a_planted_column(sets):
-    found = []
-    for size in (0.0, 0.1, 0.2, 0.4):
-        p = []
-        for seed in range(sets):
-            r, X, Z = library(seed, k=3)
-            candidates = [Candidate("a", Z[:1], "from"), Candidate("b", Z[1:2], "from")]
-            r = r + size * Z[0] * (np.arange(DAYS) >= 9)[:, None]
-            p.append(scan(r, X, candidates, blocks=BLOCKS, flips=199, seed=seed)[0])
-        found.append(np.mean(np.array(p) <= 0.05))
-    assert found[0] <= 0.1 < found[2] < found[3]
-    assert found[1] <= found[2] and found[3] > 0.95
 
 
 def test_what_cannot_be_tested_is_refused():

@@ -51,12 +51,13 @@ def worth(g, q, bounds, on, sign, penalty, edge=0.0):
     return total
 
 
+@sizes("most", 7, 9)
 @pytest.mark.parametrize("rest", ["zero", "free"])
 @pytest.mark.parametrize("sign", [0, -1])
 @pytest.mark.parametrize("shortest", [1, 2])
-def test_the_partition_is_the_best_of_all_there_are(rest, sign, shortest):
+def test_the_partition_is_the_best_of_all_there_are(rest, sign, shortest, most):
     rng = np.random.default_rng(3)
-    for n, penalty in ((6, 0.5), (8, 1.5), (9, 3.0)):
+    for n, penalty in ((most - 2, 0.5), (most - 1, 1.5), (most, 3.0)):
         for _ in range(3):
             q = rng.uniform(0.2, 2.0, n) * (rng.random(n) > 0.2)
             g = np.sqrt(q) * rng.standard_normal(n) + q * rng.choice([0.0, -2.0, 2.0], n)
@@ -97,15 +98,6 @@ def test_planted_windows_are_found_where_they_are(seasons):
     assert np.mean(np.array(overlap) >= 0.8) >= 0.9
 
 
-@sizes("seasons", 10, 50)
-def test_what_is_always_there_keeps_its_first_and_last_days(seasons):
-    whole = 0
-    for seed in range(seasons):
-        x, block = season(seed, 0.5)
-        whole += windows(segment(x + 2.5, np.ones(DAYS), block, draws=199, seed=seed)) == [(0, DAYS - 1)]
-    assert whole >= 0.9 * seasons
-
-
 @sizes("seasons", 30, 60)
 def test_a_window_has_its_size_within_its_error(seasons):
     deviation = []
@@ -120,6 +112,15 @@ def test_a_window_has_its_size_within_its_error(seasons):
     assert 0.7 < np.std(deviation) < 1.5  # the inflation is known to some 40 % in a season
 
 
+def test_a_window_has_one_sign_and_any_scale():
+    x, block = season(2, 0.0)
+    there = (np.arange(DAYS) >= 20) & (np.arange(DAYS) < 45)
+    one, ten = (segment(s * (x - 4.0 * there), np.ones(DAYS), block) for s in (1.0, 10.0))
+    assert windows(one) == windows(ten) == [(20, 44)]
+    assert ten.gain == pytest.approx(100.0 * one.gain)
+    assert not segment(x - 4.0 * there, np.ones(DAYS), block, sign=1).found
+
+
 def test_an_onset_and_a_bump_change_a_size_that_is_never_zero():
     x, block = season(1, 0.2)
     onset = segment(x + 8.0 + 4.0 * (np.arange(DAYS) >= 31), np.ones(DAYS), block, rest="free")
@@ -128,13 +129,6 @@ def test_an_onset_and_a_bump_change_a_size_that_is_never_zero():
     there = (np.arange(DAYS) >= 20) & (np.arange(DAYS) < 40)
     bump = segment(x - 8.0 + 4.0 * there, np.ones(DAYS), block, rest="free")
     assert bump.bounds.tolist() == pytest.approx([0, 20, 40, DAYS], abs=1)
-
-
-def test_a_window_of_the_wrong_sign_is_none():
-    x, block = season(2, 0.0)
-    there = (np.arange(DAYS) >= 20) & (np.arange(DAYS) < 45)
-    assert windows(segment(x - 4.0 * there, np.ones(DAYS), block)) == [(20, 44)]
-    assert not segment(x - 4.0 * there, np.ones(DAYS), block, sign=1).found
 
 
 def test_the_inflation_is_that_of_the_blocks_with_and_without_an_effect():
@@ -158,14 +152,6 @@ def test_days_without_data_belong_to_no_side():
     found = segment((x + 4.0 * there) * q, q, block)
     assert len(windows(found)) == 1 and windows(found)[0][1] == DAYS - 1
     assert 23 <= found.bounds[1] <= 33  # a large score on day 23 may count as the effect
-
-
-def test_the_scale_of_the_scores_does_not_matter():
-    x, block = season(5, 0.3)
-    x += 3.0 * (np.arange(DAYS) > 30)
-    one, ten = segment(x, np.ones(DAYS), block), segment(10.0 * x, np.ones(DAYS), block)
-    assert one.bounds.tolist() == ten.bounds.tolist()
-    assert ten.gain == pytest.approx(100.0 * one.gain)
 
 
 def test_too_few_blocks_and_arrays_that_do_not_fit_are_refused():

@@ -80,8 +80,8 @@ def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing(seasons):
     gains = []
     for seed in range(seasons):
         rng = np.random.default_rng(100 + seed)
-        fit = np.arange(30) % 2 == 0
-        gains.append(found(residual(rng, 30), fit)[2][~fit].mean())
+        fit = np.arange(20) % 2 == 0
+        gains.append(found(residual(rng, 20), fit)[2][~fit].mean())
     assert np.mean(gains) < 3.0 * np.std(gains) / np.sqrt(len(gains))
     assert max(gains) < 0.5
 

@@ -34,7 +34,7 @@ def test_the_average_periodogram_is_the_slow_sum():
         assert power[k] == pytest.approx(total, rel=1e-9)
 
 
-@sizes("seasons", 30, 200)
+@sizes("seasons", 20, 200)
 def test_white_innovations_have_power_one_and_exceed_the_limit_at_its_level(seasons):
     level = 0.1
     power, above = [], 0

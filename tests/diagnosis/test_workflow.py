@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rivid.cli.diagnose import command
-from rivid.config import Config, load_config
+from rivid.config import load_config
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import read_effects
@@ -21,7 +21,7 @@ from rivid.errors import ConfigError, NoDataError
 from rivid.logs.write import write_days
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
-from tests.diagnosis import pools
+from tests.diagnosis import pools, sizes
 
 SCENARIOS = Path(__file__).parent.parent.parent / "configs" / "scenarios"
 UNEVEN = load_scenario(SCENARIOS / "uneven.toml")
@@ -41,12 +41,6 @@ def answer(season, **changes):
     return diagnose(record, nominal, effect_classes(), gauge_floor=0.0029, **changes)
 
 
-@pytest.fixture(scope="module")
-def melting():
-    """A season with a wave of 24 h that no log holds, as logs on disk."""
-    return season(40, 77, [CATALOGUE["diurnal_inflow"](amplitude=6.0, hour=15.0)])
-
-
 def written(season, folder):
     columns = zip(season.inflow, season.outflow, season.level, strict=True)
     days = ({"u_Qi": u, "u_Qo": o, "h_L": h} for u, o, h in columns)
@@ -60,7 +54,8 @@ def written(season, folder):
 
 
 @pytest.mark.long
-def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(melting, tmp_path):
+def test_the_command_names_what_was_hidden_and_its_model_leaves_no_gap(tmp_path):
+    melting = season(40, 77, [CATALOGUE["diurnal_inflow"](amplitude=6.0, hour=15.0)])
     config = written(melting, tmp_path / "logs")
     words = [str(tmp_path / "logs"), "-c", str(config), "-o", str(tmp_path / "out"), "--no-figures", "-q"]
     done = CliRunner().invoke(command, [*words, "--json"], standalone_mode=False, catch_exceptions=False)
@@ -104,27 +99,25 @@ def test_nothing_is_named_where_nothing_is_missing():
     assert np.abs(w).mean() < 2.5 and truth.std() < 2.5
 
 
-def test_too_few_days_give_no_name():
-    result, evidence = answer(season(9, 79))
-    assert result.verdict == "insufficient_data" and evidence is None and "9 days" in result.reason
-
-
-def test_where_nothing_moves_or_may_be_named_there_is_no_answer():
+@sizes("every", 3, 1)
+def test_twenty_days_are_enough_to_find_that_nothing_is_missing(every):
     record = pools.season(5, days=20)
+    classes = dict(list(effect_classes().items())[::every])
+    result, evidence = diagnose(record, pools.nominal(record), classes, gauge_floor=pools.GAUGE_FLOOR)
+    assert result.verdict == "no_gap" and not result.effects, result.reason
+    assert evidence.inflow_after_sd.shape == evidence.record.time.shape
+
+
+def test_few_days_still_flows_and_an_empty_catalogue_give_no_answer():
+    record = pools.season(5, days=20)
+    few = record.take(range(9))
+    result, evidence = diagnose(few, pools.nominal(few), effect_classes())
+    assert result.verdict == "insufficient_data" and evidence is None and "9 days" in result.reason
     still = replace(record, inflow=0.0 * record.inflow + 300.0, outflow=0.0 * record.outflow + 300.0)
     result, evidence = diagnose(still, pools.nominal(still), effect_classes())
     assert result.verdict == "insufficient_data" and evidence is None and "never move" in result.reason
     result, evidence = diagnose(record, pools.nominal(record), {})
     assert result.verdict == "insufficient_data" and evidence is None and "exclude" in result.reason
-
-
-def test_twenty_days_are_enough_to_find_that_nothing_is_missing():
-    record = pools.season(5, days=20)
-    result, evidence = diagnose(
-        record, pools.nominal(record), effect_classes(), gauge_floor=pools.GAUGE_FLOOR
-    )
-    assert result.verdict == "no_gap" and not result.effects, result.reason
-    assert evidence.inflow_after_sd.shape == evidence.record.time.shape
 
 
 def test_a_hidden_diurnal_inflow_is_named_with_its_size_and_closes_the_gap():
@@ -140,22 +133,17 @@ def test_a_hidden_diurnal_inflow_is_named_with_its_size_and_closes_the_gap():
     assert result.gap.rmse_augmented[1] < 0.9 * result.gap.rmse_baseline[1]
 
 
-def test_an_empty_directory_is_refused(tmp_path):
-    (tmp_path / "logs").mkdir()
+def test_an_empty_directory_and_an_unknown_name_to_exclude_are_refused(tmp_path):
+    def run(*words):
+        CliRunner().invoke(command, list(map(str, words)), standalone_mode=False, catch_exceptions=False)
+
+    (tmp_path / "empty").mkdir()
     with pytest.raises(NoDataError):
-        CliRunner().invoke(command, [str(tmp_path / "logs")], standalone_mode=False, catch_exceptions=False)
-
-
-def test_an_unknown_name_to_exclude_is_refused(melting, tmp_path):
-    config = written(melting, tmp_path / "logs")
+        run(tmp_path / "empty")
+    config = written(season(3, 77), tmp_path / "logs")
     config.write_text(config.read_text() + "[diagnose]\nexclude = ['leek']\n")
     with pytest.raises(ConfigError, match="no effect is called 'leek'"):
-        CliRunner().invoke(
-            command,
-            [str(tmp_path / "logs"), "-c", str(config)],
-            standalone_mode=False,
-            catch_exceptions=False,
-        )
+        run(tmp_path / "logs", "-c", config)
 
 
 def test_every_effect_of_the_catalogue_is_tried_or_found_otherwise():
@@ -178,7 +166,3 @@ def test_tied_effects_have_a_measurement_that_separates_them():
         leak, (head,)
     )
     assert breaker(wave, (CATALOGUE["rain_inflow"],)) == USUAL["flow"]
-
-
-def test_settings_of_a_diagnosis_have_defaults():
-    assert Config().diagnose.most_effects == 4 and Config().diagnose.exclude == []

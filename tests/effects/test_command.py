@@ -65,12 +65,8 @@ def test_the_json_holds_the_catalogue(run):
         )  # fmt: skip
         limits = {p["name"]: (p["unit"], p["low"], p["high"], p["meaning"]) for p in record["parameters"]}
         assert limits == {key: (q.unit, q.low, q.high, q.meaning) for key, q in one.parameters().items()}
-        assert (
-            build(
-                {"name": record["name"]} | {p["name"]: p["default"] for p in record["parameters"]}, CATALOGUE
-            )
-            == one()
-        )
+        defaults = {p["name"]: p["default"] for p in record["parameters"]}
+        assert build({"name": record["name"]} | defaults, CATALOGUE) == one()
     assert json.loads(run("seiche", "--json")) == records[-1]
 
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.effects import changes_of, worlds_of
+from rivid.effects import CATALOGUE, changes_of, worlds_of
 from rivid.effects.flow import (
     DiurnalInflow,
     GateHeadEffect,
@@ -16,6 +16,7 @@ from rivid.effects.flow import (
 )
 from rivid.effects.level import Seiche, SensorStep, WindSetup
 from rivid.effects.timing import ClockOffset, OutflowLag, WaveAttenuation
+from rivid.reach.integrator import LinearReach, pool_level
 from tests.effects.worlds import world
 
 
@@ -50,6 +51,19 @@ def test_changes_of_several_effects_are_joined():
     assert (both.gate.lag == 60.0).all() and (both.gate.head == 0.1).all()
     assert (both.area_slope, both.area_reference, both.gate.reference) == (0.2, 128.5, 128.5)
     assert both.gauge.max() == 0.1
+
+
+def test_the_whole_catalogue_acts_on_a_pool_together():
+    here = world(2, days=3)
+    readings = []
+    for effects in ([], [one() for one in CATALOGUE.values()]):
+        changes = changes_of(effects, here)
+        flow = pool_level(
+            LinearReach(), here.time, here.inflow, np.full(here.time.shape, here.flow), 900.0,
+            start=here.level, before=float(here.inflow[0]), changes=changes,
+        )  # fmt: skip
+        readings.append(flow.level + changes.gauge)
+    assert np.isfinite(readings[1]).all() and np.abs(readings[1] - readings[0]).max() > 0.05
 
 
 def test_other_effects_change_no_draw():

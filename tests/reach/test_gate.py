@@ -27,15 +27,14 @@ def through_gate(gate, command, level=130.0):
     return np.array([gate_flow(arrays, 0, k, c, level, T_S, state) for k, c in enumerate(command)])
 
 
-@pytest.mark.parametrize(
-    "gate",
-    [
-        Gate(dead_band=np.full(1, 12.0)),
-        Gate(lag=np.full(1, 700.0)),
-        Gate(dead_band=np.full(1, 9.0), rate=np.full(1, 0.1), factor=np.full(1, 1.1)),
-    ],
-    ids=["dead-band", "lag", "all"],
-)
+GATES = {
+    "dead-band": Gate(dead_band=np.full(1, 12.0)),
+    "lag": Gate(lag=np.full(1, 700.0)),
+    "all": Gate(dead_band=np.full(1, 9.0), rate=np.full(1, 0.1), factor=np.full(1, 1.1)),
+}
+
+
+@pytest.mark.parametrize("gate", GATES.values(), ids=GATES)
 def test_the_gates_flow_agrees_with_second_by_second_integration(gate):
     command, _ = commands(1, 100)
     target = position = flow = command[0]
@@ -62,12 +61,9 @@ def test_head_makes_the_flow_grow_with_the_level_and_a_pond_never_overshoots():
 
 def test_the_pool_with_leak_pond_and_area_slope_agrees_with_a_stiff_integrator():
     changes = Changes(
-        leaks=(Leak(0.5, np.full(1, 40.0), 129.9),),
-        ponds=(Pond(0.3, 2e5, np.full(1, 80.0)),),
-        gate=Gate(head=np.full(1, 0.05), reference=130.0),
-        area_slope=0.4,
-        area_reference=130.0,
-    )
+        leaks=(Leak(0.5, np.full(1, 40.0), 129.9),), ponds=(Pond(0.3, 2e5, np.full(1, 80.0)),),
+        gate=Gate(head=np.full(1, 0.05), reference=130.0), area_slope=0.4, area_reference=130.0,
+    )  # fmt: skip
     time = 5.0 * np.arange(6000)  # short samples: what follows the level is held from sample to sample
     inflow = 300.0 + 30.0 * np.sin(time / 4000.0)
     outflow = np.full(len(time), 300.0)
@@ -121,14 +117,12 @@ def test_area_slope_makes_the_surface_grow_with_the_level():
 
 
 def test_changes_add_up():
-    both = together(
-        [
-            Changes(gate=Gate(lag=np.full(1, 100.0), factor=np.full(1, 1.1)), gauge=np.full(3, 0.1)),
-            Changes(gate=Gate(lag=np.full(1, 50.0), factor=np.full(3, 1.2), rate=np.full(1, 2.0))),
-            Changes(inflow=np.ones(3), area_slope=0.2, area_reference=130.0),
-            Changes(gauge=np.full(3, 0.2), added=(AddedFlow(0.5, np.ones(3)),)),
-        ]
-    )
+    both = together([
+        Changes(gate=Gate(lag=np.full(1, 100.0), factor=np.full(1, 1.1)), gauge=np.full(3, 0.1)),
+        Changes(gate=Gate(lag=np.full(1, 50.0), factor=np.full(3, 1.2), rate=np.full(1, 2.0))),
+        Changes(inflow=np.ones(3), area_slope=0.2, area_reference=130.0),
+        Changes(gauge=np.full(3, 0.2), added=(AddedFlow(0.5, np.ones(3)),)),
+    ])  # fmt: skip
     assert both.gate.lag.tolist() == [150.0] and both.gate.rate.tolist() == [2.0]
     np.testing.assert_allclose(both.gate.factor, 1.32)
     np.testing.assert_allclose(both.gauge, 0.3)
@@ -138,11 +132,9 @@ def test_changes_add_up():
 
 def test_changes_that_contradict_each_other_are_refused():
     with pytest.raises(RividError, match="two changes set the real inflow"):
-        together([Changes(inflow=np.ones(3)), Changes(inflow=np.ones(3))])
+        together([Changes(inflow=np.ones(3))] * 2)
     with pytest.raises(RividError, match=r"refer to levels \[129.0, 130.0\]"):
-        together(
-            [Changes(area_slope=0.1, area_reference=130.0), Changes(area_slope=0.1, area_reference=129.0)]
-        )
+        together([Changes(area_slope=0.1, area_reference=z) for z in (130.0, 129.0)])
     with pytest.raises(RividError, match="a pond of 0.0 m2"):
         Pond(0.5, 0.0, np.ones(1))
     with pytest.raises(RividError, match="a leak at place -0.1"):

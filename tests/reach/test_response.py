@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from rivid.core.hydraulics import travel_bounds
 from rivid.reach.changes import AddedFlow, Changes, Gate
@@ -60,19 +59,14 @@ def test_uneven_steps_agree_with_second_by_second_integration():
     np.testing.assert_allclose(came(time, flow, 200.0), expected, atol=1e-9)
 
 
-def test_no_volume_is_lost_when_the_travel_time_changes():
+def test_no_volume_is_lost_and_no_water_overtakes_when_the_travel_time_changes():
     time = T_S * np.arange(600)
     flow = np.where(time < 300 * T_S, 50.0, 0.0)
     travel = 900 + 300 * np.sin(time / 9000)
     assert came(time, flow, travel)[-1] == pytest.approx(50 * 300 * T_S, rel=1e-12)
-
-
-def test_late_water_never_overtakes():
-    time = T_S * np.arange(50)
-    travel = np.where(np.arange(50) < 20, 2000.0, 100.0)
-    volume = came(time, np.ones(50), travel)
+    volume = came(time[:50], np.ones(50), np.where(np.arange(50) < 20, 2000.0, 100.0))
     assert (np.diff(volume) >= 0).all()
-    assert volume[-1] == pytest.approx(time[-1] - 100.0)
+    assert volume[-1] == pytest.approx(time[49] - 100.0)
 
 
 @pytest.mark.parametrize(("tau", "lag"), [(6.3, 7), (6.9, 7), (7.2, 8)])
@@ -85,15 +79,6 @@ def test_travel_time_is_the_gravity_wave_of_section_ii():
     flow = np.array([100.0, 300.0, 800.0])
     bounds = travel_bounds(flow, length=8200, width=81.6, depth=4.9)
     np.testing.assert_allclose(REACH.travel_time(flow), bounds.gravity, rtol=1e-12)
-
-
-def test_theoretical_fir_is_that_of_the_transfer_function():
-    d, a_i, a_o, K_Q, K_h = 7, 1e-4, 1.2e-4, 1.0, -1000.0
-    numerator = np.zeros(d + 2)
-    numerator[1], numerator[d + 1] = -K_Q * a_o, a_i
-    impulse = lfilter(numerator, [1.0, -(K_h * a_o + 1.0)], np.eye(1, 40)[0])
-    fir = theoretical_fir(40, d, a_i, a_o, K_Q, K_h)
-    np.testing.assert_allclose(fir, impulse, atol=1e-18)
 
 
 def test_theoretical_fir_is_the_loop_of_8_and_9():

@@ -33,11 +33,15 @@ def test_a_day_is_the_same_to_the_bit_in_any_batch():
     np.testing.assert_array_equal(some.level, many.level[1:3])
 
 
-def test_times_and_added_flows_may_differ_from_day_to_day():
+def test_times_and_added_flows_may_differ_from_day_to_day_and_gates_stand_at_the_ends():
     inflow, outflow, start = days(n=2)
     time = TIME + np.array([[0.0], [86400.0]])
     rain = Changes(added=(AddedFlow(0.7, np.where(time > 86400.0 + 3000.0, 20.0, 0.0)),))
-    dry = simulate(POOL, time, inflow, outflow, start)
+    dry = simulate(POOL, time, inflow, outflow, start, places=(0.0, 1.0))
+    np.testing.assert_allclose(dry.levels[..., 1], dry.level, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(dry.discharges[:, 1:, 0], inflow[:, :-1], rtol=1e-12)
+    np.testing.assert_allclose(dry.discharges[:, 1:, 1], outflow[:, :-1], rtol=1e-12)
+    assert dry.level[:, 0] == pytest.approx(start, abs=1e-11)
     wet = simulate(POOL, time, inflow, outflow, start, changes=rain)
     np.testing.assert_array_equal(wet.level[0], dry.level[0])
     assert (wet.level[1] - dry.level[1])[-1] > 0.3
@@ -58,15 +62,6 @@ def test_a_season_in_pieces_is_the_season_in_one_to_the_bit():
     for _ in range(2):  # going on does not change the state
         again = simulate(POOL, TIME[99:], inflow[99:], outflow[99:], first).level
         np.testing.assert_array_equal(again, whole.level[99:])
-
-
-def test_the_gauge_stands_at_the_end_and_the_gates_at_the_ends():
-    inflow, outflow, start = (values[0] for values in days())
-    flow = simulate(POOL, TIME, inflow, outflow, start, places=(0.0, 1.0))
-    np.testing.assert_allclose(flow.levels[:, 1], flow.level, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(flow.discharges[1:, 0], inflow[:-1], rtol=1e-12)
-    np.testing.assert_allclose(flow.discharges[1:, 1], outflow[:-1], rtol=1e-12)
-    assert flow.level[0] == pytest.approx(start, abs=1e-11)
 
 
 @pytest.mark.parametrize("place", [0.0, 0.6])

@@ -61,13 +61,10 @@ def test_twice_gives_the_same_bytes_and_another_seed_does_not(scenario, tmp_path
     assert not set(contents(tmp_path / "c").values()) & set(contents(tmp_path / "a").values())
 
 
-def test_the_truth_never_lies_among_the_logs(scenario, tmp_path):
+def test_truth_and_other_logs_are_not_mixed_with_the_logs(scenario, tmp_path):
     with pytest.raises(ConfigError, match="would lie among the logs"):
         call(scenario, "--out", tmp_path / "logs", "--truth", tmp_path / "logs" / "deep" / "t.json")
     assert not (tmp_path / "logs").exists()
-
-
-def test_other_logs_are_not_mixed_with_these(scenario, tmp_path):
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "1999-01-01.csv").write_text("mine")
     (tmp_path / "logs" / "README.md").write_text("stays")
