@@ -129,20 +129,7 @@ def test_the_drift_lets_an_even_distribution_even_and_is_the_exponential_of_the_
         np.testing.assert_allclose(got.sum(axis=0), 1.0)
 
 
-def test_a_day_without_a_link_and_a_missing_day_say_nothing():
-    p, _, _ = some_days(6, 5, 5)
-    missing, unlinked = p.copy(), p.copy()
-    missing[3] = np.nan
-    link = np.ones(6)
-    link[3] = 0.0
-    unlinked[3] = [1.0, 0.0, 0.0, 0.0, 0.0]
-    s = SeasonSettings(independent=0.0)
-    one, other = season(missing, settings=s), season(unlinked, link, settings=s)
-    np.testing.assert_allclose(one.probability, other.probability, atol=1e-12)
-    assert one.observed.tolist() == [True, False, True, False, True, True]
-
-
-def test_a_surely_wrong_day_is_overruled_by_its_neighbours():
+def test_a_surely_wrong_day_is_overruled_by_its_neighbours_and_one_without_a_link_by_none():
     p = np.full((41, 8), 0.1 / 7)
     p[np.arange(41), np.where(np.arange(41) < 20, 3, 5)] = 0.9
     p[10] = 0.0
@@ -150,6 +137,11 @@ def test_a_surely_wrong_day_is_overruled_by_its_neighbours():
     found = season(p, both_ways=True)
     assert found.delay.tolist() == [4.0] * 20 + [6.0] * 21
     assert found.independent[10] < 0.01
+    link, missing = np.where(np.arange(41) == 10, 0.0, 1.0), np.where(np.arange(41)[:, None] == 10, np.nan, p)
+    s = SeasonSettings(independent=0.0)
+    one, other = season(p, link, settings=s), season(missing, settings=s)
+    np.testing.assert_allclose(one.probability, other.probability, atol=1e-12)
+    assert other.observed.tolist() == [k != 10 for k in range(41)]
 
 
 def test_a_step_is_followed_on_the_second_day_after_it():

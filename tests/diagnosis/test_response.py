@@ -165,8 +165,7 @@ def test_slopes_turn_round_at_a_limit():
     jump = vector_of(response)
     jump[3] = response.parameters[3].high
     edge = response.with_parameters(jump)
-    base = edge.baseline(record)
-    slope = slopes_by_differences(edge, record, base, Changes(), range(3, 4))
+    slope = slopes_by_differences(edge, record, edge.baseline(record), Changes(), range(3, 4))
     inner = response.slopes(record, response.baseline(record))[3]
     np.testing.assert_allclose(slope[0], inner, atol=1e-6)
 
