@@ -53,7 +53,7 @@ def test_a_unit_that_changes_on_a_date():
 
 
 def test_both_flows_in_another_unit_are_found_by_their_range_or_by_the_level():
-    days, config = three_weeks()
+    days, config = sound()
     wrong = scaled(days, CFS, "inflow", "outflow")
     values = the_one(wrong, config, "unit.range_unit", low=100, high=800, unit="cfs").values
     assert [flow["column"] for flow in values["flows"]] == ["u_Qi", "u_Qo"]

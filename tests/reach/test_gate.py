@@ -36,7 +36,7 @@ GATES = {
 
 @pytest.mark.parametrize("gate", GATES.values(), ids=GATES)
 def test_the_gates_flow_agrees_with_second_by_second_integration(gate):
-    command, _ = commands(1, 100)
+    command, _ = commands(1, 40)
     target = position = flow = command[0]
     means = []
     for c in command:
