@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rivid.core.batched import BLOCK
-from rivid.core.fir import jmap
+from rivid.core.fir import BLOCK, jmap
 from rivid.core.settings import JmapSettings
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
