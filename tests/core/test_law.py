@@ -34,14 +34,6 @@ def river(seed, n=330, b=B, memory=8.0, scatter_memory=3.0, scatter=0.03, own=(0
     return Q, np.exp(log_T), np.exp(log_T - half), np.exp(log_T + half)
 
 
-def test_without_tails_and_with_even_errors_it_is_the_least_squares_line():
-    Q, T, *_ = river(1)
-    law = delay_law(Q, T, 0.98 * T, T * 0.98**-1, settings=LawSettings(tails=1e9))
-    slope, offset = np.polyfit(np.log(Q / law.Q0), np.log(T), 1)
-    assert law.b == pytest.approx(-slope, abs=1e-9)
-    assert law.T0 == pytest.approx(np.exp(offset), rel=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(examples(4, 1)))
 def test_the_robust_line_and_its_scatter_are_the_most_likely_ones_under_students_t(seed):
     Q, T, low, high = river(seed, wrong=0.05)

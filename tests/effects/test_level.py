@@ -111,7 +111,7 @@ def test_the_series_goes_on_across_midnight():
     here = world(3, days=60)
     x = gauge(WindSetup(deviation=0.02, correlation_time=20.0), here)
     midnight = np.flatnonzero(np.diff(here.time) < 100.0)
-    innovation = WindSetup(deviation=0.02, correlation_time=20.0).autoregression(133.0).innovation
+    innovation = WindSetup(deviation=0.02, correlation_time=20.0).autoregression(133.0)[1]
     assert len(midnight) == 60
     assert np.abs(np.diff(x)[midnight]).max() < 5 * innovation
 
