@@ -19,7 +19,7 @@ import json
 import math
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -580,10 +580,15 @@ class Store:
             ) from None
         except OSError as error:
             raise RividError(f"cannot write to {self.out}: {error.strerror}: choose another --out") from None
-        for folder in () if self.shard else (self.segments, self.root, self.out, self.out / "figures"):
-            for leftover in folder.glob(".*.part"):  # of a killed run
-                leftover.unlink(missing_ok=True)
+        self._sweep()
         return self
+
+    def _sweep(self) -> None:
+        """Remove partial files of a killed run or worker; a shard leaves them, as others may be writing."""
+        for folder in () if self.shard else (self.segments, self.root, self.out, self.out / "figures"):
+            for leftover in folder.glob(".*.part"):
+                with suppress(OSError):  # it does no harm; the next run removes it
+                    leftover.unlink(missing_ok=True)
 
     def _hold(self) -> None:
         """Take the lock; of a shard its own, while no whole run is at work."""
@@ -603,6 +608,7 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._sweep()  # workers terminated after the failure of another leave what they were writing
         self._lock.release()
         self._shard_lock.release()
 

@@ -43,6 +43,7 @@ Two runs into one OUT
 Disk full, file-size limit
   -> one line, nothing partial, no success; with room again the same bytes
   faults/test_disk: test_a_full_disk test_a_file_size_limit_anywhere test_a_limit_met_by_the_workers
+      test_a_worker_that_writes_while_another_fails_leaves_nothing_partial
       test_a_full_standard_output
   test_ingest: TestWhatIsThere::test_a_full_disk_is_one_line_and_leaves_no_torn_file
 OUT not writable, DATA_DIR missing or empty

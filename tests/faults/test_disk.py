@@ -4,13 +4,18 @@ import os
 import resource
 import signal
 import subprocess
+import time
 
 import pytest
 
+import rivid.run.run as running
+from rivid.atomic import replacing
 from rivid.config import Config
+from rivid.errors import RividError
+from rivid.run.plan import Options
 from rivid.run.run import run
 from tests.daily import write_days
-from tests.faults.processes import WORDS
+from tests.faults.processes import WORDS, wait_until
 from tests.faults.test_kills import QUICK
 from tests.run.test_run import bytes_of, command
 
@@ -73,6 +78,32 @@ def test_a_limit_met_by_the_workers(season, tmp_path, tried):
     assert command(*words).returncode == 0
     assert bytes_of(out) == whole
     tried("RLIMIT_FSIZE of two workers; then again without it")
+
+
+def write_for_ever(place, sign):
+    with replacing(place) as scratch:
+        scratch.write_bytes(b"half")
+        sign.touch()
+        time.sleep(60)
+
+
+def fail_after(sign):
+    assert wait_until(sign.exists)
+    raise RividError("cannot write: File too large")
+
+
+def test_a_worker_that_writes_while_another_fails_leaves_nothing_partial(season, tmp_path, monkeypatch, tried):
+    def batches(_, segments, engine, done):
+        sign = tmp_path / "sign"
+        engine.submit(write_for_ever, segments / "x.parquet", sign)
+        engine.submit(fail_after, sign).result()
+
+    monkeypatch.setattr(running, "run_batches", batches)
+    out = tmp_path / "out"
+    with pytest.raises(RividError, match="File too large"):
+        run(season[0], out, Config(), Options(figures=False, workers=2))
+    assert (tmp_path / "sign").exists() and not list(out.rglob("*.part"))
+    tried("a worker that is writing while another fails")
 
 
 FULL = """
