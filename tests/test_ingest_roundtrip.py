@@ -157,10 +157,7 @@ def test_the_first_dialect_gives_the_very_bytes_of_the_sample(tmp_path, original
 def test_run_estimates_the_same_from_ingested_logs_as_from_the_sample(tmp_path, original):
     outcome = ingested("semicolons and decimal commas", original, tmp_path)
     words = ["--no-figures", "--quiet", "--workers", "1", "--to", str(max(original))]
-    for folder, config, out in (
-        (SAMPLE, None, "a"),
-        (tmp_path / "logs", outcome.run_config, "b"),
-    ):
+    for folder, config, out in ((SAMPLE, None, "a"), (tmp_path / "logs", outcome.run_config, "b")):
         more = [] if config is None else ["--config", str(config)]
         done = CliRunner().invoke(
             cli, ["run", str(folder), "--out", str(tmp_path / out), *words, *more], standalone_mode=False

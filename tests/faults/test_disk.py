@@ -92,7 +92,9 @@ def fail_after(sign):
     raise RividError("cannot write: File too large")
 
 
-def test_a_worker_that_writes_while_another_fails_leaves_nothing_partial(season, tmp_path, monkeypatch, tried):
+def test_a_worker_that_writes_while_another_fails_leaves_nothing_partial(
+    season, tmp_path, monkeypatch, tried
+):
     def batches(_, segments, engine, done):
         sign = tmp_path / "sign"
         engine.submit(write_for_ever, segments / "x.parquet", sign)

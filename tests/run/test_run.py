@@ -1,18 +1,22 @@
 """`rivid run`, end to end: the contract, exit codes, and the same bytes in any order of work."""
 
+import contextlib
 import csv
 import datetime as dt
 import json
+import multiprocessing.forkserver
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
+import traceback
 
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from rivid.cli import cli
+from rivid.cli import cli, main
 from rivid.errors import NoDataError
 from rivid.results.read import load_delays, load_results
 from rivid.results.store import DELAYS
@@ -32,11 +36,41 @@ def rivid(*words):
     return result.return_value or 0, result.output
 
 
-def command(*words, **options):
-    """The real command, as a process."""
-    return subprocess.run(
-        [sys.executable, "-m", "rivid", *map(str, words)], capture_output=True, text=True, **options
-    )
+def command(*words, cwd=None, preexec_fn=None, stdout=None):
+    """The command in a fork of this process, without the second that imports take; `main` returns or exits."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        pid = os.fork()
+        if pid == 0:
+            _become(["rivid", *map(str, words)], stdout or out, err, cwd, preexec_fn)
+        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        streams = []
+        for file in (out, err):
+            file.seek(0)
+            streams.append(file.read().decode("utf-8"))
+    return subprocess.CompletedProcess(words, code, *streams)
+
+
+def _become(words, out, err, cwd, preexec_fn):
+    """Be the command until its end: its streams, its directory, and no worker processes of the parent."""
+    code = 1
+    try:
+        for number, file in ((1, out), (2, err)):
+            os.dup2(file.fileno(), number)
+        sys.stdout, sys.stderr = (open(k, "w", encoding="utf-8", closefd=False) for k in (1, 2))
+        server = multiprocessing.forkserver._forkserver
+        server._forkserver_address = server._forkserver_alive_fd = server._forkserver_pid = None
+        os.chdir(cwd or ".")
+        (preexec_fn or int)()
+        sys.argv = words
+        main()
+    except SystemExit as end:
+        code = end.code or 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(OSError):
+            sys.stderr.flush()
+        os._exit(code)
 
 
 def bytes_of(out):
