@@ -3,11 +3,11 @@
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.run.test_run import command as forked
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -39,8 +39,8 @@ def place(tmp_path):
 def run(line, place):
     """Run a command in a directory, with its redirection."""
     command, _, file = line.rpartition(">") if ">" in line else (line, "", "")
-    words = [sys.executable, "-m", *shlex.split(command.rstrip(">"))]
-    done = subprocess.run(words, cwd=place, capture_output=True, text=True, timeout=300)
+    words = shlex.split(command.rstrip(">"))
+    done = forked(*words[1:], cwd=place)
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
     if file:
         with open(place / file.strip(), "a" if ">>" in line else "w", encoding="utf-8") as target:

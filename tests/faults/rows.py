@@ -155,7 +155,7 @@ Names: `../x`, `CON`, link loops, links that lead out
   test_ingest: TestWhatIsThere::test_a_link_is_not_followed
 A spreadsheet's formula in a cell, `<script>` in a name
   -> an apostrophe in front; shown as text
-  faults/test_texts: test_hostile_cells_end_as_text test_hostile_file_names_end_as_text
+  faults/test_texts: test_hostile_cells_and_file_names_end_as_text
   report/test_page: test_names_and_reasons_are_text_and_never_markup
   fleet/test_run: test_the_page_shows_hostile_text_as_text
 Bombs: Parquet, gzip, sparse files

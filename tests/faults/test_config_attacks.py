@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rivid.config import Config, load_config
 from rivid.errors import ConfigError, RividError
 from rivid.estimators import build
+from tests import examples
 from tests.daily import write_days
 from tests.run.test_run import command, rivid
 
@@ -69,7 +70,9 @@ def refused_in_one_line(path):
 def test_any_keys_with_any_values(tmp_path, tried):
     path, refused, seen = tmp_path / "c.toml", 0, 0
 
-    @settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+    @settings(
+        max_examples=examples(400), deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+    )
     @given(tomls())
     def attack(text):
         nonlocal refused, seen
@@ -78,7 +81,7 @@ def test_any_keys_with_any_values(tmp_path, tried):
         seen += 1
 
     attack()
-    assert refused > 200
+    assert refused > seen // 2
     tried("generated TOML: unknown keys, numbers of any size, nan, inf, tables for numbers", seen)
 
 

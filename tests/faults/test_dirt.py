@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rivid.errors import DataError
 from rivid.estimators import ESTIMATORS
 from rivid.results.read import load_results
+from tests import examples
 from tests.daily import a_day, text_of, write_days
 from tests.logs.helpers import DAY, config, put, read, rows
 from tests.run.test_run import rivid
@@ -78,7 +79,7 @@ def test_nothing_is_taken_as_data_that_is_none(tmp_path, tried):
     """Every sample lies among the values that are logged around it; what is not logged is counted."""
     seen = {"read": 0, "refused": 0}
 
-    @settings(max_examples=200, deadline=None, derandomize=True)
+    @settings(max_examples=examples(200), deadline=None, derandomize=True)
     @given(dirty())
     def attack(lines):
         put(tmp_path, lines)
@@ -101,8 +102,11 @@ def test_nothing_is_taken_as_data_that_is_none(tmp_path, tried):
             assert abs(data.inflow - TRUTH[0]).max() < 120
 
     attack()
-    assert min(seen.values()) > 20
-    tried("a log with up to six faults: cells, headers, rows doubled, lost, swapped, clocks off", 200)
+    assert min(seen.values()) > sum(seen.values()) // 10
+    tried(
+        "a log with up to six faults: cells, headers, rows doubled, lost, swapped, clocks off",
+        sum(seen.values()),
+    )
 
 
 def spoil(path, cells):

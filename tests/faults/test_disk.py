@@ -58,7 +58,7 @@ def one_line(done, *words):
 
 
 @pytest.mark.parametrize("size", [0, 9_000, 40_000])
-def test_a_file_size_limit_anywhere(season, tmp_path, tried, size):
+def test_a_file_size_limit_anywhere(season, tmp_path, tried, size, rendered):
     data, whole = season
     out = tmp_path / "out"
     figures = ["--no-figures"] if size < 40_000 else []
@@ -178,6 +178,6 @@ def test_a_full_standard_output(season, tmp_path, tried):
     data, out = str(season[0]), str(tmp_path / "out")
     for words in (["check", data], ["run", data, "--out", out, "--no-figures"], ["effects"]):
         with open("/dev/full", "w") as full:
-            done = subprocess.run([*WORDS, *words], stdout=full, stderr=subprocess.PIPE, text=True)
+            done = command(*words, stdout=full)
         one_line(done, "No space left on device")
     tried("/dev/full as standard output", 3)

@@ -12,7 +12,7 @@ from rivid.config import Config
 from rivid.run.run import run
 from tests.daily import FIRST, write_days
 from tests.faults.processes import end, family, forked, is_locked, moments, start, wait_until
-from tests.faults.test_kills import QUICK, duration, kept, resume
+from tests.faults.test_kills import DRAWS, QUICK, duration, kept, resume
 from tests.run.test_run import bytes_of
 
 CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
@@ -33,7 +33,7 @@ def interrupt(season, tmp_path, n, seed):
     for k, share in enumerate(moments(seed, n, 0, duration(data, tmp_path / "timed"))):
         number = list(CODES)[k % 2]
         out = tmp_path / str(k)
-        child = start("run", data, "--out", out, "--workers", 2, "--quiet")
+        child = start("run", data, "--out", out, "--workers", 2, "--quiet", *DRAWS)
         wait_until(
             lambda out=out, child=child: is_locked(out / ".rivid" / "lock") or child.poll() is not None
         )

@@ -5,7 +5,6 @@ import html.parser
 import itertools
 import os
 
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,44 +55,37 @@ def is_harmless(out):
     return Tags(pages[0].read_text(encoding="utf-8"))
 
 
-def test_hostile_cells_end_as_text(tmp_path, tried):
-    """Each day has a cell that is quoted in its reason."""
-    data = tmp_path / "data"
+def spoil(lines, row, cell):
+    """Put a cell into the column of the inflow."""
+    time, _, *rest = lines[row].split(",")
+    lines[row] = ",".join([time, cell, *rest])
+    return "\n".join(lines) + "\n"
+
+
+def test_hostile_cells_and_file_names_end_as_text(tmp_path, tried):
+    """Days whose reason quotes a cell; and files of two days, whose reason begins with their name."""
+    data, out = tmp_path / "data", tmp_path / "out"
     for date, cell in zip(write_days(data, len(CELLS)), CELLS, strict=True):
-        lines = text_of(date).splitlines()
-        fields = lines[9].split(",")
-        quoted = '"' + cell.replace('"', '""') + '"'
-        lines[9] = ",".join([fields[0], quoted, *fields[2:]])
-        (data / f"{date}.csv").write_text("\n".join(lines) + "\n")
-    done = command("run", data, "--out", tmp_path / "out")
-    assert done.returncode == 3, done.stderr
-    page = is_harmless(tmp_path / "out")
-    assert "<script>alert(1)</script>" in page.text, "shown as what it is"
-    messages = pq.read_table(tmp_path / "out" / "delays.parquet")["message"].to_pylist()
-    assert all("which is no number" in message for message in messages)
-    assert "\x1b" not in done.stdout + done.stderr
-    tried("a cell of a log that is a formula, markup or a terminal's command", len(CELLS))
-
-
-def test_hostile_file_names_end_as_text(tmp_path, tried):
-    """Files of several days: the reason of a day begins with the name of its file."""
-    data = tmp_path / "data"
-    data.mkdir()
+        (data / f"{date}.csv").write_text(
+            spoil(text_of(date).splitlines(), 9, '"' + cell.replace('"', '""') + '"')
+        )
     for k, name in enumerate(NAMES):
-        days = [FIRST.replace(day=1 + 2 * k + j) for j in (0, 1)]
+        days = [FIRST.replace(month=4, day=1 + 2 * k + j) for j in (0, 1)]
         lines = [*text_of(days[0]).splitlines(), *text_of(days[1]).splitlines()[1:]]
-        fields = lines[700].split(",")
-        lines[700] = ",".join([fields[0], "ERR", *fields[2:]])
-        (data / f"{name}.csv").write_text("\n".join(lines) + "\n")
-    done = command("run", data, "--out", tmp_path / "out")
+        (data / f"{name}.csv").write_text(spoil(lines, 700, "ERR"))
+    done = command("run", data, "--out", out)
     assert done.returncode == 3, done.stderr
-    assert "<script>alert(1)" in is_harmless(tmp_path / "out").text
-    with open(tmp_path / "out" / "delays.csv", encoding="utf-8", newline="") as file:
+    page = is_harmless(out)
+    assert "<script>alert(1)</script>" in page.text, "shown as what it is"
+    assert "\x1b" not in done.stdout + done.stderr
+    with open(out / "delays.csv", encoding="utf-8", newline="") as file:
         messages = [row["message"] for row in csv.DictReader(file) if row["status"] == "failed"]
-    assert len(messages) == len(NAMES)
-    for name, message in zip(NAMES, messages, strict=True):
+    cells, names = messages[: len(CELLS)], messages[len(CELLS) :]
+    assert all("which is no number" in message for message in cells)
+    for name, message in zip(NAMES, names, strict=True):
         start = "'" + name if name.startswith(FORMULA) else name
         assert message.startswith(start + ".csv, line 701: column 'u_Qi' holds 'ERR'")
+    tried("a cell of a log that is a formula, markup or a terminal's command", len(CELLS))
     tried("a log whose file name is a formula, markup or a shell's command", len(NAMES))
 
 

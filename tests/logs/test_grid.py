@@ -19,9 +19,9 @@ def plain(times, values, instants, held, late):
     """One instant at a time; seconds."""
     out = []
     for g in instants:
-        before = [i for i, t in enumerate(times) if t <= g + late]
-        if held or not before:
-            out.append(values[before[-1]] if before else values[0])
+        before = np.flatnonzero(times <= g + late)
+        if held or not before.size:
+            out.append(values[before[-1]] if before.size else values[0])
         else:
             out.append(np.interp(g, times, values))
     return np.array(out)

@@ -181,10 +181,11 @@ def test_a_file_name_that_is_not_utf8_is_no_obstacle(data, tmp_path):
 )
 def test_a_message_names_the_setting_that_spoils_a_day(data, tmp_path, text, status, message):
     config = settings(tmp_path, "c.toml", f"[jmap]\n{text}\n")
+    for path in sorted(data.iterdir())[1:]:
+        path.unlink()
     rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")
     (jmap,) = load_results(tmp_path / "out").estimators
-    assert len(jmap.messages) == 5 and all(message in text for text in jmap.messages)
-    assert status is None or jmap.status == [status] * 5
+    assert message in jmap.messages[0] and status in (None, jmap.status[0])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,38 @@
+"""Figures without their pixels, for tests that look at what is around them."""
+
+import pytest
+from PIL import Image
+
+import rivid.fleet.run
+import rivid.run.run
+from rivid.atomic import replacing
+from rivid.plots import style
+
+FOLDERS = ("cli", "faults", "fleet", "results", "run")
+SAVE, CORES = style.save, rivid.run.workers.cores
+USERS = (rivid.run.workers, rivid.run.run, rivid.fleet.run)
+
+
+def blank(figure, path):
+    """Write a picture of one pixel: rendering is most of the time of a short run."""
+    with replacing(path) as scratch:
+        Image.new("P", (1, 1)).save(scratch, "PNG")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unrendered(request):
+    """In some folders, figures are made by this process and not rendered; see `rendered`."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name in FOLDERS:
+            patch.setattr(style, "save", blank)
+            for module in USERS:
+                patch.setattr(module, "cores", lambda: 1)
+        yield
+
+
+@pytest.fixture
+def rendered(monkeypatch):
+    """Real figures, drawn by processes as in use."""
+    monkeypatch.setattr(style, "save", SAVE)
+    for module in USERS:
+        monkeypatch.setattr(module, "cores", CORES)
