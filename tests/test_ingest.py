@@ -3,8 +3,6 @@
 import datetime as dt
 import json
 import os
-import subprocess
-import sys
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -22,7 +20,9 @@ from rivid.errors import ConfigError, DataError, RividError
 from rivid.logs.days import find_days, read_window
 from rivid.logs.exports import ingest
 from tests import examples
+from tests.faults.test_disk import limited
 from tests.faults.test_mutations import mutated
+from tests.run.test_run import command
 
 DAY = dt.date(2008, 3, 10)
 REACH = {"sample_time": 900}
@@ -46,6 +46,12 @@ def write(path, rows, head="time,u_Qi,u_Qo,h_L"):
 def go(tmp_path, rows, options=None, head="time,u_Qi,u_Qo,h_L", reach=None, **given):
     config = parse({"reach": REACH | (reach or {}), "input": given}, Config)
     return ingest([write(tmp_path / "export.csv", rows, head)], tmp_path / "logs", config, **options or {})
+
+
+def written(folder, config):
+    """The only day of a directory or file."""
+    (source,) = find_days(folder, config).days
+    return read_window(folder, [source], config)
 
 
 def value(outcome, source="u_Qi"):
@@ -94,15 +100,11 @@ class TestWhatIsThere:
         assert statuses(go(tmp_path, wide(), dict(force=True))) == ["differs"]
         assert precious.read_text() == "kept"
 
-    def test_an_export_among_the_logs_is_refused(self, tmp_path):
+    def test_an_export_among_the_logs_and_a_directory_with_other_logs_are_refused(self, tmp_path):
         (tmp_path / "logs").mkdir()
-        path = write(tmp_path / "logs" / "export.csv", wide())
+        path = write(tmp_path / "logs" / "2008-03.csv", wide())
         with pytest.raises(ConfigError, match="would take it for a log"):
             ingest([path], tmp_path / "logs", parse({"reach": REACH}, Config))
-
-    def test_a_directory_with_other_logs_is_refused(self, tmp_path):
-        (tmp_path / "logs").mkdir()
-        write(tmp_path / "logs" / "2008-03.csv", wide())
         with pytest.raises(ConfigError, match="holds 2008-03.csv, which would mix"):
             go(tmp_path, wide())
 
@@ -127,18 +129,15 @@ class TestWhatIsThere:
         go(tmp_path, wide())  # and back again: the mark is renewed
         assert path.read_text() == before
 
-    @pytest.mark.parametrize("edit", ["\n[run]\nwindow_days = 2\n", "# a remark\n", " "])
-    def test_once_edited_it_stays(self, tmp_path, edit):
+    def test_once_edited_it_stays(self, tmp_path):
         go(tmp_path, wide())
         path = tmp_path / "logs_run.toml"
-        path.write_text(path.read_text() + edit)
-        mine = path.read_text()
-        with pytest.raises(ConfigError, match="exists and differs: --force"):
-            go(tmp_path, wide(), reach={"name": "lower-river"})
-        assert path.read_text() == mine
-        path.write_text("# " + mine)
-        with pytest.raises(ConfigError, match="exists and differs: --force"):
-            go(tmp_path, wide())
+        ours = path.read_text()
+        for mine in (f"{ours}\n[run]\nwindow_days = 2\n", f"{ours}# a remark\n", f"{ours} ", f"# {ours}"):
+            path.write_text(mine)
+            with pytest.raises(ConfigError, match="exists and differs: --force"):
+                go(tmp_path, wide(), reach={"name": "lower-river"})
+            assert path.read_text() == mine
 
     def test_it_stays_too_where_the_logs_would_differ_and_then_none_is_written(self, tmp_path):
         go(tmp_path, wide())
@@ -186,15 +185,8 @@ class TestWhatIsThere:
     def test_a_full_disk_is_one_line_and_leaves_no_torn_file(self, tmp_path):
         write(tmp_path / "export.csv", wide(960))
         (tmp_path / "c.toml").write_text("[reach]\nsample_time = 900\n")
-        code = (
-            "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-            "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))\n"
-            "from rivid.cli import main; main()"
-        )
-        words = ["ingest", "export.csv", "--config", "c.toml", "--out", "logs"]
-        done = subprocess.run(
-            [sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True
-        )
+        words = ("ingest", "export.csv", "--config", "c.toml", "--out", "logs")
+        done = command(*words, cwd=tmp_path, preexec_fn=limited(2000))
         assert done.returncode == 1 and done.stderr.count("\n") == 1
         assert done.stderr.startswith("rivid: cannot write logs/2008-03-10.csv: ")
         assert os.listdir(tmp_path / "logs") == []
@@ -210,21 +202,22 @@ class TestDays:
         }  # fmt: skip
         assert os.listdir(tmp_path / "logs") == [f"{NEXT}.csv"]
 
-    def test_a_day_that_is_not_over_is_unfinished_and_no_failure(self, tmp_path):
-        outcome = go(tmp_path, wide(n=150), dict(today=NEXT))
-        assert statuses(outcome) == ["written", "pending"] and outcome.exit_code == 0
-        assert value(outcome)["dropped"] == {"unfinished day": 54}
+    @pytest.mark.parametrize(
+        ("rows", "options", "status", "dropped"),
+        [
+            (wide(n=150), {"today": NEXT}, ["written", "pending"], {"unfinished day": 54}),
+            (wide(n=200, start=40), {"first": NEXT, "last": NEXT}, ["written"], {"not asked for": 104}),
+            (wide(n=97), {}, ["written"], {"not asked for": 1}),
+        ],
+        ids=["a day that is not over", "days outside the range", "a row at the last midnight"],
+    )
+    def test_what_is_left_out_is_counted_and_no_failure(self, tmp_path, rows, options, status, dropped):
+        outcome = go(tmp_path, rows, options)
+        assert statuses(outcome) == status and outcome.exit_code == 0
+        assert value(outcome)["dropped"] == dropped
 
-    def test_only_requested_days_are_written(self, tmp_path):
-        outcome = go(tmp_path, wide(n=200, start=40), dict(first=NEXT, last=NEXT))
-        assert statuses(outcome) == ["written"] and outcome.exit_code == 0
-        assert value(outcome)["dropped"] == {"not asked for": 104}
+    def test_no_requested_day_is_no_data(self, tmp_path):
         assert go(tmp_path, wide(), dict(first=dt.date(2010, 1, 1))).exit_code == 10
-
-    def test_a_row_at_the_last_midnight_makes_no_day(self, tmp_path):
-        outcome = go(tmp_path, wide(n=97))
-        assert statuses(outcome) == ["written"] and outcome.exit_code == 0
-        assert value(outcome)["dropped"] == {"not asked for": 1}
 
     def test_what_cannot_be_read_refuses_the_day_before_and_after_it(self, tmp_path):
         rows = wide(n=288)
@@ -252,9 +245,7 @@ class TestDays:
         pool = go(tmp_path / "pool", rows, head="time,in,level", u_Qi="in", h_L="level", u_Qo="")
         assert pool.exit_code == 0
         for folder, config in ((tmp_path, outcome.run_config), (tmp_path / "pool", pool.run_config)):
-            read = load_config(config)
-            (source,) = find_days(folder / "logs", read).days
-            data = read_window(folder / "logs", [source], read)
+            data = written(folder / "logs", load_config(config))
             assert data.outflow is None and data.inflow[3] == 303 and data.output[3] == 293
 
 
@@ -322,29 +313,22 @@ class TestByException:
                 rows.append((f"{k // 4:02d}:0{7 if k else 0}:00", "u_Qi", f"{300 + k}"))
         return rows
 
-    def test_it_is_refused_where_it_is_not_declared_with_the_way_out(self, tmp_path):
+    def test_it_is_refused_where_it_is_not_declared_or_held_too_short(self, tmp_path):
         rows = self.rows()
         uneven = [row for i, row in enumerate(rows) if row[1] != "u_Qi" or i % 2]
-        outcome = go(tmp_path, changes(*uneven), head="time,tag,value", **HOLD)
-        assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
+        for given, more in ((uneven, {}), (rows, {"hold": {"u_Qi": 2000}, "max_gap": 0})):
+            outcome = go(tmp_path, changes(*given), head="time,tag,value", **more, **HOLD)
+            assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
 
     def test_declared_it_is_sampled_and_held(self, tmp_path):
         outcome = go(tmp_path, changes(*self.rows()), head="time,tag,value", hold={"u_Qi": 4000}, **HOLD)
         assert outcome.exit_code == 0
-        config = load_config(outcome.run_config)
-        (source,) = find_days(tmp_path / "logs", config).days
-        data = read_window(tmp_path / "logs", [source], config)
+        data = written(tmp_path / "logs", load_config(outcome.run_config))
         # the change at 01:07 is seen at 01:15
         expected = [300 + 4 * ((k - 1) // 4 if k >= 5 else 0) for k in range(96)]
         np.testing.assert_array_equal(data.inflow, expected)
         assert data.n_filled == 0
         assert value(outcome)["used"] == 24
-
-    def test_a_value_is_held_no_longer_than_declared(self, tmp_path):
-        outcome = go(
-            tmp_path, changes(*self.rows()), head="time,tag,value", hold={"u_Qi": 2000}, max_gap=0, **HOLD
-        )
-        assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
 
     def test_a_state_ends_what_was_held(self, tmp_path):
         rows = [*self.rows(), ("10:20:00", "u_Qi", "Comm Fail")]
@@ -406,12 +390,10 @@ class TestFlags:
         outcome = go(tmp_path, rows, head="time,u_Qi,u_Qo,h_L,q", **given)
         assert outcome.ledger["flags"] == {"B": 3, "?": 3} and outcome.days[0].filled == 2
         config = parse({"reach": REACH, "input": given}, Config)
-        (source,) = find_days(tmp_path / "export.csv", config).days
-        straight = read_window(tmp_path / "export.csv", [source], config)
+        straight = written(tmp_path / "export.csv", config)
         assert straight.n_filled == 2 and straight.notes == "6 flagged values dropped"
-        read = load_config(outcome.run_config)
-        (source,) = find_days(tmp_path / "logs", read).days
-        np.testing.assert_array_equal(read_window(tmp_path / "logs", [source], read).inflow, straight.inflow)
+        made = written(tmp_path / "logs", load_config(outcome.run_config))
+        np.testing.assert_array_equal(made.inflow, straight.inflow)
 
     def test_a_unit_that_the_export_states_must_be_declared(self, tmp_path):
         head = "time,Q cfs,out,level (ft)"
@@ -435,9 +417,8 @@ class TestNames:
         rows = wide()
         go(tmp_path, rows, head="time,in,out,level", u_Qi="in", u_Qo="out", h_L="level")
         config = parse({"reach": REACH, "input": {"u_Qi": "in", "u_Qo": "out", "h_L": "level"}}, Config)
-        (source,) = find_days(tmp_path / "logs", config).days
         with pytest.raises(DataError, match="`rivid ingest` wrote, the configuration is next to them"):
-            read_window(tmp_path / "logs", [source], config)
+            written(tmp_path / "logs", config)
 
     def test_a_parquet_log_with_flags_is_read_like_a_csv_log_with_flags(self, tmp_path):
         rows = [[*row, "B" if k == 7 else "G"] for k, row in enumerate(wide(96))]
@@ -448,23 +429,21 @@ class TestNames:
         pa.parquet.write_table(table, tmp_path / "parquet" / f"{DAY}.parquet")
         given = {"quality": "q", "good": ["G"], "time_zone": "Etc/GMT-1", "max_gap": 3600}
         config = parse({"reach": REACH, "input": given}, Config)
-        days = [
-            read_window(folder, find_days(folder, config).days, config)
-            for folder in (tmp_path / "csv", tmp_path / "parquet")
-        ]
+        days = [written(tmp_path / form, config) for form in ("csv", "parquet")]
         assert days[0].notes == days[1].notes == "3 flagged values dropped"
         assert days[0].n_filled == days[1].n_filled == 1
         np.testing.assert_array_equal(days[0].output, days[1].output)
         config = parse({"reach": REACH, "input": {**given, "quality": "p"}}, Config)
         with pytest.raises(DataError, match="no column 'p' for quality; there are"):
-            read_window(tmp_path / "parquet", find_days(tmp_path / "parquet", config).days, config)
+            written(tmp_path / "parquet", config)
 
 
 class TestCommand:
-    def invoke(self, tmp_path, *words):
-        if not (tmp_path / "c.toml").exists():
-            (tmp_path / "c.toml").write_text("[reach]\nsample_time = 900\n")
-        args = ["ingest", tmp_path / "e.csv", "-c", tmp_path / "c.toml", "-o", tmp_path / "logs", *words]
+    def invoke(self, tmp_path, *words, config=None):
+        if not config:
+            config = tmp_path / "c.toml"
+            config.write_text("[reach]\nsample_time = 900\n")
+        args = ["ingest", tmp_path / "e.csv", "-c", config, "-o", tmp_path / "logs", *words]
         return CliRunner().invoke(cli, list(map(str, args)), standalone_mode=False)
 
     def test_table_json_and_exit_codes(self, tmp_path):
@@ -480,27 +459,22 @@ class TestCommand:
         assert self.invoke(tmp_path, "--to", "2008-03-10").return_value == 0
         assert self.invoke(tmp_path, "--from", "2009-01-01").return_value == 10
 
-    def test_the_configuration_of_the_exports_is_never_overwritten(self, tmp_path):
-        write(tmp_path / "e.csv", wide())
-        self.invoke(tmp_path)
-        result = self.invoke(tmp_path, "--force", "--run-config", str(tmp_path / "c.toml"))
-        assert isinstance(result.exception, ConfigError) and "is the --config itself" in str(result.exception)
-        (tmp_path / "c.toml").rename(tmp_path / "logs_run.toml")
-        args = ["ingest", str(tmp_path / "e.csv"), "-c", str(tmp_path / "logs_run.toml")]
-        for more in ([], ["--force"]):
-            result = CliRunner().invoke(
-                cli, [*args, "-o", str(tmp_path / "logs"), *more], standalone_mode=False
-            )
-            assert isinstance(result.exception, ConfigError)
-            assert "choose another --run-config" in str(result.exception)
-        assert (tmp_path / "logs_run.toml").read_text() == "[reach]\nsample_time = 900\n"
-
-    def test_it_prints_what_to_do_next(self, tmp_path):
+    def test_the_configuration_of_the_exports_is_never_overwritten_and_the_next_commands_are_printed(
+        self, tmp_path
+    ):
         write(tmp_path / "e.csv", wide())
         *_, first, second = self.invoke(tmp_path).output.splitlines()
         config = tmp_path / "logs_run.toml"
         assert first == f"next: rivid check {tmp_path / 'logs'} --config {config}"
         assert second == f"then: rivid run {tmp_path / 'logs'} --config {config}"
+        result = self.invoke(tmp_path, "--force", "--run-config", str(tmp_path / "c.toml"))
+        assert isinstance(result.exception, ConfigError) and "is the --config itself" in str(result.exception)
+        (tmp_path / "c.toml").rename(tmp_path / "logs_run.toml")
+        for more in ([], ["--force"]):
+            result = self.invoke(tmp_path, *more, config=tmp_path / "logs_run.toml")
+            assert isinstance(result.exception, ConfigError)
+            assert "choose another --run-config" in str(result.exception)
+        assert (tmp_path / "logs_run.toml").read_text() == "[reach]\nsample_time = 900\n"
 
 
 TAGS = enumerate(("u_Qi", "u_Qo", "h_L"), 1)

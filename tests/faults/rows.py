@@ -89,8 +89,8 @@ Decimal comma, semicolon, BOM, latin-1, UTF-16, dd/mm/yyyy, 24:00, thousands
 Duplicate, missing, irregular, backward times; clocks that drift
   -> put on the grid and counted, or the day failed
   faults/test_dirt: test_nothing_is_taken_as_data_that_is_none
-  logs/test_read: test_duplicates_that_agree_are_dropped_and_counted
-      test_duplicates_that_conflict_fail_the_day test_rows_out_of_order_are_sorted_and_counted
+  logs/test_read: test_rows_that_change_no_value_are_sorted_or_dropped_and_counted
+      test_duplicates_that_conflict_fail_the_day
       test_a_short_gap_is_filled_and_counted test_a_long_gap_fails_the_day_and_says_where
       test_too_many_short_gaps_fail_the_day test_clocks_rounded_to_milliseconds_decide_no_sample
   logs/test_grid: *

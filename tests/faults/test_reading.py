@@ -39,6 +39,10 @@ def reason(folder, **given):
     return str(caught.value)
 
 
+SINCE = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
+"""The first row's second since 1970."""
+
+
 class TestParquet:
     def test_a_sound_file_reads_like_csv(self, tmp_path):
         parquet(tmp_path / "p")
@@ -90,15 +94,13 @@ class TestParquet:
         [("unix", 1, np.int64), ("unix", 1, np.uint32), ("unix", 1, float), ("unix_ms", 1000, np.int64)],
     )
     def test_times_that_count_from_1970_are_read_where_declared(self, tmp_path, time_format, unit, kind):
-        first = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
-        parquet(tmp_path, columns={"time": ((first + 133 * np.arange(650)) * unit).astype(kind)})
+        parquet(tmp_path, columns={"time": ((SINCE + 133 * np.arange(650)) * unit).astype(kind)})
         data = read(tmp_path, time_format=time_format, time_zone="Etc/GMT-1")
         assert (data.output == a_day(DAY)[3]).all() and data.notes == ""
         assert 'time_format = "unix" or "unix_ms"' in reason(tmp_path, time_zone="Etc/GMT-1")
 
     def test_counts_of_no_year_and_no_counts(self, tmp_path):
-        first = int(dt.datetime.fromisoformat(a_day(DAY)[0][0]).timestamp())
-        times = (first + 133 * np.arange(650)).astype(object)
+        times = (SINCE + 133 * np.arange(650)).astype(object)
         for wrong, part in ((2**62, "a year that no log is of"), (None, "no time")):
             parquet(tmp_path, columns={"time": pa.array([*times[:8], wrong, *times[9:]], pa.int64())})
             assert f"row 9: {part}" in reason(tmp_path, time_format="unix", time_zone="Etc/GMT-1")
@@ -147,7 +149,7 @@ class TestParquet:
         assert time.perf_counter() - before < 1
 
     def test_a_long_text_that_many_rows_share_is_not_multiplied(self, tmp_path):
-        path = parquet(tmp_path)
+        path = tmp_path / f"{DAY}.parquet"
         words = pa.DictionaryArray.from_arrays(
             pa.array(np.zeros(500_000, np.int32)), pa.array(["9" * 1_000_000])
         )
@@ -157,8 +159,9 @@ class TestParquet:
 
 
 class TestCsv:
-    def test_a_last_line_without_line_break_is_fine_when_whole(self, tmp_path):
-        (tmp_path / f"{DAY}.csv").write_text(text_of(DAY).rstrip("\n"))
+    @pytest.mark.parametrize("content", [text_of(DAY).rstrip("\n"), text_of(DAY).replace("\n", "\r")])
+    def test_a_last_line_without_line_break_and_cr_alone_are_read(self, tmp_path, content):
+        (tmp_path / f"{DAY}.csv").write_bytes(content.encode())
         assert (read(tmp_path).output == a_day(DAY)[3]).all()
 
     @pytest.mark.parametrize("lost", [1, 6, 8, 20])
@@ -193,16 +196,12 @@ class TestCsv:
         lines[8][2] = cell
         assert reason_part in reason(put(tmp_path, lines))
 
-    @pytest.mark.parametrize("cell", ["", "#N/A"])
-    def test_missing_cells_are_filled(self, tmp_path, cell):
+    @pytest.mark.parametrize("missing", [["", "#N/A"], ["inf", "Eqp"]])
+    def test_missing_cells_and_declared_texts_are_filled(self, tmp_path, missing):
         lines = rows()
-        lines[8][2] = cell
-        assert read(put(tmp_path, lines)).n_filled == 1
-
-    def test_declared_texts_are_masked(self, tmp_path):
-        lines = rows()
-        lines[8][2], lines[9][3] = "inf", "Eqp"
-        assert read(put(tmp_path, lines), missing=["", "inf", "Eqp"]).n_filled == 2
+        lines[8][2], lines[9][3] = missing
+        given = {} if "" in missing else {"missing": ["", *missing]}
+        assert read(put(tmp_path, lines), **given).n_filled == 2
 
     @pytest.mark.parametrize(
         ("content", "said"),
@@ -253,10 +252,6 @@ class TestCsv:
     def test_nothing_in_it(self, tmp_path, content):
         (tmp_path / f"{DAY}.csv").write_bytes(content)
         assert f"{DAY}.csv" in reason(tmp_path)
-
-    def test_a_log_with_cr_alone_for_line_ends_is_read(self, tmp_path):
-        (tmp_path / f"{DAY}.csv").write_bytes(text_of(DAY).replace("\n", "\r").encode())
-        assert (read(tmp_path).output == a_day(DAY)[3]).all()
 
 
 class TestGzip:
@@ -335,18 +330,14 @@ class TestNamesAndLinks:
         assert set(bad) == {"a.csv", "b.csv", "2008-03-11.csv", "2008-03-12.csv"}
         assert bad["2008-03-12.csv"] == "is not a regular file"
 
-    def test_names_that_are_no_dates(self, logs):
+    def test_names_that_are_no_dates_or_cannot_be_printed(self, logs):
         (logs / "2008-13-45.csv").write_text(text_of(DAY))
-        (logs / "CON.csv").write_text("x")
-        (logs / "=1+1.csv").write_text("x")
-        assert self.bad(logs)["2008-13-45.csv"] == "2008-13-45 is no date: expected YYYY-MM-DD"
-        assert len(self.bad(logs)) == 3
-
-    def test_an_unreadable_name_is_no_crash(self, logs):
-        (logs / os.fsdecode(b"caf\xe9.csv")).write_text("x")
-        (logs / "a\nb.csv").write_text("x")
-        assert set(self.bad(logs)) == {r"caf\xe9.csv", r"a\nb.csv"}
-        assert all(why.startswith("line 1: no column") for why in self.bad(logs).values())
+        for name in ("CON.csv", "=1+1.csv", os.fsdecode(b"caf\xe9.csv"), "a\nb.csv"):
+            (logs / name).write_text("x")
+        bad = self.bad(logs)
+        assert bad.pop("2008-13-45.csv") == "2008-13-45 is no date: expected YYYY-MM-DD"
+        assert set(bad) == {"CON.csv", "=1+1.csv", r"caf\xe9.csv", r"a\nb.csv"}
+        assert all(why.startswith("line 1: no column") for why in bad.values())
 
     def test_reasons_from_a_log_with_an_unreadable_name_can_be_printed(self, logs):
         name, date = os.fsdecode(b"d\xe9bit.csv"), dt.date(2008, 3, 11)

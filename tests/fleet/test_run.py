@@ -65,7 +65,7 @@ def test_each_reach_has_the_tables_it_would_have_alone(data, whole, tmp_path):
 def test_the_page_leads_to_the_reports_of_the_reaches(data, tmp_path):
     out = tmp_path / "out"
     shutil.rmtree(data / "gamma")
-    assert rivid("run", data, "--out", out, "--workers", 2)[0] == 0
+    assert rivid("run", data, "--out", out)[0] == 0
     page = (out / "fleet.html").read_text()
     for name in REACHES[:2]:
         assert (out / name / "figures" / "tdr_jmap.png").exists()

@@ -43,16 +43,13 @@ def test_columns_may_be_renamed_summed_and_converted(tmp_path):
     np.testing.assert_allclose(data.output, level * 0.3048, rtol=1e-15)
 
 
-def test_a_pool_whose_outflow_is_not_logged(tmp_path):
-    data = read(put(tmp_path, [[r[0], r[1], r[3]] for r in rows()], head="time,u_Qi,h_L"), u_Qo="")
+def test_a_pool_whose_outflow_is_not_logged_and_a_river_need_two_columns(tmp_path):
+    pool = put(tmp_path / "pool", [[r[0], r[1], r[3]] for r in rows()], head="time,u_Qi,h_L")
+    data = read(pool, u_Qo="")
     assert data.outflow is None and len(data.inflow) == 650
-
-
-def test_a_river_needs_two_discharges_and_no_level(tmp_path):
     lines = [[r[0], r[1], r[2]] for r in rows(n=96, step=900)]
-    data = read(put(tmp_path, lines, head="time,u_Qi,Q_L"), reach=RIVER)
-    assert data.outflow is None
-    assert (data.output == [float(r[2]) for r in lines]).all()
+    data = read(put(tmp_path / "river", lines, head="time,u_Qi,Q_L"), reach=RIVER)
+    assert data.outflow is None and (data.output == [float(r[2]) for r in lines]).all()
 
 
 def test_hourly_commands_between_quarter_hours_are_held_and_no_gap(tmp_path):
@@ -168,20 +165,33 @@ def test_a_coarser_log_is_read_when_it_says_so(tmp_path):
     assert (len(data.inflow), data.n_filled) == (650, 0)
 
 
-def test_duplicates_that_agree_are_dropped_and_counted(tmp_path):
-    lines = rows()
-    lines[300:300] = [list(lines[299]), list(lines[299])]
-    data = read(put(tmp_path, lines))
-    assert data.notes == "2 duplicates dropped"
-    assert (data.inflow == a_day(DAY)[1]).all()
+def halved(lines):
+    """A row in two halves."""
+    half = [*lines[299][:3], ""]
+    lines[299][1] = ""
+    return [*lines[:300], half, *lines[300:]]
 
 
-def test_a_row_logged_twice_in_halves_is_joined(tmp_path):
-    lines = rows()
-    half = list(lines[299])
-    half[3], lines[299][1] = "", ""
-    lines.insert(300, half)
-    assert (read(put(tmp_path, lines)).inflow == a_day(DAY)[1]).all()
+@pytest.mark.parametrize(
+    ("edit", "notes"),
+    [
+        (lambda lines: [*lines[:300], lines[299], lines[299], *lines[300:]], "2 duplicates dropped"),
+        (halved, ""),
+        (
+            lambda lines: [*lines[:10], lines[500], *lines[11:500], lines[10], *lines[501:]],
+            "490 rows out of order sorted",
+        ),
+        (lambda lines: rows(DAY - dt.timedelta(days=1))[-7:] + lines, "7 rows of other days dropped"),
+        (lambda lines: [[*r, "ok", "", '"a, b"'] for r in lines], ""),
+    ],
+    ids=["duplicates", "halves", "out of order", "other days", "unused columns"],
+)
+def test_rows_that_change_no_value_are_sorted_or_dropped_and_counted(tmp_path, edit, notes):
+    lines = edit(rows())
+    data = read(put(tmp_path, lines, head=HEAD + ",,note,note" if len(lines[0]) > 4 else HEAD))
+    assert data.notes == notes
+    for values, truth in zip((data.inflow, data.outflow, data.output), a_day(DAY)[1:], strict=True):
+        assert (values == truth).all()
 
 
 def test_duplicates_that_conflict_fail_the_day(tmp_path):
@@ -190,21 +200,6 @@ def test_duplicates_that_conflict_fail_the_day(tmp_path):
     with pytest.raises(DataError, match=r"2008-03-10.csv, line 302: 2008-03-10 11:02:47 is logged twice with "
                        r"different h_L: .* and 99.5 \(line 301\)"):  # fmt: skip
         read(put(tmp_path, lines))
-
-
-def test_rows_out_of_order_are_sorted_and_counted(tmp_path):
-    lines = rows()
-    lines[10], lines[500] = lines[500], lines[10]
-    data = read(put(tmp_path, lines))
-    assert (data.output == a_day(DAY)[3]).all()
-    assert data.notes == "490 rows out of order sorted"
-
-
-def test_rows_of_other_days_are_dropped_and_counted(tmp_path):
-    before = rows(DAY - dt.timedelta(days=1))[-7:]
-    data = read(put(tmp_path, before + rows()))
-    assert data.notes == "7 rows of other days dropped"
-    assert (data.inflow == a_day(DAY)[1]).all()
 
 
 def test_a_file_of_another_day_says_which_days_it_holds(tmp_path):
@@ -240,19 +235,23 @@ def test_days_of_a_window_must_follow_each_other(tmp_path):
         read_window(tmp_path, [days[0], days[2]], config())
 
 
+def fails(folder, match="", **given):
+    """The day fails for good."""
+    with pytest.raises(DataError, match=match) as caught:
+        read(folder, **given)
+    assert not isinstance(caught.value, PendingError)
+
+
 class TestToday:
-    def test_a_log_that_ends_early_today_is_pending(self, tmp_path):
+    def test_a_log_that_ends_early_or_in_a_torn_line_today_is_pending(self, tmp_path):
         folder = put(tmp_path, rows()[:400])
         with pytest.raises(PendingError, match="2008-03-10 is not finished: gap of 9.2 h from 14:46:40"):
             read(folder, today=DAY)
-        with pytest.raises(DataError) as caught:
-            read(folder, today=DAY + dt.timedelta(days=1))
-        assert not isinstance(caught.value, PendingError)
-
-    def test_a_torn_last_line_today_is_pending(self, tmp_path):
-        (put(tmp_path, rows()[:400]) / f"{DAY}.csv").open("a").write("2008-03-10T14:46:40+01:00,30")
+        fails(folder, today=DAY + dt.timedelta(days=1))
+        with (folder / f"{DAY}.csv").open("a") as file:
+            file.write("2008-03-10T14:46:40+01:00,30")
         with pytest.raises(PendingError):
-            read(tmp_path, today=DAY)
+            read(folder, today=DAY)
 
     @pytest.mark.parametrize(
         ("zone", "given", "last_hour", "first_hour_after"),
@@ -268,27 +267,19 @@ class TestToday:
         for same in (moment, moment.astimezone(dt.timezone.max)):
             with pytest.raises(PendingError):
                 read(folder, today=same, **given)
-        with pytest.raises(DataError) as caught:
-            read(folder, today=after, **given)
-        assert not isinstance(caught.value, PendingError)
+        fails(folder, today=after, **given)
 
     def test_a_log_without_any_row_is_pending_until_its_day_is_over_everywhere(self, tmp_path):
         (tmp_path / f"{DAY}.csv").write_text("")
         with pytest.raises(PendingError, match="2008-03-10.csv is empty"):
             read(tmp_path, today=dt.datetime.fromisoformat("2008-03-11T11:59Z"))
-        with pytest.raises(DataError, match="2008-03-10.csv is empty") as caught:
-            read(tmp_path, today=dt.datetime.fromisoformat("2008-03-11T12:00Z"))
-        assert not isinstance(caught.value, PendingError)
+        fails(tmp_path, "2008-03-10.csv is empty", today=dt.datetime.fromisoformat("2008-03-11T12:00Z"))
 
-    def test_a_complete_log_of_today_is_read(self, tmp_path):
-        assert len(read(put(tmp_path, rows()), today=DAY).inflow) == 650
-
-    def test_a_conflict_today_is_a_failure(self, tmp_path):
-        lines = rows()[:400]
-        lines.insert(300, [*lines[299][:3], "99.5"])
-        with pytest.raises(DataError, match="twice") as caught:
-            read(put(tmp_path, lines), today=DAY)
-        assert not isinstance(caught.value, PendingError)
+    def test_a_complete_log_of_today_is_read_and_a_conflict_is_a_failure(self, tmp_path):
+        lines = rows()
+        assert len(read(put(tmp_path, lines), today=DAY).inflow) == 650
+        lines[300:] = [[*lines[299][:3], "99.5"], *lines[300:400]]
+        fails(put(tmp_path, lines), "twice", today=DAY)
 
 
 def test_a_fault_in_a_file_of_many_days_fails_its_day_only(tmp_path):
@@ -317,8 +308,3 @@ def test_reading_every_day_of_a_file_parses_it_once(tmp_path, monkeypatch):
     for source in catalog.days:
         read_window(folder, [source], settings)
     assert len(parsed) == 1
-
-
-def test_unused_columns_may_be_anything(tmp_path):
-    lines = [[*r, "ok", "", '"a, b"'] for r in rows()]
-    assert read(put(tmp_path, lines, head=HEAD + ",,note,note")).notes == ""

@@ -37,7 +37,7 @@ def rivid(*words):
 
 
 def command(*words, cwd=None, preexec_fn=None, stdout=None):
-    """The command in a fork of this process, without the second that imports take; `main` returns or exits."""
+    """The command in a fork of this process, which saves the second that imports take."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         pid = os.fork()
         if pid == 0:
