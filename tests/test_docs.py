@@ -20,6 +20,7 @@ from rivid.config import Config
 from rivid.effects import CATALOGUE
 from rivid.errors import EXIT_CODES, RividError
 from rivid.simulation.scenario import Scenario
+from tests.run.test_run import rivid as rivid_run
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -276,8 +277,8 @@ def test_the_recipe_for_a_reader_works(scratch):
         pyarrow.feather.write_feather(table, logs / f"{path.stem}.feather")
     config = package / "reach.toml"
     config.write_text('[input]\ntime_zone = "Etc/GMT-1"\n')
-    tables = []
-    for data_dir, out in ((week, package / "by_csv"), (logs, package / "by_feather")):
-        run(data_dir, "--config", config, "--out", out, "--no-figures")
-        tables.append((out / "delays.csv").read_bytes())
+    words = ("--config", config, "--no-figures", "--out")
+    run(logs, *words, package / "by_feather")
+    assert rivid_run("run", week, *words, package / "by_csv")[0] == 0
+    tables = [(package / out / "delays.csv").read_bytes() for out in ("by_csv", "by_feather")]
     assert tables[0] == tables[1] and tables[0].count(b"\n") == 8

@@ -316,8 +316,8 @@ class TestByException:
     def test_it_is_refused_where_it_is_not_declared_or_held_too_short(self, tmp_path):
         rows = self.rows()
         uneven = [row for i, row in enumerate(rows) if row[1] != "u_Qi" or i % 2]
-        for given, more in ((uneven, {}), (rows, {"hold": {"u_Qi": 2000}, "max_gap": 0})):
-            outcome = go(tmp_path, changes(*given), head="time,tag,value", **more, **HOLD)
+        for export, more in ((uneven, {}), (rows, {"hold": {"u_Qi": 2000}, "max_gap": 0})):
+            outcome = go(tmp_path, changes(*export), head="time,tag,value", **more, **HOLD)
             assert statuses(outcome) == ["refused"] and "gap of" in outcome.days[0].reason
 
     def test_declared_it_is_sampled_and_held(self, tmp_path):

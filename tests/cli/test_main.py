@@ -12,14 +12,10 @@ from rivid import __version__
 from rivid.cli import COMMANDS
 from tests.cli.conftest import ROOT
 from tests.daily import write_days
+from tests.run.test_run import command
 
 REAL = [sys.executable, "-c", "from rivid.cli import main; main()"]
 WEEK = ROOT / "sample_data" / "basse_isere_csv"
-
-
-def command(*words, **options):
-    """Run the real command."""
-    return subprocess.run([*REAL, *map(str, words)], capture_output=True, text=True, **options)
 
 
 def test_without_a_command_it_names_the_first_two():
@@ -59,7 +55,7 @@ def test_a_mistyped_option_suggests_the_nearest(rivid):
 def test_a_closed_pipe_ends_it_without_a_message(words):
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*REAL, *words], stdout=write, stderr=subprocess.PIPE, text=True)
+    done = command(*words, stdout=write)
     os.close(write)
     assert done.stderr == "" and done.returncode in (1, 2)
 
@@ -80,8 +76,7 @@ def test_the_backend_of_a_notebook_does_not_stop_the_figures(tmp_path):
     assert list((tmp_path / "figures").glob("*.png"))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_prints_one_line(tmp_path, number):
+def test_a_run_that_is_ended_prints_one_line(tmp_path):
     write_days(tmp_path / "logs", 40)
     out = tmp_path / "out"
     words = ["run", tmp_path / "logs", "--out", out, "--estimator", "posterior", "--workers", "1"]
@@ -91,9 +86,9 @@ def test_an_interrupted_run_prints_one_line(tmp_path, number):
     while not (out / ".rivid").exists():
         time.sleep(0.005)
         assert child.poll() is None
-    child.send_signal(number)
+    child.send_signal(signal.SIGTERM)
     stderr = child.communicate(timeout=20)[1]
-    assert child.returncode == 128 + number
+    assert child.returncode == 128 + signal.SIGTERM
     assert stderr.startswith("rivid: ") and stderr.count("\n") == 1 and "same command" in stderr
 
 
@@ -118,12 +113,14 @@ def test_a_diagnosis_without_days_names_those_there_are_or_the_failure(rivid, tm
     assert done.code == 10 and "2008-03-10: gap of" in str(done.exception)
 
 
-def test_an_error_on_a_terminal_is_red_and_elsewhere_plain():
+def test_an_error_on_a_terminal_is_red_and_elsewhere_plain(monkeypatch):
     ours, theirs = os.openpty()
-    env = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
-    subprocess.run([*REAL, "run", "nowhere"], stderr=theirs, env=env)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    command("run", "nowhere", stderr=theirs)
     assert os.read(ours, 1000).startswith(b"\x1b[31mrivid:\x1b[0m nowhere")
-    subprocess.run([*REAL, "run", "nowhere"], stderr=theirs, env=env | {"NO_COLOR": "1"})
+    monkeypatch.setenv("NO_COLOR", "1")
+    command("run", "nowhere", stderr=theirs)
     assert os.read(ours, 1000).startswith(b"rivid: nowhere")
     os.close(ours)
     os.close(theirs)

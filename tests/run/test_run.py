@@ -36,12 +36,12 @@ def rivid(*words):
     return result.return_value or 0, result.output
 
 
-def command(*words, cwd=None, preexec_fn=None, stdout=None):
+def command(*words, cwd=None, preexec_fn=None, stdout=None, stderr=None):
     """The command in a fork of this process, which saves the second that imports take."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         pid = os.fork()
         if pid == 0:
-            _become(["rivid", *map(str, words)], stdout or out, err, cwd, preexec_fn)
+            _become(["rivid", *map(str, words)], stdout or out, stderr or err, cwd, preexec_fn)
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
         streams = []
         for file in (out, err):
@@ -55,7 +55,7 @@ def _become(words, out, err, cwd, preexec_fn):
     code = 1
     try:
         for number, file in ((1, out), (2, err)):
-            os.dup2(file.fileno(), number)
+            os.dup2(file if isinstance(file, int) else file.fileno(), number)
         sys.stdout, sys.stderr = (open(k, "w", encoding="utf-8", closefd=False) for k in (1, 2))
         server = multiprocessing.forkserver._forkserver
         server._forkserver_address = server._forkserver_alive_fd = server._forkserver_pid = None
