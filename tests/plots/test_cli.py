@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 
@@ -12,53 +11,41 @@ from rivid.errors import LockedError, NoDataError
 from rivid.results.store import SCHEMA_VERSION, SEGMENT, Store, to_table, write_tables
 from tests.plots.synthetic import dates_of, results
 
+SAME = (
+    "delay", "at_bound", "prior_only", "t50", "alpha", "noise_sd", "roughness_sd", "condition", "mean_inflow",
+    "bound_gravity_s", "bound_kinematic_s", "status", "messages",
+)  # fmt: skip
+NAMED = {
+    "delay": "delay_samples",
+    "t50": "t50_samples",
+    "mean_inflow": "mean_inflow_m3s",
+    "messages": "message",
+}
+
+
+def row_of(run, e, i):
+    """A day of an estimator as a row of a segment."""
+    row = {"key": f"{e.dates[i]}", "date": e.dates[i], "reach": run.reach, "estimator": e.estimator}
+    row |= {NAMED.get(name, name): np.asarray(getattr(e, name)[i]).item() for name in SAME}
+    row["delay_s"] = row["delay_samples"] * run.sample_time
+    if e.answered[i]:
+        row["fir"] = e.fir[i].tolist()
+        if e.candidates.size:
+            row |= {"first_candidate": int(e.candidates[0]), "curve": e.criterion[i].tolist()}
+    return {
+        name: None if isinstance(value, float) and value != value else value for name, value in row.items()
+    }
+
 
 def store_run(run, out):
     """Write the tables and run.json of a run, as `rivid run` does."""
-    columns = {field.name: [] for field in SEGMENT}
-    for e in run.estimators:
-        for i, date in enumerate(e.dates):
-            fir = e.fir[i] if e.answered[i] else None
-            curve = e.criterion[i] if e.answered[i] and e.candidates.size else None
-            row = {
-                "key": f"{date}",
-                "date": date,
-                "reach": run.reach,
-                "estimator": e.estimator,
-                "status": e.status[i],
-                "delay_samples": e.delay[i],
-                "delay_s": e.delay[i] * run.sample_time,
-                "at_bound": bool(e.at_bound[i]),
-                "prior_only": bool(e.prior_only[i]),
-                "t50_samples": e.t50[i],
-                "alpha": e.alpha[i],
-                "noise_sd": e.noise_sd[i],
-                "roughness_sd": e.roughness_sd[i],
-                "condition": e.condition[i],
-                "mean_inflow_m3s": e.mean_inflow[i],
-                "bound_gravity_s": e.bound_gravity_s[i],
-                "bound_kinematic_s": e.bound_kinematic_s[i],
-                "message": e.messages[i],
-                "fir": None if fir is None else fir.tolist(),
-                "first_candidate": None if curve is None else int(e.candidates[0]),
-                "curve": None if curve is None else curve.tolist(),
-            }
-            for name, values in columns.items():
-                values.append(row.get(name))
-    table = to_table({k: [None if v is np.nan else v for v in c] for k, c in columns.items()}, SEGMENT)
-    assert isinstance(table, pa.Table)
+    rows = [row_of(run, e, i) for e in run.estimators for i in range(len(e.dates))]
     out.mkdir()
+    table = to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
     write_tables([table], out, spread=False)
-    record = {
-        "schema_version": SCHEMA_VERSION,
-        "reach": run.reach,
-        "sample_time": run.sample_time,
-        "output_unit": run.output_unit,
-        "delay_scale": run.delay_scale,
-        "estimators": [e.estimator for e in run.estimators],
-        "config": {"reach": {"name": run.reach}},
-        "versions": {"rivid": "0.1.0"},
-    }
+    record = {name: getattr(run, name) for name in ("reach", "sample_time", "output_unit", "delay_scale")}
+    record |= {"schema_version": SCHEMA_VERSION, "estimators": [e.estimator for e in run.estimators]}
+    record |= {"config": {"reach": {"name": run.reach}}, "versions": {"rivid": "0.1.0"}}
     (out / "run.json").write_text(json.dumps(record))
 
 

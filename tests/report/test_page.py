@@ -288,13 +288,8 @@ def test_results_are_read_without_bounds_where_the_geometry_was_assumed(keys):
         "roughness_sd": None, "condition": None, "mean_inflow_m3s": 300.0, "bound_gravity_s": 1700.0,
         "bound_kinematic_s": 5000.0,
     }  # fmt: skip
-    run = {
-        "reach": "x",
-        "sample_time": 300,
-        "output_unit": "m",
-        "delay_scale": 5,
-        "estimators": ["posterior"],
-    }
+    run = {"reach": "x", "sample_time": 300, "output_unit": "m", "delay_scale": 5}
+    run["estimators"] = ["posterior"]
     if keys is not None:  # an older run.json has no such list
         run["assumed"] = keys
     tables = [pa.Table.from_pylist([row])]

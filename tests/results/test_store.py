@@ -29,27 +29,19 @@ NAMES = ("ml", "posterior")
 def segment(keys, seed=0):
     """Rows of some days, two estimators each, as workers write them."""
     rng = np.random.default_rng(seed)
-    columns = {name: [] for name in SEGMENT.names}
+    rows = []
     for key in keys:
         for name in NAMES:
-            sure = name == "posterior" and key % 3
-            row = {
-                "key": f"{key:04d}",
-                "date": dt.date(2000, 1, 1) + dt.timedelta(days=key),
-                "reach": "r",
-                "estimator": name,
-                "status": "failed" if key % 5 == 0 else "ok",
-                "delay_samples": float(key % 7),
-                "probability": 0.5 if sure else None,
-                "message": f"=said of {key}" if key % 5 == 0 else "a remark",
-                "fir": None if key % 5 == 0 else rng.random(4).tolist(),
-                "fir_sd": rng.random(4).tolist() if sure and key % 5 else None,
-                "first_candidate": 1 if sure else None,
-                "curve": rng.random(3).tolist() if sure else None,
-            }
-            for column in columns:
-                columns[column].append(row.get(column))
-    return to_table(columns, SEGMENT)
+            date = dt.date(2000, 1, 1) + dt.timedelta(days=key)
+            row = {"key": f"{key:04d}", "date": date, "reach": "r", "estimator": name, "status": "failed"}
+            row |= {"message": f"=cause {key}", "delay_samples": float(key % 7)}
+            if key % 5:
+                row |= {"status": "ok", "message": "a remark", "fir": rng.random(4).tolist()}
+            if name == "posterior" and key % 3:
+                row |= {"probability": 0.5, "first_candidate": 1, "curve": rng.random(3).tolist()}
+                row["fir_sd"] = rng.random(4).tolist() if key % 5 else None
+            rows.append(row)
+    return to_table({name: [row.get(name) for row in rows] for name in SEGMENT.names}, SEGMENT)
 
 
 @pytest.fixture
@@ -90,9 +82,14 @@ def test_only_messages_of_failed_days_are_kept(tmp_path):
         assert (message is not None) == (status == "failed")
 
 
-def test_tables_written_in_chunks_equal_tables_written_at_once(tmp_path, small_chunks):
+@pytest.fixture
+def found(tmp_path, small_chunks):
+    """Rows of scattered segments in the order of their keys."""
     keys = scattered(tmp_path / "segments")
-    found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
+    return read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
+
+
+def test_tables_written_in_chunks_equal_tables_written_at_once(tmp_path, found):
     write_tables(found.chunks(), tmp_path / "chunks", found.spread)
     write_tables([pa.concat_tables(found.chunks()).combine_chunks()], tmp_path / "whole", found.spread)
     for name in TABLES:
@@ -115,9 +112,8 @@ def test_standard_deviations_may_be_missing_in_a_chunk(tmp_path, small_chunks):
     assert sd.null_count == len(sd) - 4
 
 
-def test_many_rows_become_one_segment_of_many_row_groups(tmp_path, small_chunks):
-    keys = scattered(tmp_path / "segments")
-    found = read_rows(tmp_path / "segments")[0].arranged(keys, NAMES)
+def test_many_rows_become_one_segment_of_many_row_groups(tmp_path, found):
+    keys = [f"{key:04d}" for key in range(60)]
     (tmp_path / "one").mkdir()
     path = write_rows(tmp_path / "one", found)
     assert pq.ParquetFile(path).num_row_groups == 8
