@@ -8,7 +8,9 @@ import rivid.run.run
 from rivid.atomic import replacing
 from rivid.plots import style
 
-FOLDERS = ("cli", "faults", "fleet", "results", "run")
+PLACES = {"cli", "faults", "fleet", "results", "run", "test_readme.py"}
+"""Folders and files of tests that look at what is around figures."""
+
 SAVE, CORES = style.save, rivid.run.workers.cores
 USERS = (rivid.run.workers, rivid.run.run, rivid.fleet.run)
 
@@ -23,7 +25,7 @@ def blank(figure, path):
 def unrendered(request):
     """In some folders, figures are made by this process and not rendered; see `rendered`."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name in FOLDERS:
+        if PLACES & {request.path.parent.name, request.path.name}:
             patch.setattr(style, "save", blank)
             for module in USERS:
                 patch.setattr(module, "cores", lambda: 1)

@@ -42,7 +42,16 @@ def is_png(figure):
 
 
 def test_estimates_equal_those_of_rivid_run(tmp_path):
-    argv = ["run", str(WEEK), "--config", str(CONFIG), "--out", str(tmp_path / "out"), "--quiet"]
+    argv = [
+        "run",
+        str(WEEK),
+        "--config",
+        str(CONFIG),
+        "--out",
+        str(tmp_path / "out"),
+        "--quiet",
+        "--no-figures",
+    ]
     argv += ["--estimator", "jmap", "--estimator", "posterior"]
     assert CliRunner().invoke(cli, argv).exit_code in (0, None)
     rows = {

@@ -79,7 +79,7 @@ def test_the_short_commands_run_in_their_order(place, monkeypatch):
 
 
 @pytest.mark.long
-def test_every_command_runs_in_its_order_and_the_hidden_bypass_is_found(place):
+def test_every_command_runs_in_its_order_and_the_hidden_bypass_is_found(place, rendered):
     printed = {line: run(line, place).stdout for line in commands() if line.startswith("rivid ")}
     assert len(printed) >= 19
     (found,) = [text for line, text in printed.items() if line.startswith("rivid diagnose")]

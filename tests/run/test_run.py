@@ -9,8 +9,8 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import traceback
+from concurrent.futures import ThreadPoolExecutor
 
 import pyarrow.parquet as pq
 import pytest
@@ -38,15 +38,19 @@ def rivid(*words):
 
 def command(*words, cwd=None, preexec_fn=None, stdout=None, stderr=None):
     """The command in a fork of this process, which saves the second that imports take."""
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        pid = os.fork()
-        if pid == 0:
-            _become(["rivid", *map(str, words)], stdout or out, stderr or err, cwd, preexec_fn)
-        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-        streams = []
-        for file in (out, err):
-            file.seek(0)
-            streams.append(file.read().decode("utf-8"))
+    (out, its_out), (err, its_err) = os.pipe(), os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        _become(["rivid", *map(str, words)], stdout or its_out, stderr or its_err, cwd, preexec_fn)
+    os.close(its_out)
+    os.close(its_err)
+    with (
+        ThreadPoolExecutor(2) as readers,
+        open(out, encoding="utf-8") as one,
+        open(err, encoding="utf-8") as two,
+    ):
+        streams = [*readers.map(lambda file: file.read(), (one, two))]
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     return subprocess.CompletedProcess(words, code, *streams)
 
 
