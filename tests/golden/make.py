@@ -11,7 +11,12 @@ import numpy as np
 from tests.golden import cases
 
 HERE = Path(__file__).parent
-PARTS = {"runs": cases.runs, "corpus": cases.corpus, "checks": cases.checks, "diagnoses": cases.diagnoses}
+PARTS = {
+    "runs": cases.runs,
+    "corpus": cases.corpus,
+    "checks": cases.checks,
+    "diagnoses": cases.diagnoses,
+}
 
 
 def plain(value):
