@@ -12,8 +12,7 @@ import rivid.run.run as running
 from rivid.atomic import replacing
 from rivid.config import Config
 from rivid.errors import RividError
-from rivid.run.plan import Options
-from rivid.run.run import run
+from rivid.run.run import Options, run
 from tests.daily import write_days
 from tests.faults.processes import WORDS, wait_until
 from tests.faults.test_kills import QUICK
