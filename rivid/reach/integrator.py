@@ -1,7 +1,6 @@
 """The reach as an integrator with a delay, (7) and (10)."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -165,17 +164,6 @@ def hold(
             gone += into * dt
 
 
-class PoolFlow(NamedTuple):
-    """Level and flows at the sample times; arrays of shape (n,)."""
-
-    level: Floats
-    """True level [m]."""
-    outflow: Floats
-    """Commands u_Qo [m3/s], given or decided."""
-    released: Floats
-    """Real outflow, mean of each sample [m3/s]; the last is that before."""
-
-
 def supply(
     reach: LinearReach,
     time: Floats,
@@ -229,7 +217,7 @@ def pool_level(
     start: float = 0.0,
     before: float = 0.0,
     changes: Changes = NO_CHANGES,
-) -> PoolFlow:
+) -> tuple[Floats, Floats, Floats]:
     """Level of the pool, (7), for known commands or for operators who command the outflow.
 
     Parameters
@@ -250,7 +238,9 @@ def pool_level(
 
     Returns
     -------
-    PoolFlow
+    level, outflow, released : ndarray, shape (n,)
+        True level [m]; commands u_Qo [m3/s], given or decided; real outflow, mean of each sample [m3/s], the
+        last that before.
 
     Raises
     ------
@@ -276,4 +266,4 @@ def pool_level(
             f"area_slope = {changes.area_slope:g} 1/m leaves no water surface at the level reached: "
             "expected a smaller slope, or a level nearer to its reference"
         )
-    return PoolFlow(level, given, released)
+    return level, given, released

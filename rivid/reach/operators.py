@@ -44,14 +44,8 @@ class OperatorSettings:
     """Number of operators who share the shifts."""
 
 
-@dataclass(frozen=True)
-class Crew:
-    """Gains of each operator; arrays of shape (operators,)."""
-
-    feedforward: Floats
-    level_gain: Floats
-    set_point: Floats
-
+Crew = tuple[Floats, Floats, Floats]
+"""K_Q [-], K_h [m2/s] and offset of the level aimed at [m] of each operator; arrays of shape (operators,)."""
 
 SHIFT = 8 * 3600.0
 """Length of a shift [s] (section I)."""
@@ -84,11 +78,9 @@ def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator)
         )
     n = settings.people
     spread = np.exp(settings.level_gain_spread * rng.standard_normal(n))
-    return Crew(
-        settings.feedforward + settings.feedforward_spread * rng.standard_normal(n),
-        np.maximum(settings.level_gain * spread, -1.0 / drop),
-        settings.set_point_spread * rng.standard_normal(n),
-    )
+    feedforward = settings.feedforward + settings.feedforward_spread * rng.standard_normal(n)
+    level_gain = np.maximum(settings.level_gain * spread, -1.0 / drop)
+    return feedforward, level_gain, settings.set_point_spread * rng.standard_normal(n)
 
 
 def roster(time: Floats, settings: OperatorSettings, rng: np.random.Generator) -> Ints:
@@ -134,12 +126,13 @@ def operator_arrays(
     rng : numpy.random.Generator
         For the times between looks.
     """
+    feedforward, level_gain, offset = (gain[duty] for gain in crew)
     return OperatorArrays(
         inflow=inflow,
         disturbance=disturbance,
-        aim=set_point + crew.set_point[duty],
-        feedforward=crew.feedforward[duty],
-        level_gain=crew.level_gain[duty],
+        aim=set_point + offset,
+        feedforward=feedforward,
+        level_gain=level_gain,
         wait=rng.uniform(*settings.look, len(time)),
         dead_band=settings.dead_band,
         trim_time=settings.trim_time,

@@ -19,7 +19,7 @@ from rivid.effects.base import World
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.gate import OperatorArrays
-from rivid.reach.integrator import LinearReach, PoolFlow, pool_level
+from rivid.reach.integrator import LinearReach, pool_level
 from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays, quantise, roster
 from rivid.reach.saint_venant import Channel, arrival_time
 from rivid.reach.saint_venant import simulate as saint_venant
@@ -177,8 +177,8 @@ class Water:
         usual_flow: Floats,
         changes: Changes,
         start: float,
-    ) -> PoolFlow:
-        """Level and outflow at the samples, from the logged inflow and the outflow's commands or operators.
+    ) -> tuple[Floats, Floats, Floats]:
+        """Level, commanded and real outflow, from the logged inflow and the outflow's commands or operators.
 
         The linear reach's travel time follows `usual_flow` [m3/s]; `start` is the first level [m]. Raises
         ConfigError or RividError where the flow is impossible.
@@ -204,7 +204,7 @@ class Water:
             )  # fmt: skip
         except RividError as error:
             raise type(error)(f"channel: {error}") from None
-        return PoolFlow(flow.level, flow.outflow, flow.released)
+        return flow.level, flow.outflow, flow.released
 
 
 # The season
@@ -355,8 +355,8 @@ def simulate(
     operators = operator_arrays(
         time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
-    flow = water.run(time, inflow, operators, usual, changes, float(aim[0]))
-    level = quantise(flow.level + noise, gauge.quantum)
+    true, commands, released = water.run(time, inflow, operators, usual, changes, float(aim[0]))
+    level = quantise(true + noise, gauge.quantum)
     level[_silent(gauge, time, steps, gauge_rng)] = np.nan
 
     kept = np.sort(missing_rng.permutation(scenario.days)[scenario.missing_days :])
@@ -364,7 +364,7 @@ def simulate(
     unlogged = np.sum([np.broadcast_to(part.flow, time.shape) for part in changes.added], axis=0)
     logged, regulated, read, true_level, slow, real_in, real_out, entered = (
         values.reshape(days, -1)[kept + 1]
-        for values in (inflow, flow.outflow, level, flow.level, weather, real, flow.released, unlogged)
+        for values in (inflow, commands, level, true, weather, real, released, unlogged)
     )
     arrival = water.arrival(
         np.average(logged, axis=1, weights=steps[: len(seconds)]), true_level.mean(axis=1)
@@ -376,7 +376,7 @@ def simulate(
         inflow=logged, outflow=regulated, level=read, true_level=true_level, weather=slow,
         real_inflow=real_in, real_outflow=real_out, unlogged=entered,
         travel_time=arrival, delay=delay, delay_other=delay_other, near_edge=near_edge,
-        effects=planted, world=world, place=place, all_outflow=flow.outflow,
+        effects=planted, world=world, place=place, all_outflow=commands,
     )  # fmt: skip
 
 

@@ -67,7 +67,7 @@ def test_the_pool_with_leak_pond_and_area_slope_agrees_with_a_stiff_integrator()
     time = 5.0 * np.arange(6000)  # short samples: what follows the level is held from sample to sample
     inflow = 300.0 + 30.0 * np.sin(time / 4000.0)
     outflow = np.full(len(time), 300.0)
-    got = pool_level(POOL, time, inflow, outflow, 0.0, start=130.1, before=inflow[0], changes=changes).level
+    got = pool_level(POOL, time, inflow, outflow, 0.0, start=130.1, before=inflow[0], changes=changes)[0]
 
     def slopes(t, state):
         h, pond = state

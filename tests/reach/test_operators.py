@@ -8,7 +8,7 @@ import pytest
 from rivid.errors import ConfigError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.integrator import LinearReach, pool_level
-from rivid.reach.operators import Crew, OperatorSettings, draw_crew, operator_arrays, quantise, roster
+from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays, quantise, roster
 
 T_S, N = 133.0, 1300
 TIME = T_S * np.arange(N)
@@ -18,7 +18,7 @@ PLAIN = OperatorSettings(dead_band=0.0, look=(T_S, T_S), notice=0.0, quantum=0.0
 
 
 def one_operator(settings):
-    return Crew(np.array([settings.feedforward]), np.array([settings.level_gain]), np.zeros(1))
+    return np.array([settings.feedforward]), np.array([settings.level_gain]), np.zeros(1)
 
 
 def run(inflow, settings, *, aim=130.0, quantum=0.0, noise=None, changes=None, seed=0, duty=None, crew=None):
@@ -118,8 +118,9 @@ def test_shifts_last_eight_hours_and_the_operator_changes():
 def test_operators_have_their_own_gains_and_a_change_of_shift_does_not_jump():
     settings = OperatorSettings(set_point_spread=0.0)
     crew = draw_crew(settings, 1800.0 / REACH.surface_area, np.random.default_rng(1))
-    assert len(np.unique(crew.level_gain)) == len(np.unique(crew.feedforward)) == 9
-    assert (crew.level_gain < 0).all()
+    feedforward, level_gain, _ = crew
+    assert len(np.unique(level_gain)) == len(np.unique(feedforward)) == 9
+    assert (level_gain < 0).all()
     duty = np.repeat([3, 5], [N // 2, N - N // 2])
     outflow, level = run(np.full(N, 300.0), settings, crew=crew, duty=duty)
     assert (outflow == 300).all() and np.allclose(level, 130)
@@ -127,9 +128,9 @@ def test_operators_have_their_own_gains_and_a_change_of_shift_does_not_jump():
 
 def test_no_operator_makes_the_level_swing():
     settings = OperatorSettings(level_gain=-372.0, level_gain_spread=1.0, people=400)
-    crew = draw_crew(settings, 1800.0 / REACH.surface_area, np.random.default_rng(0))
-    assert -crew.level_gain.min() * 1800.0 / REACH.surface_area == pytest.approx(1.0)
-    worst = replace(PLAIN, level_gain=float(crew.level_gain.min()), look=(1800.0, 1800.0), notice=1e9)
+    _, level_gain, _ = draw_crew(settings, 1800.0 / REACH.surface_area, np.random.default_rng(0))
+    assert -level_gain.min() * 1800.0 / REACH.surface_area == pytest.approx(1.0)
+    worst = replace(PLAIN, level_gain=float(level_gain.min()), look=(1800.0, 1800.0), notice=1e9)
     _, level = run(np.full(N, 300.0), worst, noise=np.where(TIME > 300 * T_S, 0.2, 0.0))
     assert np.abs(level[-100:] - 129.8).max() < 0.02
     with pytest.raises(ConfigError, match=r"operators.level_gain = -1000 .* expected above -372 m2/s"):

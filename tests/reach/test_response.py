@@ -14,7 +14,7 @@ REACH = LinearReach()
 
 
 def level_response(*given, **rest):
-    return pool_level(*given, **rest).level
+    return pool_level(*given, **rest)[0]
 
 
 def came(time, flow, travel_time):
