@@ -70,31 +70,17 @@ class FileFacts:
     mtime_ns: int
     ctime_ns: int
     digest: str  # SHA-256 (hex) of the file
-    # of a file of many days: ISO date and digest of each. Empty for a day's file that holds no more
-    # than the row at its midnight
-    days: tuple[tuple[str, str], ...] | None = None
+    # of a file of many days: digest of each, by ISO date. Empty for a day's file that holds no more than the
+    # row at its midnight
+    days: dict[str, str] | None = None
     settings: str = ""  # digest of the settings that this was found with
     # of `days`, those of which the file holds no more than the row at one of their midnights
-    edges: tuple[str, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        days = None if self.days is None else [list(day) for day in self.days]
-        return {**self.__dict__, "days": days, "edges": list(self.edges)}
+    edges: list[str] = field(default_factory=list)
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
-        """The inverse of :meth:`to_json`."""
-        days = value.get("days")
-        return cls(
-            int(value["size"]),
-            int(value["mtime_ns"]),
-            int(value.get("ctime_ns", -1)),
-            str(value["digest"]),
-            None if days is None else tuple((str(date), str(digest)) for date, digest in days),
-            str(value.get("settings", "")),
-            tuple(map(str, value.get("edges", ()))),
-        )
+        """From the attributes as JSON holds them."""
+        return cls(**{**value, "days": None if value["days"] is None else dict(value["days"])})
 
 
 @dataclass(frozen=True)
@@ -176,7 +162,7 @@ def find_days(
             if facts.days is None:
                 parts.setdefault(date, []).append(part)
             continue
-        for iso, digest in facts.days or ():
+        for iso, digest in (facts.days or {}).items():
             date, part = dt.date.fromisoformat(iso), (name, digest, facts.digest)
             if iso in facts.edges:
                 edges.append((date, part))
@@ -271,15 +257,15 @@ def _look(
     if date is not None:
         digest, rows = _hash(path, status.st_size)
         few = rows <= spec.input.skip_rows + spec.input.unit_rows + FEW_ROWS
-        days = () if spec.latest and few and _is_edge(path, spec, date) else None
-        return FileFacts(*stamp, digest, days, settings)
+        edge = spec.latest and few and _is_edge(path, spec, date)
+        return FileFacts(*stamp, digest, {} if edge else None, settings)
     log = load(path, shown(path.name), spec, fresh=True)
     dates = log.dates()
     if not dates:
         raise DataError("has no values in the required columns")
-    of_days = tuple((date.isoformat(), log.digest_of(date)) for date in dates)
-    edges = tuple(date.isoformat() for date in dates if log.is_edge(date))
-    return FileFacts(*stamp, log.digest, of_days, settings, edges)
+    days = {date.isoformat(): log.digest_of(date) for date in dates}
+    edges = [date.isoformat() for date in dates if log.is_edge(date)]
+    return FileFacts(*stamp, log.digest, days, settings, edges)
 
 
 def _is_edge(path: Path, spec: Spec, date: dt.date) -> bool:

@@ -190,7 +190,7 @@ TAIL = 64 << 10
 """Bytes at the end of a file that hold these lines."""
 _ENDLESS = 10**9
 _DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d|\d{8}")
-_ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")
+ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")
 """Unit of a block in a comment of a ZRXP file."""
 _UTF8_BOM = b"\xef\xbb\xbf"
 _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
@@ -450,7 +450,7 @@ class RowReader:
         comment = self.spec.input.comment
         if comment and line.startswith(comment):
             self.look_for_tag(line)
-            if match := _ZRXP_UNIT.search(line):
+            if match := ZRXP_UNIT.search(line):
                 self.block_unit = match[1]
             self.counts.comments += 1
             return

@@ -659,7 +659,7 @@ def run(
                 if summary.dropped:
                     stale = pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks())
                     store.forget(kept.table["key"].filter(pc.invert(stale)).to_pylist())
-            store.remember_files(data_dir, {p: f.to_json() for p, f in planned.catalog.files.items()})
+            store.remember_files(data_dir, {p: vars(f) for p, f in planned.catalog.files.items()})
     summary.seconds = time.perf_counter() - began
     return summary
 

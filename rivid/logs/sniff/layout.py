@@ -1,6 +1,5 @@
 """The layout of a foreign text file: encoding, separator, header, and how its times are written."""
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -9,7 +8,7 @@ from itertools import pairwise
 
 from rivid.errors import DataError
 from rivid.logs.spec import read_text
-from rivid.logs.text import LINE, unmarked_utf16
+from rivid.logs.text import LINE, ZRXP_UNIT, split_cells, unmarked_utf16
 
 SEPARATORS = (";", "\t", "|", ",")
 """In this order where several fit: a comma may be a decimal mark, the others hardly anything else."""
@@ -105,7 +104,7 @@ def guess_layout(content: bytes, name: str) -> Layout:
     numbered = [(i, line) for i, line in enumerate(lines) if not (comment and line.startswith(comment))]
     lines = [line for _, line in numbered]
     separator, width = _guess_separator(lines)
-    cells = [_split(line, separator) for line in lines]
+    cells = [split_cells(line, separator) or [] for line in lines]
     if width < 2 or not any(any(row) for row in cells if len(row) == width):
         raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
     header = _find_header(cells, width)
@@ -153,7 +152,7 @@ def _zrxp(lines: Sequence[str], encoding: str) -> Layout | None:
         if match := re.search(ZRXP_TAG, line):
             tag = match[1].strip()
         if line.startswith("#"):
-            if tag and (match := re.search(r"CUNIT([^|*]+)", line)):
+            if tag and (match := ZRXP_UNIT.search(line)):
                 units[tag] = match[1].strip()
         elif len(cells := line.split()) == len(names):
             rows.append(cells)
@@ -206,19 +205,12 @@ def _find_header(cells: Sequence[list[str]], width: int) -> int:
     return next(i for filled, i in above if 2 * filled > fullest)
 
 
-def _split(line: str, separator: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
-    except csv.Error:
-        return []
-
-
 def _guess_separator(lines: Sequence[str]) -> tuple[str, int]:
     """The separator that divides most lines into the same number of cells, and that number."""
     best, best_score, width = ",", 0.0, 0
     filled = [line for line in lines if line.strip()][:2000]
     for separator in SEPARATORS if filled else ():
-        modal, times = Counter(len(_split(line, separator)) for line in filled).most_common(1)[0]
+        modal, times = Counter(len(split_cells(line, separator) or []) for line in filled).most_common(1)[0]
         score = times / len(filled) if modal > 1 else 0.0
         if score > best_score + 0.02:  # a clearly larger share: else the earlier one, which is less ambiguous
             best, best_score, width = separator, score, modal
