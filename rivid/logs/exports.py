@@ -48,40 +48,33 @@ _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
 
 
 class ValueStatus(IntEnum):
-    """What became of a value."""
+    """What became of a value; `word` is its name in the table and the JSON."""
 
-    USED = 0
-    MISSING = 1
-    STATUS = 2
-    FLAG = 3
-    SENTINEL = 4
-    TIME = 5
-    DUPLICATE = 6
-    UNMATCHED = 7
-    BETWEEN = 8
-    REFUSED = 9
-    PENDING = 10
-    OUTSIDE = 11
-    STANDING = 12
-    UNREADABLE = 13
+    word: str
+
+    def __new__(cls, value: int, word: str) -> "ValueStatus":
+        status = int.__new__(cls, value)
+        status._value_, status.word = value, word
+        return status
+
+    USED = 0, "used"
+    MISSING = 1, "missing"
+    STATUS = 2, "status text"
+    FLAG = 3, "flag"
+    SENTINEL = 4, "sentinel"
+    TIME = 5, "ambiguous or impossible time"
+    DUPLICATE = 6, "duplicate"
+    UNMATCHED = 7, "part of a sum missing"
+    BETWEEN = 8, "between samples"
+    REFUSED = 9, "refused day"
+    PENDING = 10, "unfinished day"
+    OUTSIDE = 11, "not asked for"
+    STANDING = 12, "other log in place"
+    UNREADABLE = 13, "unreadable row"
 
 
-WORDS = {
-    ValueStatus.MISSING: "missing",
-    ValueStatus.STATUS: "status text",
-    ValueStatus.FLAG: "flag",
-    ValueStatus.SENTINEL: "sentinel",
-    ValueStatus.TIME: "ambiguous or impossible time",
-    ValueStatus.DUPLICATE: "duplicate",
-    ValueStatus.UNMATCHED: "part of a sum missing",
-    ValueStatus.BETWEEN: "between samples",
-    ValueStatus.REFUSED: "refused day",
-    ValueStatus.PENDING: "unfinished day",
-    ValueStatus.OUTSIDE: "not asked for",
-    ValueStatus.STANDING: "other log in place",
-    ValueStatus.UNREADABLE: "unreadable row",
-}
-"""Reasons for values that are not used, as the table and the JSON name them."""
+REASONS = tuple(status for status in ValueStatus if status != ValueStatus.USED)
+"""Why values are not used, in the order of the table."""
 
 
 @dataclass(eq=False)
@@ -193,13 +186,8 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
     values = columns.numbers[name]
     statuses = np.where(np.isfinite(values), ValueStatus.USED, ValueStatus.MISSING).astype(np.int8)
     for row, text in columns.why.get(name, {}).items():
-        statuses[row] = (
-            ValueStatus.FLAG
-            if text.startswith(FLAG)
-            else ValueStatus.MISSING
-            if text in EMPTY
-            else ValueStatus.STATUS
-        )
+        of_text = ValueStatus.MISSING if text in EMPTY else ValueStatus.STATUS
+        statuses[row] = ValueStatus.FLAG if text.startswith(FLAG) else of_text
     if spec.input.sentinels:
         statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
     return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
@@ -257,7 +245,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
         sources[one.name] = {
             "read": count.total(),
             "used": count[ValueStatus.USED],
-            "dropped": {word: count[status] for status, word in WORDS.items() if count[status]},
+            "dropped": {status.word: count[status] for status in REASONS if count[status]},
             "sorted": one.unsorted,
         }
     flags: Counter[str] = Counter()
@@ -284,7 +272,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
 def ledger_lines(ledger: dict[str, Any]) -> Iterable[str]:
     """The account as a table."""
     names, sources = [name[:24] for name in ledger["sources"]], list(ledger["sources"].values())
-    dropped = {word: [source["dropped"].get(word, 0) for source in sources] for word in WORDS.values()}
+    dropped = {one.word: [source["dropped"].get(one.word, 0) for source in sources] for one in REASONS}
     rows = {"read": [source["read"] for source in sources]}
     rows |= {word: counts for word, counts in dropped.items() if any(counts)}
     rows["used"] = [source["used"] for source in sources]
