@@ -42,6 +42,7 @@ from rivid.logs.days import (
     refuse_columns,
     unread,
 )
+from rivid.logs.spec import is_day_file
 from rivid.results.store import (
     METHOD_VERSION,
     SCHEMA_VERSION,
@@ -525,8 +526,11 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
             _alone(replace(batch, windows=windows), segments, engine, done)
 
 
-BATCH_DAYS = 128
-"""Most days of a batch: few enough to share out, enough to be worth a file."""
+LEAST_BATCH, BATCH_DAYS = 128, 366
+"""Least and most days of a batch: enough to be worth a file, and a year, so that one worker reads its log."""
+
+BATCHES_EACH = 4
+"""Batches for each worker, so that all end at about the same time."""
 
 ONE_PROCESS_BELOW = 1000
 """New days below which starting worker processes takes longer than the estimates themselves."""
@@ -688,10 +692,21 @@ def _refuse_places(data_dir: Path, out: Path) -> None:
 def _batches(
     data_dir: Path, config: Config, new: list[Window], planned: Plan, engine: Engine
 ) -> Iterator[Batch]:
-    """Cut the new windows into batches for an engine."""
-    size = max(1, min(BATCH_DAYS, -(-len(new) // engine.slots)))
-    for at in range(0, len(new), size):
-        yield Batch(data_dir, config, tuple(new[at : at + size]), planned.now)
+    """Cut the new windows into batches for an engine, at the ends of files where these are of many days."""
+    shared = -(-len(new) // engine.slots)
+    size = min(shared, BATCH_DAYS, max(LEAST_BATCH, shared // BATCHES_EACH))
+    begin = 0
+    for at in range(1, len(new) + 1):
+        whole = at - begin >= size or at == len(new)
+        if whole or (at - begin >= size // 2 and _file_of(new[at]) != _file_of(new[at - 1])):
+            yield Batch(data_dir, config, tuple(new[begin:at]), planned.now)
+            begin = at
+
+
+def _file_of(window: Window) -> str:
+    """The file of many days with the last day of a window; empty for one of a single day."""
+    path = window.sources[-1].parts[0][0]
+    return "" if is_day_file(path) else path
 
 
 def _summarise(
