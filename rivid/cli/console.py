@@ -67,11 +67,6 @@ class Console:
         if not self.quiet:
             click.echo(f"rivid: {text}", err=True)
 
-    def detail(self, name: str, text: str) -> None:
-        """Print a labelled line with --verbose."""
-        if self.verbose:
-            click.echo(f"{name:>10}  {text}", err=True)
-
     def phase(self, name: str) -> None:
         """Print with --verbose how long the phase that ends here has taken."""
         now = time.perf_counter()
@@ -123,12 +118,13 @@ class Console:
         """Print with --verbose the versions and the named files and directories in use."""
         if not self.verbose:
             return
-        self.detail("versions", versions())
+        lines = [("versions", versions())]
         for name, place in places:
             if place is not None:
-                self.detail(name, str(place))
-                if name == "logs":
-                    self.detail("", files_in(Path(place)))
+                lines.append((name, str(place)))
+                lines += [("", files_in(Path(place)))] if name == "logs" else []
+        for name, text in lines:
+            click.echo(f"{name:>10}  {text}", err=True)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,56 +49,31 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
       rivid effects side_storage
       rivid effects --effects-file configs/scenarios/outside/hunting.py --json
     """
-    from rivid.effects import FAMILIES, effect_classes
+    from rivid.effects import effect_classes
     from rivid.errors import ConfigError
 
     classes = effect_classes(effects_file)
     if name is not None and name not in classes:
         near = shared.nearest(name, list(classes))
         raise ConfigError(f"no effect is called {name!r}: expected one of {', '.join(classes)}.{near}")
+    records = {one.name: _record(one) for one in classes.values()}
     if as_json:
-        shown = [_record(one) for one in classes.values()]
-        click.echo(json.dumps(shown if name is None else _record(classes[name]), indent=1))
-    elif name is not None:
-        click.echo(_in_full(classes[name]))
-    else:
-        for family in FAMILIES:
-            click.echo(f"{TITLES[family]}\n")
-            for one in filter(lambda one: one.family == family, classes.values()):
-                lines = [one.name, wrap(one.sentence, 4), *_parameters(one, 4)]
-                if not one.windowed:
-                    lines.append(wrap(PERMANENT, 4))
-                click.echo("\n".join([*lines, wrap(f"Looks like: {one.looks}", 4, 2), ""]))
-        click.echo(wrap("`rivid effects NAME` describes one in full, with an example for a scenario."))
+        click.echo(json.dumps(list(records.values()) if name is None else records[name], indent=1))
+        return 0
+    from rivid.report.page import terminal
+
+    one = None if name is None else classes[name]
+    text = terminal(
+        "effects", effects=list(records.values()), full=one and records[one.name], titles=TITLES,
+        paragraphs=_paragraphs(one) if one else [], example=example(one) if one else "",
+        permanent=PERMANENT, wrap=wrap, shown=_value,
+    )  # fmt: skip
+    click.echo(text)
     return 0
-
-
-def _parameters(one: "type[Effect]", indent: int) -> list[str]:
-    usual = one.defaults()
-    lines = []
-    for key, spec in one.parameters().items():
-        of_each = ", or a list" if spec.many and usual[key] != () else ""
-        shown = f"{key} = {_value(usual[key])} [{spec.unit}], {spec.low:g} to {spec.high:g}{of_each}"
-        lines.append(wrap(f"{shown}: {spec.meaning}", indent, 4))
-    return lines
 
 
 def _value(value: Any) -> str:
     return json.dumps(list(value)) if isinstance(value, tuple) else f"{value:g}"
-
-
-def _in_full(one: "type[Effect]") -> str:
-    when = "Can be limited to dates and hours." if one.windowed else PERMANENT
-    lines = [
-        f"{one.name} ({one.family})", wrap(one.sentence, 2), "",
-        *(line for part in _paragraphs(one) for line in (wrap(part, 2), "")),
-        *_parameters(one, 2), "",
-        wrap(when, 2), "",
-        wrap(f"Looks like: {one.looks}", 2, 2), "",
-        "In a scenario:", "",
-        textwrap.indent(example(one), "    "),
-    ]  # fmt: skip
-    return "\n".join(lines)
 
 
 def _paragraphs(one: "type[Effect]") -> list[str]:
