@@ -78,7 +78,11 @@ def find_fleet(
         if asked:
             raise NoDataError(f"{data_dir} is no directory: a fleet is expected there, as {configs} is one")
         return None
-    folders = _folders(data_dir)
+    folders = [
+        (path.name, path, holds_logs(path))
+        for path in data_dir.iterdir()
+        if not path.name.startswith(".") and path.is_dir()
+    ]
     if not asked and not any(holds for _, _, holds in folders):
         return None
     shared = _defaults(configs)
@@ -96,13 +100,6 @@ def find_fleet(
             f"no reach in {data_dir}: a directory of logs is expected for each, {data_dir}/<reach>/"
         )
     return sorted(reaches, key=lambda reach: reach.name)
-
-
-def _folders(data_dir: Path) -> list[tuple[str, Path, bool]]:
-    """Directories in DATA_DIR that are not hidden, and whether they hold logs."""
-    with os.scandir(data_dir) as entries:
-        found = [Path(e.path) for e in entries if not e.name.startswith(".") and e.is_dir()]
-    return [(path.name, path, holds_logs(path)) for path in found]
 
 
 def holds_logs(folder: Path) -> bool:

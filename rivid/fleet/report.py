@@ -82,6 +82,10 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
     """Return the content of fleet.json, compared with that of the last report."""
     contents = before.get("contents") or {}
     latest = max((o.last for o in outcomes if o.last), default="")
+
+    def behind(o: Outcome) -> int:
+        return (dt.date.fromisoformat(latest) - dt.date.fromisoformat(o.last)).days
+
     return {
         "schema_version": SCHEMA_VERSION,
         "made": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -91,19 +95,13 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "latest": latest,
         "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
         "left_band": [o.reach for o in outcomes if o.moved],
-        "silent": [o.reach for o in outcomes if o.last and is_silent(o, latest)],
+        "silent": [o.reach for o in outcomes if o.last and behind(o) >= SILENT_AFTER],
         "changed": [
             o.reach for o in outcomes if contents and o.content and contents.get(o.reach) != o.content
         ],
         "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
         "data_sets_of": {o.reach: o.data_sets for o in outcomes},
     }
-
-
-def is_silent(outcome: Outcome, latest: str) -> bool:
-    """Whether a reach has had no log for days while others have."""
-    behind = dt.date.fromisoformat(latest) - dt.date.fromisoformat(outcome.last)
-    return behind.days >= SILENT_AFTER
 
 
 def _before(out: Path) -> dict[str, Any]:
