@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from copy import deepcopy
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
@@ -19,6 +19,9 @@ from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, 
 from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
+
+if TYPE_CHECKING:
+    from rivid.core.hydraulics import DelayProposal
 
 __all__ = [
     "FLOWS",
@@ -150,6 +153,15 @@ class ReachConfig(Section):
         if low > high:
             raise ValueError(f"discharge_range = [{low}, {high}]: expected lowest, highest [m3/s]")
         return self
+
+    def proposal(self, sample_time: float | None = None) -> "DelayProposal":
+        """Candidate delays from the hydraulics, at another `sample_time` [s] where given."""
+        from rivid.core.hydraulics import propose_delays
+
+        return propose_delays(
+            self.discharge_range, length=self.length, width=self.width, depth=self.depth,
+            sample_time=sample_time or self.sample_time, kind=self.kind,
+        )  # fmt: skip
 
     @property
     def output(self) -> str:
@@ -331,13 +343,7 @@ class Config(Section):
         j = self.jmap
         order, d_max, sigma_d = j.order, j.d_max, j.sigma_d
         if "bounds" in (order, d_max, sigma_d):
-            from rivid.core.hydraulics import propose_delays
-
-            r = self.reach
-            proposal = propose_delays(
-                r.discharge_range, length=r.length, width=r.width, depth=r.depth,
-                sample_time=r.sample_time, kind=r.kind,
-            )  # fmt: skip
+            proposal = self.reach.proposal()
             order = proposal.order if order == "bounds" else order
             d_max = proposal.d_max if d_max == "bounds" else d_max
             sigma_d = proposal.delay_scale if sigma_d == "bounds" else sigma_d

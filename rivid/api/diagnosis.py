@@ -11,7 +11,6 @@ import numpy as np
 from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
-from rivid.core.hydraulics import propose_delays
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.data import Record, as_record
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Unknown, Verdict
@@ -236,11 +235,7 @@ def _record_of(
     ]
     if not rows:
         raise NoDataError(f"no simulated day from {first} to {last}: expected days of {season.dates[0]} on")
-    reach = config.reach
-    proposal = propose_delays(
-        reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-        sample_time=season.sample_time,
-    )  # fmt: skip
+    proposal = config.reach.proposal(season.sample_time)
     return as_record(
         [season.dates[i] for i in rows], season.seconds, season.inflow[rows], season.outflow[rows],
         season.level[rows], sample_time=season.sample_time, delay=proposal.d_max // 2,

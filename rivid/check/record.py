@@ -18,7 +18,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rivid.config import ReachConfig
-from rivid.core.hydraulics import propose_delays
 from rivid.errors import ConfigError
 from rivid.logs.days import DataSet
 from rivid.types import HOUR, ONE_DAY, Floats
@@ -167,10 +166,7 @@ class Fits:
         self.record = record
         reach, step = record.reach, record.step
         try:
-            proposed = propose_delays(
-                reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-                sample_time=step, kind=reach.kind,
-            )  # fmt: skip
+            proposed = reach.proposal(step)
             self.longest = min((proposed.d_max + 1) * step, LONGEST)
         except ConfigError:
             self.longest = HOUR

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.config import Config
-from rivid.core.hydraulics import propose_delays
 from rivid.effects.base import World
 from rivid.errors import DataError, NoDataError, RividError
 from rivid.logs.days import find_days, read_window
@@ -214,10 +213,7 @@ def read_record(
     if not days:
         raise NoDataError(_no_day(root, failed, [source.date for source in catalog.days], first, last))
     reach = config.reach
-    proposal = propose_delays(
-        reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-        sample_time=reach.sample_time, kind=reach.kind,
-    )  # fmt: skip
+    proposal = reach.proposal()
     seconds = np.arange(0.0, DAY, reach.sample_time)
     whole = [day for day in days if len(day.inflow) == len(seconds)]
     failed += [
