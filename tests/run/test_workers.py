@@ -11,7 +11,7 @@ import pytest
 from rivid.config import Config
 from rivid.results.read import load_results
 from rivid.run.run import Options, run
-from rivid.run.workers import Processes
+from rivid.run.workers import Here, Processes
 from tests.daily import write_days
 
 DEADLY = """
@@ -85,3 +85,34 @@ def test_nothing_is_imported_from_the_current_directory(engine, tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert not (tmp_path / "taken").exists()
     assert (tmp_path / "out" / "delays.csv").exists()
+
+
+def test_new_files_of_many_days_are_listed_by_the_engine_with_the_same_results(tmp_path, monkeypatch):
+    class Two(Here):
+        slots = 2
+        tasks: list = []
+
+        def submit(self, task, *arguments):
+            self.tasks.append(task)
+            return super().submit(task, *arguments)
+
+    write_days(tmp_path / "single", 6)
+    texts = [path.read_text().split("\n", 1) for path in sorted((tmp_path / "single").glob("*.csv"))]
+    data = tmp_path / "data"
+    data.mkdir()
+    for name, part in (("a", texts[:3]), ("b", texts[3:])):
+        (data / f"{name}.csv").write_text(part[0][0] + "\n" + "".join(rows for _, rows in part))
+    (data / "c.csv").write_text("no,log\n1,2\n")
+    options, engine = Options(workers=1, figures=False), Two()
+    alone = run(data, tmp_path / "alone", Config(), options)
+    monkeypatch.setattr("rivid.run.run.LISTED_HERE", 0)
+    shared = run(data, tmp_path / "shared", Config(), options, engine=engine)
+    assert [task.__name__ for task in engine.tasks].count("look_ahead") == 3
+    assert shared.bad_files == alone.bad_files and len(alone.bad_files) == 1
+    for name in ("delays.csv", "fir.parquet"):
+        assert (tmp_path / "shared" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    engine.tasks.clear()
+    run(data, tmp_path / "shared", Config(), options, engine=engine)
+    assert [task.__name__ for task in engine.tasks] == [
+        "look_ahead"
+    ]  # of the bad file, whose facts are not kept
