@@ -117,8 +117,7 @@ def worst(codes: Iterable[int]) -> int:
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
     from rivid.report.summary import last_week, leading
-    from rivid.results.days import day_numbers
-    from rivid.results.read import brief_results
+    from rivid.results.read import brief_results, day_numbers
 
     results = brief_results(summary.rows, config)
     recent, lead = last_week(results), leading(results)

@@ -14,8 +14,17 @@ from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.plots import estimates, style
 from rivid.plots.style import FigureFile
-from rivid.results.days import CLEAR, day_numbers, estimates_delay, found, has_t50, leading_response, thirds
-from rivid.results.read import EstimatorResults, Results
+from rivid.results.read import (
+    CLEAR,
+    EstimatorResults,
+    Results,
+    day_numbers,
+    estimates_delay,
+    found,
+    has_t50,
+    leading_response,
+    thirds,
+)
 from rivid.text import (
     count,
     day_range,

@@ -15,8 +15,17 @@ from numpy.typing import ArrayLike
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
-from rivid.results.days import candidates, day_numbers, found, has_t50, kinds, rayleigh, thirds
-from rivid.results.read import EstimatorResults, Results
+from rivid.results.read import (
+    EstimatorResults,
+    Results,
+    candidates,
+    day_numbers,
+    found,
+    has_t50,
+    kinds,
+    rayleigh,
+    thirds,
+)
 from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
@@ -46,7 +55,7 @@ MARKS: dict[str, dict[str, Any]] = {
     "degenerate": {"marker": "x", "color": style.GREY},
     "at a bound": {"marker": "^", "color": style.ACCENT},
 }
-"""Mark of a day by the class of its delay (:func:`rivid.results.days.kinds`)."""
+"""Mark of a day by the class of its delay (:func:`rivid.results.read.kinds`)."""
 EDGED: dict[str, Any] = {"markeredgewidth": 0.8, "zorder": 3}
 
 

@@ -20,8 +20,7 @@ from rivid.plots.draw import typical_day
 from rivid.plots.paper_data import CascadeReach, Year
 from rivid.plots.style import FigureFile
 from rivid.reach.integrator import theoretical_fir
-from rivid.results.days import day_numbers, rayleigh
-from rivid.results.read import Results
+from rivid.results.read import Results, day_numbers, rayleigh
 from rivid.text import count, delays, listed, number, response_unit, share
 from rivid.types import Floats
 

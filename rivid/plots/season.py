@@ -13,7 +13,7 @@ from rivid.core.law import DelayLaw
 from rivid.plots import style
 from rivid.plots.estimates import DASHED, flow_axis, probability_cells
 from rivid.plots.style import FigureFile
-from rivid.results.days import day_numbers
+from rivid.results.read import day_numbers
 from rivid.results.season import Joined, SeasonDays
 from rivid.text import count, day_range, duration
 from rivid.types import Floats

@@ -23,7 +23,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFor
 from PIL import Image
 
 from rivid.atomic import replacing
-from rivid.results.days import day_numbers
+from rivid.results.read import day_numbers
 from rivid.text import NO_ANSWER, shorten, ten_to, time_unit
 from rivid.types import Floats
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from rivid.estimators import ESTIMATORS
 from rivid.report.summary import LastWeek, leading
-from rivid.results.days import candidates, estimates_delay, found
-from rivid.results.read import EstimatorResults, Results
+from rivid.results.read import EstimatorResults, Results, candidates, estimates_delay, found
 from rivid.text import NO_ANSWER
 from rivid.types import Bools, Floats
 

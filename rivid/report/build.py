@@ -10,8 +10,7 @@ from rivid.report import strip
 from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page
 from rivid.report.summary import WEEKS, facts, last_week, summarise
-from rivid.results.days import CLEAR, estimates_delay, passage
-from rivid.results.read import Results
+from rivid.results.read import CLEAR, Results, estimates_delay, passage
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rivid.report.summary import FEWEST_DAYS, WEEK, WEEKS, LastWeek, weeks_ago
-from rivid.results.days import kinds
+from rivid.results.read import kinds
 from rivid.text import time_unit
 from rivid.types import Floats
 

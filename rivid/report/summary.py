@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from rivid.estimators import ESTIMATORS
-from rivid.results.days import (
+from rivid.results.read import (
+    EstimatorResults,
+    Results,
     candidates,
     day_numbers,
     decided,
@@ -24,7 +26,6 @@ from rivid.results.days import (
     passage,
     rayleigh,
 )
-from rivid.results.read import EstimatorResults, Results
 from rivid.text import NO_ANSWER
 from rivid.types import Bools, Floats, Ints
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from rivid.plots import estimates, style
-from rivid.results.days import (
+from rivid.results.read import (
     candidates,
     day_numbers,
     estimates_delay,
