@@ -91,12 +91,15 @@ def test_a_free_start_is_table_vi_on_the_full_rows_less_their_means(monkeypatch)
 
 def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
     u, y, _ = season(12, 4)
-    result = jmap(u, y, inverse_gamma=False, max_iterations=6)
+    result = jmap(u, y, inverse_gamma=False, max_iterations=4)
+    compared = 0
     for i in range(len(u)):
-        d, _, _, s_w, s_h, _ = table_vi(u[i], y[i], 30, range(1, 16), inverse_gamma=False, most=6)
+        d, _, _, s_w, s_h, _ = table_vi(u[i], y[i], 30, range(1, 16), inverse_gamma=False, most=4)
         if s_w / s_h < 1e8:  # beyond it the plain solution has too few digits to compare with
             assert result.alpha[i] == pytest.approx(s_w / s_h, rel=1e-3)
             assert result.delay[i] == d
+            compared += 1
+    assert compared >= 6
     ran = jmap(u, y, inverse_gamma=False)
     assert (ran.alpha > 100 * jmap(u, y).alpha).all()
     assert set(ran.status) <= {"ok", "degenerate"}

@@ -94,6 +94,8 @@ def test_commands_are_whole_quanta():
     outflow, _ = run(inflow, replace(OperatorSettings(), quantum=quantum), quantum=0.01)
     assert len(np.unique(outflow)) > 10
     np.testing.assert_array_equal(outflow % quantum, 0)
+    assert quantise(np.array([136.0163, -0.004]), 0.01).tolist() == [136.02, 0.0]
+    assert quantise(np.array([1.2345]), 0.0).tolist() == [1.2345]
 
 
 def test_the_outflow_keeps_its_limit_and_leaves_it_again():
@@ -135,8 +137,3 @@ def test_no_operator_makes_the_level_swing():
     assert np.abs(level[-100:] - 129.8).max() < 0.02
     with pytest.raises(ConfigError, match=r"operators.level_gain = -1000 .* expected above -372 m2/s"):
         draw_crew(OperatorSettings(level_gain=-1000.0), 1800.0 / 6.7e5, np.random.default_rng(0))
-
-
-def test_quanta_are_round_numbers():
-    assert quantise(np.array([136.0163, -0.004]), 0.01).tolist() == [136.02, 0.0]
-    assert quantise(np.array([1.2345]), 0.0).tolist() == [1.2345]
