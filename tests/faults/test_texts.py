@@ -156,14 +156,11 @@ def test_a_reach_is_called_by_letters_digits_dot_underscore_hyphen(name):
         assert name[0] != "."
 
 
-@pytest.mark.parametrize(
-    "name", ["..", ".", ".x", "../x", "/etc/x", "a/b", "x\n", "x\0", "ï", "=1", "C:\\x", ""]
-)
-def test_a_name_that_leads_elsewhere_is_refused(tmp_path, tried, name):
-    write_days(tmp_path / "data", 1)
-    with pytest.raises(ConfigError):
-        parse({"reach": {"name": name}}, Config)
-    tried(f"reach.name = {name!r}")
+def test_a_name_that_leads_elsewhere_is_refused(tried):
+    for name in ("..", ".", ".x", "../x", "/etc/x", "a/b", "x\n", "x\0", "ï", "=1", "C:\\x", ""):
+        with pytest.raises(ConfigError):
+            parse({"reach": {"name": name}}, Config)
+        tried(f"reach.name = {name!r}")
 
 
 def test_an_out_that_parquet_cannot_name_is_one_line(tmp_path, tried):

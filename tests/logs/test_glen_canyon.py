@@ -19,8 +19,9 @@ def settings(request):
     return load_config(HOME / "configs" / f"{request.param}.toml")
 
 
-def test_every_day_is_read(settings):
-    report = check(LOGS, settings)
+@pytest.mark.parametrize("name", [pytest.param("glen_canyon", marks=pytest.mark.long), "glen_canyon_rm30"])
+def test_every_day_is_read(name):
+    report = check(LOGS, load_config(HOME / "configs" / f"{name}.toml"))
     assert len(report.days) == 426 and report.exit_code == 0
     assert report.warnings == [] and report.absent == []
     assert sum(day.n_filled for day in report.days) == 0

@@ -182,10 +182,10 @@ def test_killed_workers_cost_nothing_and_few_batches_are_under_way(season, tmp_p
     assert bytes_of(tmp_path) == whole
 
 
-def test_a_worker_that_does_not_see_the_logs_fails_no_day(season, tmp_path, monkeypatch):
+def test_a_worker_that_does_not_see_the_logs_fails_no_day(season, scheduler, tmp_path, monkeypatch):
     data, _ = season
     away = data.with_name("away")
-    with Dask(workers=1) as engine:
+    with Dask(str(scheduler)) as engine:
         submit = engine.submit
 
         def unmounted(task, *arguments):
