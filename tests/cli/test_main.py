@@ -1,10 +1,12 @@
 """The command as a process: alone, mistyped, cut off, interrupted, with closed streams."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +14,7 @@ from rivid import __version__
 from rivid.cli import COMMANDS
 from tests.cli.conftest import ROOT
 from tests.daily import write_days
+from tests.faults.processes import wait_until
 from tests.run.test_run import command
 
 REAL = [sys.executable, "-c", "from rivid.cli import main; main()"]
@@ -92,11 +95,18 @@ def test_a_run_that_is_ended_prints_one_line(tmp_path):
     assert stderr.startswith("rivid: ") and stderr.count("\n") == 1 and "same command" in stderr
 
 
+def handles(child, number):
+    """Whether a process has a handler for a signal."""
+    mask = re.search(r"SigCgt:\s*(\w+)", Path(f"/proc/{child.pid}/status").read_text())[1]
+    return int(mask, 16) >> (number - 1) & 1
+
+
 def test_another_command_that_is_interrupted_keeps_nothing(tmp_path):
     scenario = ROOT / "configs" / "scenarios" / "cascade.toml"
     words = [*REAL, "simulate", str(scenario), "--out", str(tmp_path / "logs")]
     child = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
-    time.sleep(0.4)
+    assert wait_until(lambda: handles(child, signal.SIGALRM))  # and with it SIGINT
+    time.sleep(0.1)
     assert child.poll() is None
     child.send_signal(signal.SIGINT)
     assert child.communicate(timeout=60)[1] == "rivid: interrupted\n"
