@@ -1,6 +1,6 @@
 """A simulated season with known truth."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rivid.plots.library import Curve, Panel
 
 
+@dataclass(frozen=True, repr=False, eq=False)
 class SimulatedSeason(Result, Season):
     """The result of :func:`simulate`: a :class:`rivid.simulation.Season` with a short repr and a figure."""
 

@@ -109,13 +109,14 @@ TRIAL = 1.0
 """Step of outflow from which the response of a channel's level is computed [m3/s]."""
 
 
-@dataclass(frozen=True)
 class Water:
-    """The reach of a scenario."""
+    """The reach of a scenario.
 
-    scenario: Scenario
-    area_slope: float = 0.0
-    """Relative change of the surface for each metre of level above the set-point [1/m]."""
+    `area_slope` is the relative change of the surface for each metre of level above the set-point [1/m].
+    """
+
+    def __init__(self, scenario: Scenario, area_slope: float = 0.0) -> None:
+        self.scenario, self.area_slope = scenario, area_slope
 
     @cached_property
     def pool(self) -> LinearReach:
