@@ -9,7 +9,6 @@ import pytest
 
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError
-from rivid.results import store as record
 from rivid.results.read import load_results
 from rivid.run.run import Options, run
 from tests.daily import write_days
@@ -34,16 +33,17 @@ def settings(tmp_path, name, text):
     return path
 
 
+def dies(*_):
+    raise KeyboardInterrupt
+
+
 def test_tables_of_an_interrupted_run_with_other_settings_are_written_again(data, tmp_path, monkeypatch):
     out = tmp_path / "out"
     run(data, out, Config(), Options(figures=False))
     ours = bytes_of(out)
     other = parse({"jmap": {"sigma_d": 3.0}}, Config)
 
-    def dies(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(record, "hashes", dies)  # right after the tables were replaced
+    monkeypatch.setattr("rivid.run.run.hashes", dies)  # right after the tables were replaced
     with pytest.raises(KeyboardInterrupt):
         run(data, out, other, Options(figures=False))
     monkeypatch.undo()
@@ -76,9 +76,6 @@ def test_damaged_files_of_out_are_found_and_written_again(data, tmp_path):
 def test_a_failure_counts_as_new_until_a_finished_run_has_reported_it(data, tmp_path, monkeypatch):
     out = tmp_path / "out"
     (data / "2008-03-12.csv").write_text("time,u_Qi,u_Qo,h_L\n")
-
-    def dies(*_):
-        raise KeyboardInterrupt
 
     monkeypatch.setattr("rivid.run.run.draw_with", dies)
     with pytest.raises(KeyboardInterrupt):
