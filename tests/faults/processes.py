@@ -56,7 +56,7 @@ def remaining(others):
     return [process for process in others if runs(process)]
 
 
-def wait_until(true, seconds=20.0):
+def wait_until(true, seconds=60.0):
     """Wait for something to become true; whether it did."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
