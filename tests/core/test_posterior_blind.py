@@ -68,25 +68,25 @@ def dense(u, y, model):
 @pytest.mark.parametrize("seed", range(examples(3, 1)))
 def test_evidence_is_the_dense_likelihood_with_the_response_integrated_out(days, seed):
     u, y, _, _ = days(1, seed, 150)
-    found = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
-    assert found.fronts.shape[-2:] == (LAST - FIRST + 1, len(SHARES))
+    fronts, nothing, _ = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
+    assert fronts.shape[-2:] == (LAST - FIRST + 1, len(SHARES))
     rng = np.random.default_rng(seed)
     for _ in range(15):
-        model = tuple(int(rng.integers(k)) for k in found.fronts.shape)
+        model = tuple(int(rng.integers(k)) for k in fronts.shape)
         log, none, _, _ = dense(u[0], y[0], model)
-        assert found.fronts[model] == pytest.approx(log, abs=2e-3)
-        assert found.nothing[model[:3]] == pytest.approx(none, abs=2e-3)
+        assert fronts[model] == pytest.approx(log, abs=2e-3)
+        assert nothing[model[:3]] == pytest.approx(none, abs=2e-3)
 
 
 @pytest.mark.parametrize("days", [linear_days, wave_days])
 def test_the_response_is_the_mean_of_the_likeliest_models(days):
     u, y, _, _ = days(1, 4, 150)
-    found = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
-    belongs = np.ones(found.fronts.shape[-2:], bool)
-    h, sd = blind_fir(found, belongs, TEMPERATURE)
-    order = np.argsort(-found.fronts, axis=None)[:4]
-    models = [np.unravel_index(i, found.fronts.shape) for i in order]
-    logs = np.array([found.fronts[m] for m in models])
+    fronts, _, sums = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
+    belongs = np.ones(fronts.shape[-2:], bool)
+    h, sd = blind_fir(fronts, sums, len(u[0]) - LAGS - 1, FIRST, belongs)
+    order = np.argsort(-fronts, axis=None)[:4]
+    models = [np.unravel_index(i, fronts.shape) for i in order]
+    logs = np.array([fronts[m] for m in models])
     weight = np.exp((logs - logs.max()) / TEMPERATURE)
     weight /= weight.sum()
     slow = [dense(u[0], y[0], m)[2:] for m in models]
@@ -100,17 +100,17 @@ def test_the_response_is_the_mean_of_the_likeliest_models(days):
 def test_weights_are_the_flattened_sum_over_all_models():
     s = PosteriorSettings()
     u, y, _, _ = wave_days(1, 3, 200)
-    found = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
-    weight, link = smooth_weights(found, s)
+    fronts, nothing, _ = blind_evidence(u[0], y[0], FIRST, LAST, LAGS)
+    weight, link = smooth_weights(fronts, nothing, s)
     slow = np.zeros(weight.shape)
-    top = found.fronts.max()
-    for model in np.ndindex(found.fronts.shape):
+    top = fronts.max()
+    for model in np.ndindex(fronts.shape):
         w = model[-1]
         prior = (1 - s.sharp) / len(SHARES) + (s.sharp if w == 0 else 0)
-        slow[model[1], model[4], model[5]] += prior * np.exp((found.fronts[model] - top) / TEMPERATURE)
+        slow[model[1], model[4], model[5]] += prior * np.exp((fronts[model] - top) / TEMPERATURE)
     assert np.allclose(weight, slow / slow.sum())
-    per_model = slow.sum() / slow.shape[1] / np.prod(found.fronts.shape[:4])
-    none = np.exp((found.nothing - top) / TEMPERATURE).mean()
+    per_model = slow.sum() / slow.shape[1] / np.prod(fronts.shape[:4])
+    none = np.exp((nothing - top) / TEMPERATURE).mean()
     assert link == pytest.approx(per_model / (per_model + none))
 
 

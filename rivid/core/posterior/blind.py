@@ -11,7 +11,6 @@ The probabilities are averaged, not the evidence: without the outflow both model
 evidence would select the one that is wrong with more confidence.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -89,22 +88,11 @@ def jumps(first: int, last: int, n_lags: int) -> Floats:
     return np.where(since >= 0, decay ** np.maximum(since, 0), 0.0)
 
 
-@dataclass(frozen=True)
-class BlindEvidence:
-    """Log evidence of one day, without the constant.
+def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> tuple[Floats, Floats, Sums]:
+    """Log evidence of every jump of one day, without the constant; u and y have shape (N,).
 
-    Axes: B kinds of noise, lengths and strengths of f, decays of the jump, candidates, shares.
-    """
-
-    fronts: Floats  # (B, lengths, strengths, decays, candidates, shares)
-    nothing: Floats  # without a jump, (B, lengths, strengths)
-    sums: Sums
-    n_rows: int
-    first: int  # the first candidate
-
-
-def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> BlindEvidence:
-    """Log evidence of every jump of one day; u and y have shape (N,).
+    Returns it for B kinds of noise, lengths and strengths of f, decays of the jump, candidates and shares, in
+    this order of axes; without a jump, shape (B, lengths, strengths); and the sums it is made of.
 
     The candidates d run from `first` to `last`; f has `n_lags` lags, above ``last + 2``. With G the Gram
     matrix of the lags and ``k K`` the covariance of f in units of s2, what f explains is projected from every
@@ -156,7 +144,7 @@ def blind_evidence(u: Floats, y: Floats, first: int, last: int, n_lags: int) -> 
         log[doubtful] += log_ndtr(np.maximum(t[doubtful], LEAST_T))
     log += np.log(2.0) - 0.5 * np.log(n + 1.0) - 0.5 * np.log(n) - half_log[:, :, None, None, :, None]
     fronts = np.where(alive & np.isfinite(log), log, -np.inf)
-    return BlindEvidence(np.moveaxis(fronts, 4, 2), nothing, sums, n, first)
+    return np.moveaxis(fronts, 4, 2), nothing, sums
 
 
 def lag_products(sums: Sums) -> tuple[Floats, Floats, Floats]:
@@ -172,26 +160,29 @@ def _unit(G: Floats) -> Floats:
     return np.asarray(G.shape[-1] / np.where(trace > 0.0, trace, np.inf), float)
 
 
-def blind_fir(found: BlindEvidence, belongs: NDArray[np.bool_], temperature: float) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of h, shape (n_lags + 1,), over the likeliest models.
+def blind_fir(
+    fronts: Floats, sums: Sums, n_rows: int, first: int, belongs: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of h, shape (n_lags + 1,), over the likeliest models of one day.
 
-    Only fronts that `belongs` (candidates, shares) marks count; `temperature` divides the log evidence.
+    `fronts` and `sums` are those of :func:`blind_evidence`, `n_rows` is the rows but one and `first` the
+    first candidate. Only fronts that `belongs` (candidates, shares) marks count.
     """
-    logs = np.where(belongs, found.fronts, -np.inf)
+    logs = np.where(belongs, fronts, -np.inf)
     flat = logs.ravel()
     chosen = np.sort(np.argpartition(-flat, MODELS)[:MODELS])
     chosen = chosen[np.isfinite(flat[chosen])]
-    G, b, yy = lag_products(found.sums)
-    n_lags, n = G.shape[-1], found.n_rows
+    G, b, yy = lag_products(sums)
+    n_lags, n = G.shape[-1], n_rows
     if not len(chosen):
         return np.full(n_lags + 1, np.nan), np.full(n_lags + 1, np.nan)
-    weight = np.exp((flat[chosen] - flat[chosen].max()) / temperature)
+    weight = np.exp((flat[chosen] - flat[chosen].max()) / TEMPERATURE)
     weight /= weight.sum()
     H, variances = np.zeros((2, len(chosen), n_lags + 1))
-    last = found.first + logs.shape[-2] - 1
+    last = first + logs.shape[-2] - 1
     for i, model in enumerate(chosen):
         B, length, strength, decay, d, w = np.unravel_index(model, logs.shape)
-        F, both = smooth_roots(n_lags)[length], jumps(found.first, last, n_lags)[decay]
+        F, both = smooth_roots(n_lags)[length], jumps(first, last, n_lags)[decay]
         s = SHARES[w] * both[d] + (1.0 - SHARES[w]) * both[d + 1]
         k = STRENGTHS[strength] * _unit(G)[B]
         root = k * F @ np.linalg.solve(np.eye(F.shape[1]) + k * F.T @ G[B] @ F, F.T)  # var f | theta, over s2
@@ -237,15 +228,18 @@ def _n_lags(s: PosteriorSettings) -> int:
 def _block(u: Floats, y: Floats, _: Floats | None, s: PosteriorSettings) -> tuple[Floats, ...]:
     """The pool of the equations with a front and of the smooth response with a jump."""
     fronts, q, stores, link = weighted_fronts(u, y, None, s)
-    days = [blind_evidence(a, b, *candidates_of(s), _n_lags(s)) for a, b in zip(u, y, strict=True)]
-    smooth, jump = zip(*(smooth_weights(day, s) for day in days), strict=True)
+    n_lags, (first, last) = _n_lags(s), candidates_of(s)
+    days = [blind_evidence(a, b, first, last, n_lags) for a, b in zip(u, y, strict=True)]
+    smooth, jump = zip(*(smooth_weights(found, none, s) for found, none, _ in days), strict=True)
     pooled = [*((1.0 - SHARE) * part for part in q), *(SHARE * part for part in np.stack(smooth, axis=-1))]
     probability, right, place = fold(pooled, [*stores, *IS_STORE], s)
     delay = likeliest(probability, s)
     fir, sd = fir_of(fronts, delay, stores, s)
     store, wave = meant(s)
+    n_rows = u.shape[1] - n_lags - 1
     smooth_fir = [
-        blind_fir(day, (store == d) | (wave == d), TEMPERATURE) for day, d in zip(days, delay, strict=True)
+        blind_fir(found, sums, n_rows, first, (store == d) | (wave == d))
+        for (found, _, sums), d in zip(days, delay, strict=True)
     ]
     h, h_sd = (np.stack(part)[:, : s.order] for part in zip(*smooth_fir, strict=True))
     mean = (1.0 - SHARE) * fir + SHARE * h
@@ -254,18 +248,19 @@ def _block(u: Floats, y: Floats, _: Floats | None, s: PosteriorSettings) -> tupl
     return probability.T, right.T, place.T, mean, np.sqrt(variance), link
 
 
-def smooth_weights(found: BlindEvidence, s: PosteriorSettings) -> tuple[Floats, float]:
+def smooth_weights(fronts: Floats, nothing: Floats, s: PosteriorSettings) -> tuple[Floats, float]:
     """Flattened weight of each smoothness of f and place of the jump, and the probability of a jump.
 
-    The weights have shape (lengths, candidates, shares).
+    `fronts` and `nothing` are those of :func:`blind_evidence`; the weights have shape (lengths, candidates,
+    shares).
     """
     prior = np.full(len(SHARES), (1.0 - s.sharp) / len(SHARES))
     prior[0] += s.sharp
-    top = max(float(found.fronts.max()), float(found.nothing.max()))
+    top = max(float(fronts.max()), float(nothing.max()))
     if not np.isfinite(top):
-        return np.full((len(LENGTHS), *found.fronts.shape[-2:]), np.nan), 0.0
-    weight = np.exp((found.fronts - top) / TEMPERATURE).mean(axis=(0, 2, 3)) * prior
-    none = float(np.exp((found.nothing - top) / TEMPERATURE).mean())
+        return np.full((len(LENGTHS), *fronts.shape[-2:]), np.nan), 0.0
+    weight = np.exp((fronts - top) / TEMPERATURE).mean(axis=(0, 2, 3)) * prior
+    none = float(np.exp((nothing - top) / TEMPERATURE).mean())
     total = float(weight.sum())
     if total <= 0.0:
         return np.full_like(weight, np.nan), 0.0
