@@ -204,8 +204,11 @@ class NoiseModel:
 
         T, A = self.sample_time, self.surface_area
         phi, psi = np.exp(-T / self.inflow_memory), np.exp(-T / self.level_memory)
-        squares = (float(sd) ** 2 for sd in (self.walk_sd, self.inflow_sd, self.level_sd, self.gauge_sd))
-        return System(0.0 if A is None else T / A, float(phi), float(psi), *squares, A is not None)
+        walk, inflow, level, gauge = (float(sd) ** 2 for sd in (
+            self.walk_sd, self.inflow_sd, self.level_sd, self.gauge_sd
+        ))  # fmt: skip
+        c = 0.0 if A is None else T / A
+        return System(c, float(phi), float(psi), walk, inflow, level, gauge, A is not None)
 
 
 WALK_LIMIT = 1e-3
