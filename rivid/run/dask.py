@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,6 +22,9 @@ from rivid.run.workers import Engine, without_pandas
 
 PATIENCE = 10
 """Time in which a scheduler must answer [s]."""
+
+CLOSING = 5
+"""Time to wait for client and cluster to end [s]; all work is done by then: a late end is no error."""
 
 LOOK_AGAIN = 5.0
 """Interval at which the workers of a scheduler are counted [s]."""
@@ -166,9 +169,11 @@ class Dask:
         client, self._client = self._client, None
         if client is not None:
             self._executor.shutdown(wait=not cancel)
-            client.close(timeout=2)
+            with suppress(TimeoutError):
+                client.close(timeout=CLOSING)
         if self._cluster is not None:  # also one that no client has reached
-            self._cluster.close(timeout=2)
+            with suppress(TimeoutError):
+                self._cluster.close(timeout=CLOSING)
 
 
 def _everywhere(value: Any) -> Any:
