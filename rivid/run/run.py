@@ -195,7 +195,7 @@ def make_plan(
         If the logs lack columns that the configuration names.
     """
     facts = _facts(known or {})
-    if engine is not None and engine.slots > 1 and not options.verify:
+    if engine is not None and not options.verify:
         facts |= _looked_ahead(unread(data_dir, facts), config, engine)
     catalog = find_days(data_dir, config, facts, verify=options.verify)
     refuse_columns(data_dir, catalog.days, config)
@@ -235,7 +235,8 @@ def make_plan(
 
 def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str, FileFacts]:
     """Facts of new files of many days, found by all workers; none where the files are few."""
-    if sum(path.stat().st_size for path in paths) < LISTED_HERE:
+    few = sum(path.stat().st_size for path in paths) < LISTED_HERE
+    if few or engine.slots == 1:  # in this order: a finished run contacts no scheduler
         return {}
     tasks = ((look_ahead, path, config) for path in paths)
     return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
