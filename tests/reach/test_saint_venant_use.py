@@ -4,9 +4,11 @@ import subprocess
 import sys
 import tracemalloc
 
+import numba
 import numpy as np
 import pytest
 
+import rivid.reach.saint_venant.flow as flow_module
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.saint_venant import Channel, simulate
@@ -31,6 +33,22 @@ def test_a_day_is_the_same_to_the_bit_in_any_batch():
         np.testing.assert_array_equal(one.discharges, many.discharges[day])
     some = simulate(POOL, TIME, inflow[1:3], outflow[1:3], start[1:3], changes=rain)
     np.testing.assert_array_equal(some.level, many.level[1:3])
+
+
+def test_rows_are_the_same_to_the_bit_in_threads(monkeypatch):
+    inflow, outflow, start = days(n=7)
+    alone = simulate(POOL, TIME, inflow, outflow, start)
+    monkeypatch.setattr(flow_module, "ENOUGH", 0)
+    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 2)
+    assert flow_module._threads(7, 1) == 2
+    shared = simulate(POOL, TIME, inflow, outflow, start)
+    np.testing.assert_array_equal(shared.level, alone.level)
+    np.testing.assert_array_equal(shared.end.discharge, alone.end.discharge)
+    outflow[[2, 5], 50:] += 600.0
+    with pytest.raises(RividError, match="row 2"):
+        simulate(POOL, TIME, inflow, outflow, start)
+    monkeypatch.setattr(flow_module, "parent_process", lambda: object())  # a worker among others
+    assert flow_module._threads(7, 1) == 1
 
 
 def test_times_and_added_flows_may_differ_from_day_to_day_and_gates_stand_at_the_ends():
@@ -179,6 +197,11 @@ def test_an_impossible_channel_is_refused(change, words):
     Channel(**good)
     with pytest.raises(ConfigError, match=words):
         Channel(**(good | change))
+
+
+def test_a_channel_of_too_many_cells_is_refused():
+    with pytest.raises(ConfigError, match="2049 cells: expected at most 2048"):
+        simulate(Channel.table_i(2049), [0.0], [300.0], [300.0], 5.2)
 
 
 def test_a_reach_that_runs_dry_or_has_no_steady_start_is_refused():

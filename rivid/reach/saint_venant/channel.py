@@ -13,6 +13,8 @@ from rivid.errors import ConfigError
 from rivid.types import Floats
 
 MIN_CELLS = 4
+MAX_CELLS = 2048
+"""Most cells of a simulated channel: the loops' buffer has this size."""
 COURANT_LIMIT = 0.6
 """Largest Courant number (|v| + sqrt(g A / B)) dt / dx of a time step. Without friction, small waves of the
 scheme grow beyond 0.65 at a Froude number of 0.02, 0.64 at 0.2, 0.60 at 0.8 (its linear stability)."""

@@ -12,6 +12,12 @@ Areas A stand in the cells at whole time steps, discharges Q on the faces betwee
 Q on the faces at a whole step is extrapolated from the last two half steps; the momentum flux Q^2 / A is
 taken in the cells, Q there from a quadratic that leans upwind. Friction is implicit: Q |Q| is the product
 of the new and the old Q, which is second order since they stand half a step on either side.
+
+Divisions and roots would take most of the time. They are computed at each sample, where the state is handed
+on; the steps between correct them by short series in the relative change of the areas since, cut where they
+are right to 1e-9. A step after which an area has changed by more computes all anew. The arrays of the loops
+lie in one buffer at constant distances: the compiler then needs no test for overlap, which costs as much as
+the arithmetic of a reach of 24 cells.
 """
 
 import numpy as np
@@ -33,7 +39,7 @@ from rivid.reach.gate import (
     start_operators,
 )
 from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
-from rivid.reach.saint_venant.channel import Sections
+from rivid.reach.saint_venant.channel import MAX_CELLS, Sections
 from rivid.types import Floats
 
 OK, DRY, UNSTABLE = 0, 1, 2
@@ -42,16 +48,77 @@ MAX_STEPS = 100_000
 """More steps between two samples than this only a flow that blows up asks for."""
 
 
+STRIDE = MAX_CELLS + 56
+"""Distance of two arrays of the buffer; what exceeds a power of two spreads them over the cache."""
+(
+    A, Z, P, M,  # area, level, wetted perimeter, momentum flux Q^2 / A
+    Q, Q_OLD, Q_X,  # discharge half a step ahead and behind; at the step, with one more face at each end
+    SIDE,  # flow that enters [m2/s]
+    BED, A_0, B_0, S, P_0, W_P, FRICTION,  # the sections; 2 g n^2
+    PER_A, B, Z_REF, Z_A, BEND, P_REF,  # at the last divide: 1 / A, B, z, A / B, s A / B^2, P
+    K_REF, PER_A2, PER_P2,  # and on the faces: K, 1 / (A + A), 1 / (P + P) of the cells on either side
+    SCRATCH, FIELDS,
+) = range(0, 26 * STRIDE, STRIDE)  # fmt: skip
+CHANGE = 0.01
+"""Largest relative change of an area that the series take."""
+ONE, CENTRE = 0x3FF0000000000000, 0x0000CCCCCCCCCCCC
+"""The bits of 1.0, and of a twentieth of an octave, which centres the errors of the first cube roots."""
+FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
+"""Freedoms of the compiler in the loops along the cells: NaN and infinity stay what they are."""
+
+
 @njit(cache=True, error_model="numpy")
-def wave_speed(A: Floats, Q: Floats, c: Sections) -> float:
-    """Largest |v| + sqrt(g A / B) in the reach [m/s]; NaN where a cell is not wet."""
-    fastest = 0.0
-    for i in range(len(A)):
-        B = np.sqrt(c.b[i] * c.b[i] + 4.0 * c.s[i] * (A[i] - c.a[i]))  # width of the surface
-        speed = abs(0.5 * (Q[i] + Q[i + 1])) / A[i] + np.sqrt(GRAVITY * A[i] / B)
-        if not speed <= fastest:
-            fastest = speed
-    return float(fastest)
+def lay_out(W: Floats, c: Sections) -> None:
+    """Write the sections into the buffer; behind the last cell a dummy, whose face is overwritten."""
+    n = len(c.bed)
+    for i in range(n):
+        W[BED + i], W[A_0 + i], W[B_0 + i], W[S + i] = c.bed[i], c.a[i], c.b[i], c.s[i]
+        W[P_0 + i], W[W_P + i], W[FRICTION + i] = c.p[i], c.w[i], 2.0 * c.friction[i]
+    W[A + n] = W[P + n] = 1.0
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def divide(W: Floats, n: int) -> None:
+    """All divisions and roots of the areas: level, perimeter, and what the series start from."""
+    for i in range(n):
+        area, b = W[A + i], W[B_0 + i]
+        a = area - W[A_0 + i]
+        width = np.sqrt(b * b + 4.0 * W[S + i] * a)
+        per = 1.0 / (area * width * (b + width))  # one division for three
+        h = 2.0 * a * per * area * width
+        per_b = per * area * (b + width)
+        W[PER_A + i], W[B + i], W[Z_A + i] = per * width * (b + width), width, area * per_b
+        W[BEND + i] = W[S + i] * per_b * (area * per_b)
+        W[Z_REF + i] = W[Z + i] = W[BED + i] + h
+        W[P_REF + i] = W[P + i] = W[P_0 + i] + W[W_P + i] * h
+    for i in range(1, n + 1):
+        a, p = W[A + i - 1] + W[A + i], W[P + i - 1] + W[P + i]
+        per = 1.0 / (a * p)
+        W[PER_A2 + i], W[PER_P2 + i] = per * p, per * a
+        W[K_REF + i] = p * (per * p)  # 1 / R
+    bits = W.view(np.int64)
+    for i in range(1, n + 1):  # (1 / R)^(-1/3) by a third of the exponent
+        bits[SCRATCH + i] = ONE - CENTRE - np.int64((1.0 / 3.0) * (bits[K_REF + i] - ONE))
+    for i in range(1, n + 1):
+        r, y = W[K_REF + i], W[SCRATCH + i]
+        for _ in range(2):
+            e = 1.0 - r * (y * y) * y
+            y += y * (e * ((1.0 / 3.0) + e * ((2.0 / 9.0) + e * (14.0 / 81.0))))
+        W[K_REF + i] = W[FRICTION + i] * W[PER_A2 + i] * r * (r * (y * y))  # g n^2 / (A R^(4/3))
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def wave_speed(W: Floats, n: int) -> float:
+    """Largest |v| + sqrt(g A / B) in the reach [m/s], all cells wet."""
+    for i in range(n):
+        speed = abs(0.5 * (W[Q_X + i + 1] + W[Q_X + i + 2])) * W[PER_A + i]
+        W[SCRATCH + i] = speed + np.sqrt(GRAVITY * W[Z_A + i])
+    bits = W.view(np.int64)  # positive numbers are in the order of their bits
+    largest = 0
+    for i in range(SCRATCH, SCRATCH + n):
+        largest = max(largest, bits[i])
+    bits[SCRATCH] = largest
+    return float(W[SCRATCH])
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,71 +129,94 @@ def ramp(t: float, gate_time: float) -> float:
     return t - 0.5 * gate_time
 
 
-@njit(cache=True, error_model="numpy")
-def in_cell(Q: Floats, i: int) -> float:
-    """Discharge in the middle of cell i, from a quadratic through two faces upstream and one downstream.
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def in_cell(up: float, left: float, right: float, down: float) -> float:
+    """Discharge in the middle of a cell, from a quadratic through two faces upstream and one downstream."""
+    both = left + right
+    return float(0.375 * both + 0.125 * (3.0 * left - up if both > 0.0 else 3.0 * right - down))
 
-    `Q` has one face more at each end than the reach: straight extensions, so that no cell is special.
+
+@njit(cache=True, error_model="numpy")
+def extend(Q: Floats, first: int, last: int) -> None:
+    """Fill in the face beyond each end: straight extensions, so that no cell is special."""
+    Q[first - 1], Q[last + 1] = 2.0 * Q[first] - Q[first + 1], 2.0 * Q[last] - Q[last - 1]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def fluxes(W: Floats, n: int) -> None:
+    """Momentum flux Q^2 / A of each cell."""
+    for i in range(n):
+        x = Q_X + i
+        q = in_cell(W[x], W[x + 1], W[x + 2], W[x + 3])
+        W[M + i] = q * q * W[PER_A + i]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def accelerate(W: Floats, n: int, since: float, dx: float, ahead: float) -> None:
+    """Momentum (1) over `since` [s] on faces, and Q at the next whole step."""
+    push_by = since / dx
+    for i in range(1, n + 1):
+        a = W[A + i - 1] + W[A + i]
+        x, y = a * W[PER_A2 + i] - 1.0, (W[P + i - 1] + W[P + i]) * W[PER_P2 + i] - 1.0
+        K = W[K_REF + i] * (1.0 + y * (4.0 / 3.0 + y * (2.0 / 9.0)))  # times (1 + y)^(4/3) (1 + x)^(-7/3)
+        K *= 1.0 + x * (-7.0 / 3.0 + x * (35.0 / 9.0 + x * (-455.0 / 81.0 + x * (1820.0 / 243.0))))
+        push = (W[M + i] - W[M + i - 1]) + 0.5 * GRAVITY * a * (W[Z + i] - W[Z + i - 1])
+        old = W[Q + i]
+        new = (old - push_by * push) / (1.0 + since * K * abs(old))
+        W[Q_OLD + i], W[Q + i], W[Q_X + i + 1] = old, new, new + ahead * (new - old)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def fill(W: Floats, n: int, dt: float, dx: float, rise: float, rectangular: bool) -> int:
+    """Continuity (1) over a step; level and momentum flux of the cells at its end.
+
+    Returns
+    -------
+    int
+        Cells that have changed by more than the series take, or are not wet: the caller computes all anew.
     """
-    mean = 0.5 * (Q[i + 1] + Q[i + 2])
-    bend_up = Q[i] - 2.0 * Q[i + 1] + Q[i + 2]
-    bend_down = Q[i + 1] - 2.0 * Q[i + 2] + Q[i + 3]
-    return float(mean - 0.125 * (bend_up if mean > 0.0 else bend_down))
+    per_dx = 1.0 / dx
+    large = 0
+    for i in range(n):
+        width = W[B + i]
+        if not rectangular:
+            width += 2.0 * W[S + i] * (W[Z + i] - W[Z_REF + i])
+        area = W[A + i] + dt * ((W[Q + i] - W[Q + i + 1]) * per_dx + W[SIDE + i] + rise * width)
+        x = area * W[PER_A + i] - 1.0
+        large += not abs(x) < CHANGE
+        dz = x * W[Z_A + i]
+        if not rectangular:
+            u = x * W[BEND + i]
+            dz -= dz * (u * (1.0 - 2.0 * u))
+        W[A + i], W[Z + i], W[P + i] = area, W[Z_REF + i] + dz, W[P_REF + i] + W[W_P + i] * dz
+        j = Q_X + i
+        q = in_cell(W[j], W[j + 1], W[j + 2], W[j + 3])
+        W[M + i] = q * q * (W[PER_A + i] * (1.0 - x * (1.0 - x * (1.0 - x * (1.0 - x)))))
+    return large
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def total(W: Floats, n: int) -> float:
+    """Sum of the areas; NaN where one is."""
+    sum_ = 0.0
+    for i in range(n):
+        sum_ += W[A + i]
+    return float(sum_)
 
 
 @njit(cache=True, error_model="numpy")
-def extend(Q: Floats) -> None:
-    """Fill in the face beyond each end."""
-    Q[0], Q[-1] = 2.0 * Q[1] - Q[2], 2.0 * Q[-2] - Q[-3]
-
-
-@njit(cache=True, error_model="numpy")
-def fluxes(A: Floats, Q: Floats, z: Floats, P: Floats, M: Floats, c: Sections) -> None:
-    """Level z, wetted perimeter P and momentum flux M = Q^2 / A of each cell."""
-    for i in range(len(A)):
-        a = A[i] - c.a[i]
-        h = 2.0 * a / (c.b[i] + np.sqrt(c.b[i] * c.b[i] + 4.0 * c.s[i] * a))
-        z[i] = c.bed[i] + h
-        P[i] = c.p[i] + c.w[i] * h
-        q = in_cell(Q, i)
-        M[i] = q * q / A[i]
-
-
-@njit(cache=True, error_model="numpy")
-def cube_roots(A: Floats, P: Floats, root: Floats) -> None:
-    """R^(-1/3) on the inner faces, from the library: the slowest function of the loop, once a sample."""
-    for i in range(1, len(A)):
-        root[i] = np.cbrt((P[i - 1] + P[i]) / (A[i - 1] + A[i]))
-
-
-@njit(cache=True, error_model="numpy")
-def resistance(A: Floats, P: Floats, friction: Floats, root: Floats, K: Floats) -> None:
-    """K = g n^2 / (A R^(4/3)) on the inner faces, R = A / P; `friction` is g n^2 there.
-
-    The cube roots follow from those of the last step by two of Halley's steps: to rounding where 1 / R
-    changes by less than a tenth from step to step, and three times as fast.
-    """
-    for i in range(1, len(A)):
-        a = 0.5 * (A[i - 1] + A[i])
-        r = 0.5 * (P[i - 1] + P[i]) / a
-        y = root[i]
-        y *= (y * y * y + 2.0 * r) / (2.0 * y * y * y + r)
-        y *= (y * y * y + 2.0 * r) / (2.0 * y * y * y + r)
-        root[i] = y
-        K[i] = friction[i] / a * r * y
-
-
-@njit(cache=True, error_model="numpy")
-def level_at(z: Floats, share: Floats) -> float:
+def level_at(W: Floats, share: Floats) -> float:
     """Level at a place between cells."""
     level = 0.0
-    for i in range(len(z)):
-        level += share[i] * z[i]
+    for i in range(len(share)):
+        level += share[i] * W[Z + i]
     return float(level)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(
+    first: int,
+    last: int,
     time: Floats,
     inflow: Floats,
     outflow: Floats,
@@ -161,65 +251,62 @@ def advance(
     volume: Floats,
     nudge: Floats,
 ) -> tuple[int, int, int, int, float]:
-    """Go through all days; arrays have a row per day; the state arrays and the last six are written.
+    """Go through the days `first` to `last` - 1; arrays have a row per day.
 
-    Where there are operators, `outflow` is written too. What leaks and ponds take follows the level at each
-    sample and is held to the next.
+    The state arrays and the last six are written; where there are operators, `outflow` too. What leaks and
+    ponds take follows the level at each sample and is held to the next.
 
     Returns
     -------
     how, day, sample, cell, value
         OK; or DRY and the cell; or UNSTABLE and the step that would do [s].
     """
-    days, n = inflow.shape
+    n = inflow.shape[1]
     c = len(sections.bed)
-    Qx = np.empty(c + 3)  # Q on the faces at the whole step, with one more face at each end
-    z, P, M, K, root = np.empty(c), np.empty(c), np.empty(c), np.empty(c), np.empty(c)
-    q, memory = np.empty(c), np.empty(MEMORY)
+    W, memory = np.zeros(FIELDS), np.empty(MEMORY)
+    lay_out(W, sections)
+    rectangular = not (sections.s.any() or sections.a.any())
     commanded = len(operators.inflow) > 0
-    for day in range(days):
-        A, Q, Q_old = area[day], discharge[day, 0], discharge[day, 1]
+    for day in range(first, last):
         dt_1, dt_2, usual = clock[day, 0], clock[day, 1], clock[day, 2]
         fresh = usual == 0.0
-        if fresh:
-            usual = wave_speed(A, Q, sections)
-            clock[day, 2] = usual
+        W[A : A + c] = area[day]
+        W[Q : Q + c + 1], W[Q_OLD : Q_OLD + c + 1] = discharge[day, 0], discharge[day, 1]
         if commanded:
             start_operators(operators, time[day, 0], memory)
         for k in range(n):
             ahead = dt_1 / (dt_1 + dt_2) if dt_1 > 0.0 else 0.0
             for i in range(1, c):
-                Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
-            Qx[1], Qx[c + 1] = gates[day, 0], gates[day, 1]
-            extend(Qx)
-            fluxes(A, Qx, z, P, M, sections)
+                W[Q_X + i + 1] = W[Q + i] + ahead * (W[Q + i] - W[Q_OLD + i])
+            W[Q_X + 1], W[Q_X + c + 1] = gates[day, 0], gates[day, 1]
+            extend(W, Q_X + 1, Q_X + c + 1)
+            divide(W, c)
+            fluxes(W, c)
 
-            level[day, k] = 1.5 * z[c - 1] - 0.5 * z[c - 2]  # the gauge is at x = L
+            level[day, k] = 1.5 * W[Z + c - 1] - 0.5 * W[Z + c - 2]  # the gauge is at x = L
             for j in range(len(at_cell)):
-                i, w = at_cell[j], cell_weight[j]
-                levels[day, k, j] = (1.0 - w) * z[i] + w * z[i + 1]
-                i, w = at_face[j], face_weight[j]
-                discharges[day, k, j] = (1.0 - w) * Qx[i + 1] + w * Qx[i + 2]
-            total = 0.0
-            for i in range(c):
-                total += A[i]
-            volume[day, k] = total * dx
+                i, w = Z + at_cell[j], cell_weight[j]
+                levels[day, k, j] = (1.0 - w) * W[i] + w * W[i + 1]
+                i, w = Q_X + at_face[j], face_weight[j]
+                discharges[day, k, j] = (1.0 - w) * W[i + 1] + w * W[i + 2]
+            volume[day, k] = total(W, c) * dx
             rise = 0.0
             if nudge_time > 0.0 and np.isfinite(observed[day, k]):
                 rise = (observed[day, k] - level[day, k]) / nudge_time
             nudge[day, k] = rise
             if commanded:
                 outflow[day, k] = operate(operators, k, time[day, k], level[day, k], memory)
+            speed = wave_speed(W, c) if np.isfinite(volume[day, k]) else np.nan
             if k == 0 and fresh:
+                usual = clock[day, 2] = speed
                 gate_state[day, TARGET] = gate_state[day, POSITION] = gate_state[day, FLOW] = outflow[day, 0]
                 for j in range(len(pond_share)):
-                    ponds[day, j] = level_at(z, pond_share[j])
+                    ponds[day, j] = level_at(W, pond_share[j])
             if k == n - 1:
                 released[day, k] = released[day, k - 1] if n > 1 else outflow[day, k]
                 break
 
             interval = time[day, k + 1] - time[day, k]
-            speed = wave_speed(A, Qx[1:], sections)
             if not speed * interval / (LIMIT * dx) < MAX_STEPS:
                 return UNSTABLE, day, k, 0, 0.0
             if longest > 0.0:
@@ -231,64 +318,57 @@ def advance(
                 steps = max(steps, int(np.ceil(speed * interval / (LIMIT * dx))))
             dt = interval / steps
 
-            for i in range(c):
-                q[i] = 0.0
-                for j in range(len(share)):
-                    q[i] += share[j, i] * lateral[j, day, k] / dx
+            W[SIDE : SIDE + c] = 0.0
+            for j in range(len(share)):
+                add(W, c, share[j], lateral[j, day, k] / dx)
             for j in range(len(leak_share)):
-                above = level_at(z, leak_share[j]) - exchange.reference[j]
-                for i in range(c):
-                    q[i] -= leak_share[j, i] * exchange.loss[j, day, k] * above / dx
+                above = level_at(W, leak_share[j]) - exchange.reference[j]
+                add(W, c, leak_share[j], -exchange.loss[j, day, k] * above / dx)
             for j in range(len(pond_share)):
                 into = pond_flow(
-                    level_at(z, pond_share[j]), ponds[day, j], exchange.exchange[j, day, k],
+                    level_at(W, pond_share[j]), ponds[day, j], exchange.exchange[j, day, k],
                     exchange.area[j], interval,
                 )  # fmt: skip
                 ponds[day, j] += into * interval / exchange.area[j]
-                for i in range(c):
-                    q[i] -= pond_share[j, i] * into / dx
+                add(W, c, pond_share[j], -into / dx)
             up, down = gates[day, 0], gates[day, 1]
             given = gate_flow(gate, day, k, outflow[day, k], level[day, k], interval, gate_state[day])
             released[day, k] = given
             to_up, to_down = inflow[day, k] - up, given - down
-            cube_roots(A, P, root)
             moved = 0.0
-            dry = 0
-            for step in range(steps):
-                if step > 0:
-                    ahead = dt_1 / (dt_1 + dt_2) if dt_1 > 0.0 else 0.0
-                    way = min(1.0, step * dt / gate_time) if gate_time > 0.0 else 1.0
-                    for i in range(1, c):
-                        Qx[i + 1] = Q[i] + ahead * (Q[i] - Q_old[i])
-                    Qx[1], Qx[c + 1] = up + way * to_up, down + way * to_down
-                    extend(Qx)
-                    fluxes(A, Qx, z, P, M, sections)
-                resistance(A, P, sections.friction, root, K)
-
+            for step in range(1, steps + 1):
+                ahead = dt / (dt + dt_1)
                 since = 0.5 * (dt_1 + dt)  # from half step to half step
-                for i in range(1, c):  # momentum (1)
-                    push = (M[i] - M[i - 1]) + GRAVITY * 0.5 * (A[i - 1] + A[i]) * (z[i] - z[i - 1])
-                    old = Q[i]
-                    Q[i] = (old - since / dx * push) / (1.0 + since * K[i] * abs(old))
-                    Q_old[i] = old
-                passed = ramp((step + 1) * dt, gate_time)
-                Q[0] = up + to_up * (passed - moved) / dt  # the mean over the step
-                Q[c] = down + to_down * (passed - moved) / dt
+                passed = ramp(step * dt, gate_time)
+                mean = (passed - moved) / dt
                 moved = passed
-                for i in range(c):  # continuity (1)
-                    B = np.sqrt(sections.b[i] * sections.b[i] + 4.0 * sections.s[i] * (A[i] - sections.a[i]))
-                    A[i] += dt * ((Q[i] - Q[i + 1]) / dx + q[i] + rise * B)
-                    dry += not A[i] > 0.0
-                dt_1, dt_2 = dt, dt_1
-                if dry > 0:
+                way = min(1.0, step * dt / gate_time) if gate_time > 0.0 else 1.0
+                W[Q], W[Q_X + 1] = up + mean * to_up, up + way * to_up
+                accelerate(W, c, since, dx, ahead)
+                W[Q_X] = 2.0 * W[Q_X + 1] - W[Q_X + 2]
+                W[Q + c], W[Q_X + c + 1] = down + mean * to_down, down + way * to_down
+                W[Q_X + c + 2] = 2.0 * W[Q_X + c + 1] - W[Q_X + c]
+                if fill(W, c, dt, dx, rise, rectangular) > 0:
                     for i in range(c):
-                        if not A[i] > 0.0:
-                            return DRY, day, k, i, A[i]
+                        if not W[A + i] > 0.0:
+                            return DRY, day, k, i, W[A + i]
+                    divide(W, c)
+                    fluxes(W, c)
+                dt_1, dt_2 = dt, dt_1
             way = min(1.0, interval / gate_time) if gate_time > 0.0 else 1.0
             gates[day, 0] = inflow[day, k] if way == 1.0 else up + way * to_up
             gates[day, 1] = given if way == 1.0 else down + way * to_down
         clock[day, 0], clock[day, 1] = dt_1, dt_2
+        area[day] = W[A : A + c]
+        discharge[day, 0], discharge[day, 1] = W[Q : Q + c + 1], W[Q_OLD : Q_OLD + c + 1]
     return OK, 0, 0, 0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def add(W: Floats, n: int, share: Floats, flow: float) -> None:
+    """Add the cells' shares of a flow per metre."""
+    for i in range(n):
+        W[SIDE + i] += share[i] * flow
 
 
 STEPS = 60
@@ -385,9 +465,9 @@ def settle(
             Q[i + 1] = Q[i] + lateral[i] - gain * section(z[i], sections, i)[1] / surface
         Q[c] = outflow
         padded[1:-1] = Q
-        extend(padded)
+        extend(padded, 1, c + 1)
         for i in range(c):
-            q[i] = in_cell(padded, i)
+            q[i] = in_cell(padded[i], padded[i + 1], padded[i + 2], padded[i + 3])
         end = z[c - 1]
         moved = 0.0
         for _ in range(STEPS):  # the last cell's level that puts the gauge at `start`
