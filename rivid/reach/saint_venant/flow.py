@@ -19,7 +19,7 @@ from rivid.types import Floats
 NUDGE_TIME = 7200.0
 """Time in which a nudge would close the gap between the observed level and the water's [s]."""
 ENOUGH = 200_000
-"""Cells times samples from which threads share the rows: about 10 ms of one core; to start them takes 0.2 ms."""
+"""Cells times samples from which threads share the rows: about 10 ms of work; they start in 0.2 ms."""
 PARTS = 4
 """Parts of the rows for each thread: none waits long for the last."""
 
