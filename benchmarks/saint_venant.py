@@ -5,13 +5,18 @@ Usage: python -m benchmarks.saint_venant
 
 import resource
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam.answering import Logs, answer
+from benchmarks.exam.answering import Logs, answer, record_of, responses
 from benchmarks.measure import functions_in_turn, machine, median, table
+from rivid.diagnosis.candidates import trials_of
+from rivid.diagnosis.response.base import sensitivities
+from rivid.effects import changes_of, effect_classes
 from rivid.reach.saint_venant import Channel, Flow, simulate
 from rivid.simulation import simulate as closed
 from rivid.simulation.scenario import load_scenario
@@ -78,6 +83,50 @@ def batch() -> str:
     return table(["60 days apart, 32 cells", "time a day"], rows)
 
 
+def on(threads: int, task: Callable[[], object]) -> None:
+    """A task on so many threads."""
+    before, numba.config.NUMBA_NUM_THREADS = numba.config.NUMBA_NUM_THREADS, threads
+    try:
+        task()
+    finally:
+        numba.config.NUMBA_NUM_THREADS = before
+
+
+def shared() -> str:
+    """Goals on one core and on two: days in rows, and all columns of a diagnosis."""
+    channel, days = Channel.table_i(48), 90
+    rows = [values.reshape(days, PER_DAY) for values in commands(days)]
+    reading = np.full((days, PER_DAY), 5.2)
+    plain = load_scenario(ROOT / "configs" / "scenarios" / "effects" / "diurnal_inflow.toml")
+    season = closed(plain.model_copy(update={"days": days}), 1)
+    logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
+    record = record_of(logs)
+    response = responses(logs, record)[0]
+    world = record.world(record.usual_output, record.usual_flow)
+    trials = trials_of(effect_classes(None), record)
+    effects = [effect for trial in trials if not trial.hourly for effect in trial.effects][:30]
+
+    def nudged() -> None:
+        simulate(channel, *rows, 5.2, observed=reading)
+
+    def columns() -> None:
+        sensitivities(response, record, [changes_of((effect,), world) for effect in effects])
+
+    tasks = {(task, k): lambda t=task, k=k: on(k, t) for task in (nudged, columns) for k in (1, 2)}
+    seconds = {key: median(took) for key, took in functions_in_turn(tasks, RUNS).items()}
+    goals = {(nudged, 1): "1,500", (nudged, 2): "2,800", (columns, 1): "", (columns, 2): "1.5 s"}
+    names = {
+        nudged: f"{days} days in rows, 48 cells, nudged: days a second",
+        columns: f"baseline and columns of {len(response.parameters)} parameters and {len(effects)} effects, {days} days",
+    }
+    table_rows = []
+    for key, goal in goals.items():
+        task, cores = key
+        shown = f"{days / seconds[key]:,.0f}" if task is nudged else f"{seconds[key]:.2f} s"
+        table_rows.append([names[task], str(cores), shown, goal])
+    return table(["what", "cores", "measured", "goal"], table_rows)
+
+
 def by_samples(channel: Channel, *day: NDArray[np.float64]) -> None:
     """A day in closed loop: the state handed on from sample to sample."""
     time, inflow, outflow = day
@@ -124,6 +173,8 @@ def sections() -> str:
         "## The simulated world\n\nOpen loop, nudged, one core:\n\n"
         + measured({f"{cells} cells": (cells, 60) for cells in (24, 48, 96)})
         + "\n"
+        + shared()
+        + "\n"
         + closed_loop()
         + "\n## The diagnosis\n\n"
         + diagnoses()
@@ -138,6 +189,7 @@ def main() -> None:
     print(measured({f"{cells} cells": (cells, 60) for cells in (24, 32, 48, 64, 96)}))
     print(measured({f"{days} days": (32, days) for days in (30, 120, 332)}))
     print(batch())
+    print(shared())
     print(closed_loop())
     print(diagnoses())
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import NoiseModel, day_weights, fit_noise
-from rivid.diagnosis.response.base import Response, vector_of
+from rivid.diagnosis.response.base import Response, sensitivities, vector_of
 from rivid.effects import Effect, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import Changes
@@ -289,8 +289,7 @@ class Model:
     def linear(self, record: Record, split: Split) -> Linear:
         """The model about which candidates are tried; columns of the effects' parameters included."""
         assert self.noise is not None
-        start = self.baseline(record)
-        columns = self.jacobian(record, start)
+        start, columns = self.jacobian(record)
         sd = np.concatenate([[f.sd for f in self.reach.parameters], WIDE * self.scales()])
         off = [f.value - f.mean for f in self.reach.parameters]
         deviation = np.concatenate([off, np.zeros(len(self.values()))])
@@ -306,10 +305,10 @@ class Model:
             self.level_noise,
         )
 
-    def jacobian(self, record: Record, start: Floats) -> Floats:
-        """Columns of all free parameters, shape (p + q, days, n)."""
-        columns = [self.reach.slopes(record, start, self.changes(record))]
+    def jacobian(self, record: Record) -> tuple[Floats, Floats]:
+        """The baseline (days, n), and the columns of all free parameters, shape (p + q, days, n)."""
         values, scales = self.values(), self.scales()
+        steps, candidates = np.empty(len(values)), []
         for j in range(len(values)):
             other = values.copy()
             other[j] += 0.05 * scales[j]
@@ -319,8 +318,10 @@ class Model:
                 other[j] = values[j] - 0.05 * scales[j]
                 moved = self.with_values(other)
                 step = moved.values()[j] - values[j]
-            columns.append(((moved.baseline(record) - start) / step)[None])
-        return np.concatenate(columns)
+            steps[j] = step
+            candidates.append(moved.changes(record))
+        start, slopes, differences = sensitivities(self.reach, record, candidates, self.changes(record))
+        return start, np.concatenate([slopes, differences / steps[:, None, None]])
 
 
 def calibrate(
@@ -366,7 +367,7 @@ def calibrate(
             model = replace(model, noise=noise)
             whitened = noise.whiten(z)
         root = np.sqrt(weights)[:, None]
-        X = noise.whiten(model.jacobian(record, model.baseline(record)), like=z) * root
+        X = noise.whiten(model.jacobian(record)[1], like=z) * root
         X = X.reshape(len(sd), -1) * sd[:, None]  # in prior standard deviations
         here = at(model)
         off = (here - middle) / sd

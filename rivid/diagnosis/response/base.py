@@ -6,6 +6,7 @@ observed course, while :meth:`Response.simulate` runs free.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Protocol, Self, cast
 
@@ -152,6 +153,42 @@ def slopes_by_differences(
         moved[i] += h
         columns[row] = (response.with_parameters(moved).baseline(record, changes) - base) / h
     return columns
+
+
+def sensitivities(
+    response: Response, record: Record, candidates: Sequence[Changes], changes: Changes = NO_CHANGES
+) -> tuple[Floats, Floats, Floats]:
+    """Baseline, its derivatives, and the outputs of candidates for the days of a record.
+
+    Memory is that of the result and of one run.
+
+    Parameters
+    ----------
+    response : Response
+    record : Record
+    candidates : sequence of Changes
+        Each with all that the reach then has, `changes` included.
+    changes : Changes
+        Those of the baseline.
+
+    Returns
+    -------
+    base : ndarray, shape (days, n)
+    slopes : ndarray, shape (p, days, n)
+        For one unit of each parameter of the response.
+    differences : ndarray, shape (len(candidates), days, n)
+        Output with each candidate less `base`.
+
+    Raises
+    ------
+    RividError
+        Where the reach cannot carry the flows.
+    """
+    base = response.baseline(record, changes)
+    differences = np.empty((len(candidates), *base.shape))
+    for difference, candidate in zip(differences, candidates, strict=True):
+        np.subtract(response.baseline(record, candidate), base, out=difference)
+    return base, response.slopes(record, base, changes), differences
 
 
 def start_level(output: Floats, otherwise: float) -> Floats:

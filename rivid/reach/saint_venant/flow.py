@@ -164,14 +164,18 @@ def simulate(
     for j, extra in enumerate(changes.added):
         sides[j] = _rows("an added flow", extra.flow, shape)
     share = _shares(channel.cells, [extra.place for extra in changes.added])
-    state = (
-        start.copy()
-        if isinstance(start, State)
-        else _steady(channel, q_in[:, 0], q_out[:, 0], sides[:, :, 0].T @ share, start, len(changes.ponds))
-    )
-    if state.area.shape != (shape[0], channel.cells):
+    days, c = shape[0], channel.cells
+    if isinstance(start, State):
+        state, levels_0 = start.copy(), np.empty(0)
+    else:
+        state = State(
+            np.empty((days, c)), np.zeros((days, 2, c + 1)), np.zeros((days, 2)), np.zeros((days, 3)),
+            np.zeros((days, 3)), np.zeros((days, len(changes.ponds))),
+        )  # fmt: skip
+        levels_0 = np.array(np.broadcast_to(np.asarray(start, float), (days,)))
+    if state.area.shape != (days, c):
         raise RividError(
-            f"the start has (days, cells) = {state.area.shape}: expected {(shape[0], channel.cells)} "
+            f"the start has (days, cells) = {state.area.shape}: expected {(days, c)} "
             "as the commands and the channel have"
         )
     cells = [_between_cells(channel.cells, place) for place in places]
@@ -180,7 +184,8 @@ def simulate(
     levels, discharges = np.empty((*shape, len(places))), np.empty((*shape, len(places)))
     target = np.empty((1, 1)) if observed is None else _rows("observed", observed, shape, gaps=True)
     arguments = (
-        clock_time, q_in, q_out, sides, share, gate_arrays(changes, shape), exchange_arrays(changes, shape),
+        levels_0, sides[:, :, 0].T @ share, clock_time, q_in, q_out, sides, share,
+        gate_arrays(changes, shape), exchange_arrays(changes, shape),
         _shares(channel.cells, [leak.place for leak in changes.leaks]),
         _shares(channel.cells, [pond.place for pond in changes.ponds]),
         operators, target, 0.0 if observed is None else float(nudge_time), channel.sections, channel.dx,
@@ -203,6 +208,8 @@ def simulate(
             answers = pool.map(part, pairwise(ends))
             answer = next((a for a in answers if a[0] != kernel.OK), (kernel.OK, 0, 0, 0, 0.0))
     if answer[0] != kernel.OK:
+        if answer[0] == kernel.UNSTEADY:
+            raise _unsteady(channel, q_in[:, 0], levels_0, answer[1])
         raise _failure(channel, shape[0], clock_time, step, courant, *answer)
     day = 0 if single else slice(None)
     return Flow(
@@ -272,29 +279,12 @@ def _between_faces(cells: int, place: float) -> tuple[int, float]:
     return face, at - face
 
 
-def _steady(
-    channel: Channel, inflow: Floats, outflow: Floats, sides: Floats, start: ArrayLike, ponds: int
-) -> State:
-    from rivid.reach.saint_venant.kernel import settle
-
-    days, cells = len(inflow), channel.cells
-    levels = np.broadcast_to(np.asarray(start, float), (days,))
-    area, discharge = np.empty((days, cells)), np.zeros((days, 2, cells + 1))
-    for day in range(days):
-        if not settle(
-            float(inflow[day]), float(outflow[day]), sides[day], float(levels[day]),
-            channel.sections, channel.dx, area[day], discharge[day, 0],
-        ):  # fmt: skip
-            raise RividError(
-                f"no steady flow of {inflow[day]:g} m3/s has the start level {levels[day]:g} m at x = L "
-                f"(bed there {channel.bed[-1]:g} m) without a dry or critical place{_row(day, days)}: "
-                "raise the start level, or check bed, width and manning"
-            )
-    discharge[:, 1] = discharge[:, 0]
-    return State(
-        area, discharge, np.stack([inflow, outflow], axis=1), np.zeros((days, 3)), np.zeros((days, 3)),
-        np.zeros((days, ponds)),
-    )  # fmt: skip
+def _unsteady(channel: Channel, inflow: Floats, levels: Floats, day: int) -> RividError:
+    return RividError(
+        f"no steady flow of {inflow[day]:g} m3/s has the start level {levels[day]:g} m at x = L "
+        f"(bed there {channel.bed[-1]:g} m) without a dry or critical place{_row(day, len(levels))}: "
+        "raise the start level, or check bed, width and manning"
+    )
 
 
 def _row(day: int, days: int) -> str:

@@ -42,7 +42,7 @@ from rivid.reach.saint_venant.channel import COURANT_LIMIT as LIMIT
 from rivid.reach.saint_venant.channel import MAX_CELLS, Sections
 from rivid.types import Floats
 
-OK, DRY, UNSTABLE = 0, 1, 2
+OK, DRY, UNSTABLE, UNSTEADY = 0, 1, 2, 3
 """How a day ended."""
 MAX_STEPS = 100_000
 """More steps between two samples than this only a flow that blows up asks for."""
@@ -217,6 +217,8 @@ def level_at(W: Floats, share: Floats) -> float:
 def advance(
     first: int,
     last: int,
+    start: Floats,
+    entering: Floats,
     time: Floats,
     inflow: Floats,
     outflow: Floats,
@@ -253,13 +255,15 @@ def advance(
 ) -> tuple[int, int, int, int, float]:
     """Go through the days `first` to `last` - 1; arrays have a row per day.
 
-    The state arrays and the last six are written; where there are operators, `outflow` too. What leaks and
-    ponds take follows the level at each sample and is held to the next.
+    A day begins with the steady flow for a level `start` at x = L while `entering` (days, cells) [m3/s] comes
+    in along the reach, or, where `start` is empty, with the state given. The state arrays and the last six are
+    written; where there are operators, `outflow` too. What leaks and ponds take follows the level at each
+    sample and is held to the next.
 
     Returns
     -------
     how, day, sample, cell, value
-        OK; or DRY and the cell; or UNSTABLE and the step that would do [s].
+        OK; or DRY and the cell; or UNSTABLE and the step that would do [s]; or UNSTEADY: no steady flow.
     """
     n = inflow.shape[1]
     c = len(sections.bed)
@@ -268,6 +272,13 @@ def advance(
     rectangular = not (sections.s.any() or sections.a.any())
     commanded = len(operators.inflow) > 0
     for day in range(first, last):
+        if len(start) > 0:
+            Q_0 = discharge[day, 0]
+            known = inflow[day, 0], outflow[day, 0]
+            if not settle(*known, entering[day], start[day], sections, dx, area[day], Q_0):
+                return UNSTEADY, day, 0, 0, 0.0
+            discharge[day, 1] = Q_0
+            gates[day, 0], gates[day, 1] = known
         dt_1, dt_2, usual = clock[day, 0], clock[day, 1], clock[day, 2]
         fresh = usual == 0.0
         W[A : A + c] = area[day]
