@@ -7,6 +7,7 @@ import resource
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -85,11 +86,12 @@ def batch() -> str:
 
 def on(threads: int, task: Callable[[], object]) -> None:
     """A task on so many threads."""
-    before, numba.config.NUMBA_NUM_THREADS = numba.config.NUMBA_NUM_THREADS, threads
+    config: Any = numba.config
+    before, config.NUMBA_NUM_THREADS = config.NUMBA_NUM_THREADS, threads
     try:
         task()
     finally:
-        numba.config.NUMBA_NUM_THREADS = before
+        config.NUMBA_NUM_THREADS = before
 
 
 def shared() -> str:

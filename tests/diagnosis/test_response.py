@@ -8,6 +8,7 @@ from scipy.stats import invgauss
 
 from rivid.diagnosis.response.base import (
     real_flows,
+    sensitivities,
     slopes_by_differences,
     vector_of,
 )
@@ -158,6 +159,18 @@ def test_slopes_agree_with_central_differences(case):
         up, down = (response.with_parameters(start + s * h).baseline(record) for s in (1.0, -1.0))
         central = (up - down) / (2.0 * h[i])
         assert rms(slopes[i] - central) < 0.03 * rms(central) + 1e-9, p.name
+
+
+def test_sensitivities_are_those_of_runs_one_by_one():
+    record = season(4, days=2)
+    response = few(record)
+    candidates = [changes_of([CATALOGUE["lateral_inflow"](inflow=q)], record.world()) for q in (1.0, 2.0)]
+    base, slopes, differences = sensitivities(response, record, candidates)
+    np.testing.assert_array_equal(base, response.baseline(record))
+    np.testing.assert_array_equal(slopes, response.slopes(record, base))
+    for difference, changes in zip(differences, candidates, strict=True):
+        np.testing.assert_array_equal(difference, response.baseline(record, changes) - base)
+    assert rms(differences[1] - 2.0 * differences[0]) < 0.01 * rms(differences[1])
 
 
 def test_slopes_turn_round_at_a_limit():

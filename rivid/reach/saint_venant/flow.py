@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from multiprocessing import parent_process
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -196,8 +197,10 @@ def simulate(
         level, released, levels, discharges, volume, nudge,
     )  # fmt: skip
 
-    def part(rows: tuple[int, int]) -> tuple[int, int, int, int, float]:
-        return kernel.advance(*rows, *arguments)
+    advance: Any = kernel.advance
+
+    def part(rows: Sequence[int]) -> tuple[int, int, int, int, float]:
+        return cast(tuple[int, int, int, int, float], advance(*rows, *arguments))
 
     threads = _threads(shape[0], shape[1] * channel.cells)
     if threads == 1:
@@ -221,8 +224,9 @@ def _threads(rows: int, row: int) -> int:
     """Threads for rows of a size [cells times samples]; one in a worker process: the others use the cores."""
     if rows * row < ENOUGH or parent_process() is not None:
         return 1
-    from numba import config
+    import numba
 
+    config: Any = numba.config
     return min(rows, int(config.NUMBA_NUM_THREADS))
 
 

@@ -343,7 +343,9 @@ def advance(
                 ponds[day, j] += into * interval / exchange.area[j]
                 add(W, c, pond_share[j], -into / dx)
             up, down = gates[day, 0], gates[day, 1]
-            given = gate_flow(gate, day, k, outflow[day, k], level[day, k], interval, gate_state[day])
+            given = outflow[day, k]
+            if not gate.plain:
+                given = gate_flow(gate, day, k, given, level[day, k], interval, gate_state[day])
             released[day, k] = given
             to_up, to_down = inflow[day, k] - up, given - down
             moved = 0.0
@@ -404,6 +406,8 @@ def backwater(
 ) -> bool:
     """Levels upstream of `z_end`, the level of the last cell, face by face; momentum (1) without d/dt.
 
+    `z` holds levels near them on entry: those of another `z_end`, or one level.
+
     Parameters
     ----------
     Q, q : ndarray, shape (cells + 1,), (cells,)
@@ -416,12 +420,13 @@ def backwater(
     """
     bed, friction = sections.bed, sections.friction
     c = len(bed)
-    z[c - 1] = z_end
+    shift, z[c - 1] = z_end - z[c - 1], z_end
     for i in range(c - 1, 0, -1):
         A_1, B_1, P_1 = section(z[i], sections, i)
         if not (A_1 > 0.0 and q[i] * q[i] * B_1 < GRAVITY * A_1**3):
             return False
-        level = max(z[i], bed[i - 1] + 0.5 * (z[i] - bed[i]))
+        before = z[i - 1]
+        level = max(before + shift, bed[i - 1] + 0.5 * (z[i] - bed[i]))
         small = False
         for _ in range(STEPS):
             A_0, B_0, P_0 = section(level, sections, i - 1)
@@ -444,7 +449,7 @@ def backwater(
             small = abs(move) < 1e-9
         if not small:
             return False
-        z[i - 1] = level
+        shift, z[i - 1] = level - before, level
     return True
 
 
