@@ -256,8 +256,8 @@ def advance(
     """Go through the days `first` to `last` - 1; arrays have a row per day.
 
     A day begins with the steady flow for a level `start` at x = L while `entering` (days, cells) [m3/s] comes
-    in along the reach, or, where `start` is empty, with the state given. The state arrays and the last six are
-    written; where there are operators, `outflow` too. What leaks and ponds take follows the level at each
+    in along the reach, or, where `start` is empty, with the state given. The state arrays and the last six
+    are written; where there are operators, `outflow` too. What leaks and ponds take follows the level at each
     sample and is held to the next.
 
     Returns
