@@ -180,7 +180,6 @@ An upgrade; results of another version
       test_newer_results_are_refused_and_left_alone
       test_damaged_results_are_refused_by_readers_and_replaced_by_a_run
       test_segments_with_other_columns_are_dropped_and_their_days_done_again
-  run/test_promises: test_results_of_a_newer_rivid_are_left_alone
 """
 """Not indented: a fault. "->": what must happen. "file:": its tests in that file; "*" is all of them."""
 
