@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 export OPENBLAS_NUM_THREADS = 1
+unexport PYTHONDONTWRITEBYTECODE  # without its bytecode the package is compiled anew by each process
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench scale accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
@@ -31,10 +32,16 @@ glen-canyon: setup  ## the measured river: Lees Ferry to mile 30, and dam to Lee
 	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon_rm30.toml --out $(OUT)/glen_canyon_rm30
 	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon.toml --out $(OUT)/glen_canyon
 
-test: setup  ## all tests but the long loops
-	$(BIN)/python -m pytest -n auto -m "not long"
+KERNELS := $(shell grep -rl "^@njit" --include=*.py rivid)
+$(VENV)/.compiled: $(VENV)/.ready $(KERNELS)  # these tests call all kernels: compiled here once, not by each worker
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not long" \
+		tests/reach/test_gate.py tests/diagnosis/test_noise.py tests/diagnosis/test_response.py
+	@touch $@
 
-test-long: setup  ## the long loops and the tests of the benchmarks too
+test: setup $(VENV)/.compiled  ## all tests but the long loops
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not long"
+
+test-long: setup $(VENV)/.compiled  ## the long loops and the tests of the benchmarks too
 	RIVID_LONG=1 $(BIN)/python -m pytest -n auto tests rivid benchmarks/tests
 
 check: setup  ## ruff, mypy strict, and the layers

@@ -42,19 +42,18 @@ MODULES = {module_of(path): path for path in ROOT.rglob("*.py")}
 def imports(path):
     """Names of the modules that a file imports, in functions too, but not for types alone."""
 
-    def visit(node):
+    todo = [ast.parse(path.read_text(encoding="utf-8"))]
+    while todo:
+        node = todo.pop()
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            return
+            continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             for alias in node.names:
                 whole = f"{node.module}.{alias.name}"
                 yield whole if whole in MODULES else node.module
-        for child in ast.iter_child_nodes(node):
-            yield from visit(child)
-
-    yield from visit(ast.parse(path.read_text(encoding="utf-8")))
+        todo += (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
 
 
 GRAPH = {name: {other for other in imports(path) if other != name} for name, path in MODULES.items()}

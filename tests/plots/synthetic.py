@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime as dt
+from functools import cache
 
 import numpy as np
 
@@ -179,6 +180,7 @@ def river(n=40, names=("map", "jmap")):
     return Results("lees_ferry", 900.0, "m3/s", 24.5, made)
 
 
+@cache
 def cases():
     """Records of every length, and those with nothing to show."""
     week = results(("jmap",), dates_of(7))
