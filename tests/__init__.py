@@ -6,5 +6,5 @@ LONG = bool(os.environ.get("RIVID_LONG"))
 
 
 def examples(full, least=20):
-    """The number of random examples: all in `make test-long`, else a quarter, but at least `least`."""
-    return full if LONG else min(full, max(full // 4, least))
+    """The number of random examples: all in `make test-long`, else an eighth, but at least `least`."""
+    return full if LONG else min(full, max(full // 8, least))

@@ -73,6 +73,7 @@ def test_closed_streams_change_neither_results_nor_exit_code(tmp_path, closed):
 def test_the_backend_of_a_notebook_does_not_stop_the_figures(tmp_path):
     code = "import os; from rivid.cli import main\ntry: main()\nfinally: print(os.environ['MPLBACKEND'])"
     words = [sys.executable, "-c", code, "run", WEEK, "--out", tmp_path, "--quiet", "--workers", "1"]
+    words += ["--estimator", "ml", "--to", "2008-03-10"]
     env = os.environ | {"MPLBACKEND": "module://no_such_backend"}
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, env=env)
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "agg\n")
