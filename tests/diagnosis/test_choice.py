@@ -27,15 +27,15 @@ def choice(record, responses):
 
 
 def test_of_responses_that_predict_alike_the_first_is_enough():
-    record = season(1, days=20)
+    record = season(1, days=12)
     (first,), refused = choice(record, [nominal(record, fronts) for fronts in ("none", "zero", "fir")])
     assert first.model.reach.name == "integrator-delay" and first.acceptable() and not refused
-    assert first.evaluation.likelihood.shape == (20,)
+    assert first.evaluation.likelihood.shape == (12,)
 
 
 def test_a_response_that_cannot_follow_is_behind():
     """A pool of a tenth of the surface, thought to be known within a hundredth."""
-    record = season(4, days=20)
+    record = season(4, days=12)
     known = {"area_sd": 0.01, "delay_sd": 0.01}
     small = LinearPool.nominal(record, "zero", surface_area=6e4, delay=4000.0, **known)
     (poor, good), _ = choice(record, [small, nominal(record)])
@@ -46,7 +46,7 @@ def test_a_response_that_cannot_follow_is_behind():
 
 
 def test_a_candidate_that_cannot_be_run_is_skipped_or_raised_if_it_is_the_only_one():
-    record = season(5, days=20)
+    record = season(5, days=12)
     one = nominal(record)
     assert as_candidates(one) == (one,) and as_candidates([one, one]) == (one, one)
     (only,), refused = choice(record, [Broken(), nominal(record)])

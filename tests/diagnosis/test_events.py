@@ -209,10 +209,10 @@ def test_rain_that_began_before_the_first_row_is_under_way():
 
 def test_rain_is_not_a_release_and_down_is_not_up():
     up_here, down_far = Kind("in", "pulse", 1, HERE), Kind("loss", "pulse", -1, FAR)
-    z, _ = planted(0, 6, RAIN, 6 * 3600 / T, lambda rng: rng.integers(30, 200, 1), 50.0)
+    z, _ = planted(0, 4, RAIN, 6 * 3600 / T, lambda rng: rng.integers(30, 200, 1), 50.0)
     gains = [find_events(z, NOISE.whiten, kind, T).gain for kind in (RAIN, RELEASE, down_far)]
     assert gains[0] > max(gains[1:]) + 20.0
-    z, _ = planted(0, 6, LOCK, 14, lambda rng: rng.integers(30, 360, 1), 40.0)
+    z, _ = planted(0, 4, LOCK, 14, lambda rng: rng.integers(30, 360, 1), 40.0)
     gains = [find_events(z, NOISE.whiten, kind, T).gain for kind in (LOCK, up_here, RAIN)]
     assert gains[0] > max(gains[1:]) + 20.0
 
