@@ -3,7 +3,10 @@
 Usage: python -m benchmarks.saint_venant
 """
 
+import os
 import resource
+import subprocess
+import tempfile
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.exam.answering import Logs, answer, record_of, responses
-from benchmarks.measure import functions_in_turn, machine, median, table
+from benchmarks.measure import PYTHON, functions_in_turn, machine, median, table
 from rivid.diagnosis.candidates import trials_of
+from rivid.diagnosis.noise.model import NoiseModel, fit_noise
 from rivid.diagnosis.response.base import sensitivities
 from rivid.effects import changes_of, effect_classes
 from rivid.reach.saint_venant import Channel, Flow, simulate
@@ -129,6 +133,60 @@ def shared() -> str:
     return table(["what", "cores", "measured", "goal"], table_rows)
 
 
+def likelihoods() -> str:
+    """The noise of 90 days: likelihood at one setting, and a fit from a near start and from the usual ones."""
+    noise = NoiseModel(2e-3, 1e-4, 2.0, 14_400.0, 0.0, 3600.0, T_S, 6.7e5)
+    whole = noise.simulate(90, PER_DAY, np.random.default_rng(0))
+    gaps = np.where(np.random.default_rng(1).random(whole.shape) < 0.01, np.nan, whole)
+    rows = []
+    for name, days in (("no gaps", whole), ("1 % of samples missing", gaps)):
+        tasks = {
+            "one": lambda d=days: noise.log_likelihood(d),
+            "near": lambda d=days: fit_noise(d, T_S, 6.7e5, starts=(noise,), alone=True),
+            "usual": lambda d=days: fit_noise(d, T_S, 6.7e5),
+        }
+        took = {key: median(seconds) for key, seconds in functions_in_turn(tasks, RUNS).items()}
+        rows.append(
+            [name, f"{took['one'] * 1e3:.2f} ms", f"{took['near'] * 1e3:.0f} ms", f"{took['usual']:.2f} s"]
+        )
+    return table(
+        ["90 days", "likelihood (goal 0.5 ms)", "fit from a near start", "fit from the usual starts"], rows
+    )
+
+
+COMPILED = """
+import time
+from rivid.simulation import simulate
+from rivid.simulation.scenario import load_scenario
+from benchmarks.exam.answering import Logs, record_of, responses
+from benchmarks.saint_venant import REACH, ROOT
+from rivid.diagnosis.noise.model import fit_noise
+began = time.perf_counter()
+s = load_scenario(ROOT / "configs" / "scenarios" / "hydraulic.toml").model_copy(update={"days": 2, "missing_days": 0})
+season = simulate(s, 1)
+water = time.perf_counter()
+logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
+record = record_of(logs)
+responses(logs, record)[0].baseline(record)
+days = time.perf_counter()
+fit_noise(record.output - record.output.mean(), 133.0, 6.7e5)
+print(water - began, days - water, time.perf_counter() - days)
+"""
+
+
+def compiling() -> str:
+    """What the compiled loops take on their first use, with an empty cache and from then on."""
+    rows = []
+    with tempfile.TemporaryDirectory() as cache:
+        for name in ("first use: compiled", "from then on: loaded"):
+            done = subprocess.run(
+                [PYTHON, "-c", COMPILED], capture_output=True, text=True, check=True, cwd=ROOT,
+                env=os.environ | {"NUMBA_CACHE_DIR": cache},
+            )  # fmt: skip
+            rows.append([name, *(f"{float(part):.1f} s" for part in done.stdout.split())])
+    return table(["", "2 days in closed loop", "the same in rows", "a fit of the noise"], rows)
+
+
 def by_samples(channel: Channel, *day: NDArray[np.float64]) -> None:
     """A day in closed loop: the state handed on from sample to sample."""
     time, inflow, outflow = day
@@ -179,7 +237,11 @@ def sections() -> str:
         + "\n"
         + closed_loop()
         + "\n## The diagnosis\n\n"
+        + likelihoods()
+        + "\n"
         + diagnoses()
+        + "\nThe compiled loops on their first use in an installation:\n\n"
+        + compiling()
     )
 
 
@@ -193,7 +255,9 @@ def main() -> None:
     print(batch())
     print(shared())
     print(closed_loop())
+    print(likelihoods())
     print(diagnoses())
+    print(compiling())
 
 
 if __name__ == "__main__":

@@ -107,12 +107,12 @@ FACTORS = 8
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
-def log_likelihoods(values: Floats, there: Floats, systems: Floats, diffuse: bool) -> Floats:
+def log_likelihoods(values: Floats, systems: Floats, diffuse: bool) -> Floats:
     """Log-likelihood of each system and day, shape (q, days), without the sample that sets a day's start.
 
-    `values` (n, days) has 0 where a sample is missing, `there` (n, days) 1.0 where one is present; `systems`
-    has the shape (q, 7): the first seven numbers of a :class:`System` each. Gains and states go together
-    through one loop over the days, which compiles to vector instructions: nothing is stored for each sample.
+    `values` (n, days) is NaN where a sample is missing; `systems` has the shape (q, 7): the first seven
+    numbers of a :class:`System` each. Gains and states go together through one loop over the days, which
+    compiles to vector instructions: nothing is stored for each sample.
     """
     n, days = values.shape
     out = np.empty((len(systems), days))
@@ -128,12 +128,14 @@ def log_likelihoods(values: Floats, there: Floats, systems: Floats, diffuse: boo
         x[:], w[:], s[:], started[:] = 0.0, 0.0, 0.0, 0.0 if diffuse else 1.0
         total[:], size[:], count[:] = 0.0, 1.0, 0.0
         for k in range(n):
-            z, seen = values[k], there[k]
+            z = values[k]
             for d in range(days):
-                update, start = seen[d] * started[d], seen[d] * (1.0 - started[d])
+                seen = 1.0 if z[d] == z[d] else 0.0
+                read = z[d] if seen > 0.0 else 0.0
+                update, start = seen * started[d], seen * (1.0 - started[d])
                 h0, h1, h2 = xx[d] + xs[d], xw[d] + ws[d], xs[d] + ss[d]
                 V = h0 + h2 + gauge
-                f, v = update / V, z[d] - x[d] - s[d]
+                f, v = update / V, read - x[d] - s[d]
                 total[d] += v * v * f
                 size[d] *= 1.0 + update * (V * scale - 1.0)
                 count[d] += update
@@ -141,7 +143,7 @@ def log_likelihoods(values: Floats, there: Floats, systems: Floats, diffuse: boo
                 b = (1.0 - start) * (xw[d] - f * h0 * h1) - start * ws[d]
                 g = (1.0 - start) * (xs[d] - f * h0 * h2) - start * ss[d]
                 e, j, t = ww[d] - f * h1 * h1, ws[d] - f * h1 * h2, ss[d] - f * h2 * h2
-                started[d] = max(started[d], seen[d])
+                started[d] = max(started[d], seen)
                 flow = w[d] + f * h1 * v
                 x[d] += (f * h0 + start) * v + c * flow
                 w[d] = phi * flow

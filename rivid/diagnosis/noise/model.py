@@ -130,9 +130,14 @@ class NoiseModel:
         """
         from rivid.diagnosis.noise.kalman import gather, log_likelihoods
 
-        values, there = (np.ascontiguousarray(part.T, float) for part in gather(residual))
+        z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
-        return np.asarray(log_likelihoods(values, there, np.array([numbers]), diffuse)[0])
+        if z.ndim == 2 and z.size:
+            found = np.asarray(log_likelihoods(np.ascontiguousarray(z.T), np.array([numbers]), diffuse)[0])
+            if np.isfinite(found).all():
+                return found
+        gather(z)  # refuses what is infinite, or of another shape
+        raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
 
     def forecast_errors(self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30) -> Floats:
         """Residual at origin + horizon less its forecast from what is known at the origin [m].
@@ -416,13 +421,13 @@ def _climb(
 
     used = weights > 0.0
     w = weights[used] / (weights @ there.sum(1))  # a mean a sample: one tolerance fits all
-    z, here = (np.ascontiguousarray(part[used].T, float) for part in (values, there))
+    z = np.ascontiguousarray(np.where(there, values, np.nan)[used].T)
     around = STEP * np.concatenate([np.zeros((1, len(limits.free))), np.eye(len(limits.free))])
 
     def cost(p: Floats) -> tuple[float, Floats]:
         """Less the mean log-likelihood of a sample, and its slopes by differences."""
         systems = [limits.at(point).system() for point in p + around]
-        days = log_likelihoods(z, here, np.array([m[:-1] for m in systems]), systems[0].diffuse)
+        days = log_likelihoods(z, np.array([m[:-1] for m in systems]), systems[0].diffuse)
         at, *near = -(days @ w)
         return float(at), (np.array(near) - at) / STEP
 
