@@ -172,11 +172,14 @@ def innovations(columns: Floats, there: Bools, m: System) -> tuple[Floats, bool]
     """
     p, days, n = columns.shape
     K, S, _ = gains(there, m, False)
+    c, phi, psi = m.c, m.phi, m.psi
+    K0, K1, K2, root, here = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.bool_)
     out = np.empty(columns.shape)
     finite = True
     for d in range(days):
-        K0, K1, K2, here = K[0, :, d].copy(), K[1, :, d].copy(), K[2, :, d].copy(), there[:, d].copy()
-        root = np.where(S[:, d] > 0.0, 1.0 / np.sqrt(np.where(S[:, d] > 0.0, S[:, d], 1.0)), 0.0)
+        for k in range(n):
+            K0[k], K1[k], K2[k], here[k] = K[0, k, d], K[1, k, d], K[2, k, d], there[k, d]
+            root[k] = 1.0 / np.sqrt(S[k, d]) if S[k, d] > 0.0 else 0.0
         for a in range(0, p, 4):  # four columns at once, the last one as often as it takes
             i1, i2, i3 = min(a + 1, p - 1), min(a + 2, p - 1), min(a + 3, p - 1)
             z0, z1, z2, z3 = columns[a, d], columns[i1, d], columns[i2, d], columns[i3, d]
@@ -184,13 +187,13 @@ def innovations(columns: Floats, there: Bools, m: System) -> tuple[Floats, bool]
             x0 = x1 = x2 = x3 = w0 = w1 = w2 = w3 = s0 = s1 = s2 = s3 = 0.0
             for k in range(n):
                 is_there, size, g0, g1, g2 = here[k], root[k], K0[k], K1[k], K2[k]
-                v, x0, w0, s0 = _step(z0[k] if is_there else 0.0, x0, w0, s0, g0, g1, g2, m)
+                v, x0, w0, s0 = _step(z0[k] if is_there else 0.0, x0, w0, s0, g0, g1, g2, c, phi, psi)
                 o0[k] = v * size
-                v, x1, w1, s1 = _step(z1[k] if is_there else 0.0, x1, w1, s1, g0, g1, g2, m)
+                v, x1, w1, s1 = _step(z1[k] if is_there else 0.0, x1, w1, s1, g0, g1, g2, c, phi, psi)
                 o1[k] = v * size
-                v, x2, w2, s2 = _step(z2[k] if is_there else 0.0, x2, w2, s2, g0, g1, g2, m)
+                v, x2, w2, s2 = _step(z2[k] if is_there else 0.0, x2, w2, s2, g0, g1, g2, c, phi, psi)
                 o2[k] = v * size
-                v, x3, w3, s3 = _step(z3[k] if is_there else 0.0, x3, w3, s3, g0, g1, g2, m)
+                v, x3, w3, s3 = _step(z3[k] if is_there else 0.0, x3, w3, s3, g0, g1, g2, c, phi, psi)
                 o3[k] = v * size
             finite = finite and np.isfinite(x0 + x1 + x2 + x3)  # what is not never leaves x again
     return out, finite
@@ -198,12 +201,12 @@ def innovations(columns: Floats, there: Bools, m: System) -> tuple[Floats, bool]
 
 @njit(cache=True, error_model="numpy")
 def _step(
-    z: float, x: float, w: float, s: float, g0: float, g1: float, g2: float, m: System
+    z: float, x: float, w: float, s: float, g0: float, g1: float, g2: float, c: float, phi: float, psi: float
 ) -> tuple[float, float, float, float]:
     """The innovation of a sample, and what is expected of x, w and s at the next one."""
     v = z - x - s
     flow = w + g1 * v
-    return v, x + (g0 * v + m.c * flow), flow * m.phi, m.psi * (s + g2 * v)
+    return v, x + (g0 * v + c * flow), flow * phi, psi * (s + g2 * v)
 
 
 @njit(cache=True, error_model="numpy")
