@@ -9,6 +9,8 @@ from rivid.check import check_days
 from rivid.config import Config, parse
 from tests.check.season import NAMES, late, redated, sound, the_one
 
+LEVEL_DRIFT, LEVEL_DATES = (pytest.param("output", by, marks=pytest.mark.long) for by in (60, 1))
+
 
 @pytest.mark.parametrize(("column", "seconds"), [("inflow", 3600), ("outflow", -3600), ("output", 3600)])
 def test_a_clock_that_is_an_hour_off_from_a_date_on(column, seconds):
@@ -34,7 +36,7 @@ def test_a_clock_that_is_an_hour_off_on_every_day_gives_impossible_lags(column, 
     the_one(late(days[:n], seconds, column), config, code, **values)
 
 
-@pytest.mark.parametrize(("column", "per_day"), [("inflow", 60), ("outflow", -90), ("output", 60)])
+@pytest.mark.parametrize(("column", "per_day"), [("inflow", 60), ("outflow", -90), LEVEL_DRIFT])
 def test_a_clock_that_drifts(column, per_day):
     days, config = sound()
     the_one(
@@ -43,7 +45,7 @@ def test_a_clock_that_drifts(column, per_day):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("column", "by"), [("inflow", 1), ("outflow", -1), ("output", 1)])
+@pytest.mark.parametrize(("column", "by"), [("inflow", 1), ("outflow", -1), LEVEL_DATES])
 def test_dates_that_are_a_day_off(column, by):
     days, config = sound(30)
     wrong = redated(days, by, column, among=slice(10, 25))

@@ -122,7 +122,7 @@ def test_few_days_still_flows_and_an_empty_catalogue_give_no_answer():
 
 def test_a_hidden_diurnal_inflow_is_named_with_its_size_and_closes_the_gap():
     hidden = CATALOGUE["diurnal_inflow"]
-    record = pools.season(6, effects=(hidden(amplitude=8.0, hour=15.0),))
+    record = pools.season(6, days=30, effects=(hidden(amplitude=8.0, hour=15.0),))
     few = {name: CATALOGUE[name] for name in ("diurnal_inflow", "lateral_inflow")}
     result, _ = diagnose(record, pools.nominal(record), few, gauge_floor=pools.GAUGE_FLOOR)
     assert result.verdict == "explained", result.reason

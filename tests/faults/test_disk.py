@@ -122,7 +122,7 @@ exit $code
 """
 
 
-@pytest.mark.parametrize("left", [0, 20_000])
+@pytest.mark.parametrize("left", [pytest.param(0, marks=pytest.mark.long), 20_000])
 def test_a_full_disk(season, tmp_path, tried, may_mount, left):
     data, whole = season
     words = [*WORDS, "run", str(data), "--no-figures", "--quiet"]
