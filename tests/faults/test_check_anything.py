@@ -59,7 +59,10 @@ def test_any_finite_days_give_finite_findings(tried):
     found = seen = 0
 
     @settings(
-        max_examples=examples(250), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+        max_examples=examples(250, 62),
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
     )
     @given(records())
     def holds(record):
