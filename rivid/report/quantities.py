@@ -234,12 +234,13 @@ def gap_rows(gap: Gap) -> list[tuple[str, str, tuple[float, ...]]]:
 def environment() -> "Environment":
     """Return the environment of all templates, with the formats of this module as filters."""
     made = page.environment()
-    formats = (name, size, estimate, when, p_value, error, period, closed, printable, tight)
+    formats = (name, size, estimate, when, p_value, error, period, closed, printable)
     made.filters |= {function.__name__: function for function in formats}
     made.filters |= {
         "count": count,
         "listed": lambda parts, last="and": listed(list(parts), last),
-        "oneline": printable,
+        "oneline": lambda text: type(text)(printable(text)),  # what is escaped stays so, and is not again
+        "tight": lambda text: type(text)(tight(text)),
         "initial": lambda text: text[:1].upper() + text[1:],
     }
     made.globals["VERDICTS"] = VERDICTS

@@ -242,6 +242,12 @@ def test_missing_numbers_are_dashes(tmp_path):
     )
 
 
+def test_a_text_is_escaped_once(tmp_path):
+    sure = dataclasses.replace(BYPASS, p_value=1e-6)
+    got = page(tmp_path, "explained", effects=(sure,))
+    assert "p < 0.0001" in words(got)
+
+
 def test_names_and_texts_are_escaped(tmp_path):
     attack = '"><script>alert(1)</script><img src=x onerror=alert(1)>'
     effect = dataclasses.replace(
