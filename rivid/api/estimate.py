@@ -65,10 +65,8 @@ class _DelayResult(Result):
 class DelayEstimate(_DelayResult, JmapResult):
     """The result of :func:`jmap`: a :class:`rivid.core.fir.JmapResult` with its origin.
 
-    Attributes
-    ----------
-    sample_time, output_unit, date
-        T_s [s], "m" or "m3/s", and the date of a :class:`Day`; None, "" and None if only arrays were given.
+    Of a :class:`Day` it holds T_s [s], the unit of the output ("m" or "m3/s") and the date; None, "" and None
+    if only arrays were given.
     """
 
     sample_time: float | None = None
