@@ -110,8 +110,10 @@ class DelayProbabilities(_DelayResult):
         Response of the output to the inflow and its standard deviation [output unit per m3/s].
     reason : ndarray of str, shape (days,)
         Why a day has no answer; empty otherwise.
-    sample_time, output_unit, date
-        As in :class:`DelayEstimate`; the unit is "m" if only arrays were given.
+
+    Notes
+    -----
+    Sample time, unit and date are as in :class:`DelayEstimate`; the unit is "m" if only arrays were given.
     """
 
     status: Strings
