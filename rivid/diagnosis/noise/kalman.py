@@ -53,7 +53,7 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 
 @njit(cache=True, error_model="numpy")
 def gains(there: Bools, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
-    """Gains of each day; `there` (n, days) tells which samples are present.
+    """Gains of each day; `there` (n, days) is true where a sample is present.
 
     Returns
     -------
