@@ -205,6 +205,8 @@ class NamedEffect:
         The effect as a table of a scenario.
     events : int
         How many events it has; 0 where it has none.
+    probability : float or None
+        That it acts in the reach: the sum over all explanations that hold it.
     """
 
     name: str
@@ -218,6 +220,37 @@ class NamedEffect:
     breaker: str | None
     table: dict[str, Any]
     events: int = 0
+    probability: float | None = None
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """An explanation of the record and its probability among all that compete.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Its effects; empty for nothing missing and for a purely unknown cause.
+    unknown : {"flow", "gauge", "dynamics"} or None
+        What it leaves without a name: an inflow, an error of the gauge, or a response that no equation with
+        physical parameters gives.
+    response : str
+        The reach response that it is paired with.
+    probability : float
+        All explanations together have 1.
+    gain : float
+        Log predictive density of the open days, each predicted by a fit without its block, above that of
+        "nothing missing" [nats].
+    material : bool
+        Whether it removes the least share of the error that counts.
+    """
+
+    names: tuple[str, ...]
+    unknown: Literal["flow", "gauge", "dynamics"] | None
+    response: str
+    probability: float
+    gain: float
+    material: bool
 
 
 @dataclass(frozen=True)
@@ -294,6 +327,8 @@ class Gap:
         The gap by the state of the reach, events of the day itself unknown.
     rmse_described : tuple of float or None
         With all effects, events timed on the day itself; None where there are no events.
+    rmse_open_baseline, rmse_open_augmented : tuple of float or None
+        As `rmse_baseline` and `rmse_augmented`, of the open days: each day by a fit without its block.
     """
 
     heldout_dates: tuple[dt.date, ...]
@@ -307,6 +342,17 @@ class Gap:
     steps: tuple[Step, ...]
     by_regime: tuple[Regime, ...] = ()
     rmse_described: tuple[float, ...] | None = None
+    rmse_open_baseline: tuple[float, ...] | None = None
+    rmse_open_augmented: tuple[float, ...] | None = None
+
+    @property
+    def reduced(self) -> tuple[float, ...]:
+        """Share of the squared error that is removed at each horizon, events of the day itself unknown.
+
+        Negative where the error grows; NaN where there is no error to remove. It needs no floor.
+        """
+        pairs = zip(self.rmse_baseline, self.rmse_augmented, strict=True)
+        return tuple(1.0 - (after / before) ** 2 if before else math.nan for before, after in pairs)
 
 
 @dataclass(frozen=True)
@@ -330,6 +376,12 @@ class Diagnosis:
         Parameters at limits, days left out, what was held fixed.
     closed_loop : ClosedLoop or None
         None for a river reach, which has no operators below.
+    ranking : tuple of Ranked
+        All explanations, the most probable first.
+    small : tuple of str
+        Effects that are sure and do not matter: each a sentence with numbers.
+    next_measurement : str or None
+        What to measure or operate next, and what it would decide, in a sentence.
     """
 
     verdict: Verdict
@@ -342,10 +394,15 @@ class Diagnosis:
     noise: dict[str, float] | None = None
     notes: tuple[str, ...] = ()
     closed_loop: ClosedLoop | None = None
+    ranking: tuple[Ranked, ...] = ()
+    small: tuple[str, ...] = ()
+    next_measurement: str | None = None
 
     def to_json(self) -> str:
         """The text of diagnosis.json; numbers that are not finite become null."""
         document = asdict(self)
+        if self.gap is not None:
+            document["gap"]["reduced"] = self.gap.reduced
         if document["closed_loop"] is not None:
             del document["closed_loop"]["shown"]
         return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
