@@ -115,7 +115,7 @@ TIED = NamedEffect(
 RANKINGS = {
     "no_gap": ("", 0.93, "wave_attenuation", 0.04, "flow", 0.02, "gauge", 0.007, "dynamics", 0.003),
     "explained": (
-        "diurnal_inflow", 0.982, "diurnal_inflow+rain_inflow", 0.009, "flow", 0.0052, "lateral_inflow", 0.0024,
+        "diurnal_inflow", 0.982, "diurnal_inflow+rain_inflow", 0.009, "flow", 0.0052, "rain_inflow", 0.0024,
         "gauge", 0.0011, "dynamics", 0.0002, "", 0.0001,
     ),
     "partly_explained": (
@@ -190,7 +190,7 @@ def diagnosis(verdict, evidence=None, **changes):
             reason="With diurnal inflow in, no candidate, bin or period stands out any more.",
             effects=(DIURNAL,),
             gap=gap_of(ev, (DIURNAL,), floor=0.35),
-            small=("Outflow lag: 32 s (23 to 40), probability above 0.99; it takes 1 % of the error at 1 h.",),
+            small=("Outflow lag: 32 s (23 to 40), sure; it takes 1 % of the error at 1 h.",),
         ),
         "partly_explained": dict(
             reason="With two effects in, the hours from 10:00 to 14:00 still stand out, p = 0.004.",
@@ -207,7 +207,7 @@ def diagnosis(verdict, evidence=None, **changes):
             reason="A period of 1.5 h stands 27 times above its neighbours; no effect removes a quarter.",
             unknown=Unknown(Where(dates=(START, START + dt.timedelta(9))), 3.21, ("level",), 5400.0),
             gap=gap_of(ev),
-            next_measurement="A second gauge 1 km upstream for two weeks: a flow moves both, a gauge error one.",
+            next_measurement="A second gauge 1 km upstream for a week: a flow moves both, a gauge error one.",
         ),
         "did_not_hold": dict(
             reason="diurnal_inflow removes 61 % of the excess on the fitted days and 2 % on the others.",
