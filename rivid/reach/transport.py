@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from rivid.types import Floats
 
+SAME = 1e-11
+"""Times closer than this share of a row are one: seconds of a century are rounded to 1e-11 days."""
 KERNEL_WIDTH = 7.0
 """Half width of the kernel of :func:`spread_flow` in standard deviations; 1e-12 of the volume is beyond."""
 
@@ -88,8 +90,22 @@ def delayed_flow(edges: Floats, flow: Floats, delay: float) -> Floats:
     -------
     ndarray, shape (..., n)
     """
-    volume = arrived_volume(edges - delay, edges, held_volume(edges, flow), flow[..., 0], flow[..., -1])
-    return np.asarray(np.diff(volume, axis=-1) / np.diff(edges, axis=-1))
+    passed = held_volume(edges, flow)
+    grid = grid_of_rows(edges)
+    if grid.ndim > 1:
+        volume = arrived_volume(edges - delay, edges, passed, flow[..., 0], flow[..., -1])
+    else:  # one search for all rows; the first and last flow go on beyond the ends
+        at = grid - delay
+        i = np.clip(np.searchsorted(grid, at, side="right") - 1, 0, len(grid) - 2)
+        volume = passed[..., i] + flow[..., i] * (at - grid[i])
+    return np.asarray(np.diff(volume, axis=-1) / np.diff(grid, axis=-1))
+
+
+def grid_of_rows(edges: Floats) -> Floats:
+    """Times since each row's first, shape (..., n); where all rows have the same ones (n,), to rounding."""
+    since = edges - edges[..., :1]
+    row = since.reshape(-1, since.shape[-1])[0]
+    return row if (np.abs(since - row) < SAME * row[-1]).all() else since
 
 
 def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: float) -> Floats:
@@ -121,6 +137,7 @@ def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: floa
         return flow.copy()
     from scipy.special import ndtr
 
+    edges = grid_of_rows(edges)
     steps = np.diff(edges, axis=-1)
     n = flow.shape[-1]
     more = int(np.ceil(KERNEL_WIDTH * deviation / steps.min())) + 2
@@ -132,11 +149,8 @@ def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: floa
         axis=-1,
     )
 
-    even = bool(np.ptp(b[..., 1:] - b[..., :-1]) < 1e-9 * sample_time)  # then g depends on m alone
-    k = 2 if even else n + 1
-
     def g(m: int) -> Floats:
-        x = (edges[..., :k] - b[..., more - m : more - m + k]) / deviation
+        x = (edges - b[..., more - m : more - m + n + 1]) / deviation
         return np.asarray(x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
 
     volume = np.zeros(flow.shape)

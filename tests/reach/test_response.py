@@ -6,7 +6,13 @@ import pytest
 from rivid.core.hydraulics import travel_bounds
 from rivid.reach.changes import AddedFlow, Changes, Gate
 from rivid.reach.integrator import LinearReach, pool_level, theoretical_fir
-from rivid.reach.transport import arrived_volume, delayed_volume, held_volume
+from rivid.reach.transport import (
+    arrived_volume,
+    delayed_flow,
+    delayed_volume,
+    held_volume,
+    spread_flow,
+)
 from tests.reach.equations import difference_equation
 
 T_S = 133.0
@@ -114,3 +120,21 @@ def test_a_volume_some_time_earlier_counts_the_first_flow_before_it():
     time = np.array([[0.0, 100.0, 150.0, 250.0]])
     flow = np.array([[2.0, 4.0, 1.0, 9.0]])
     assert delayed_volume(time, flow, 50.0).tolist() == [[-100.0, 100.0, 200.0, 450.0]]
+
+
+@pytest.mark.parametrize("delay", [-5000.0, -133.0, 0.0, 40.0, 133.0, 399.0, 7000.0, 2e5])
+def test_rows_of_one_grid_are_delayed_and_spread_as_row_by_row(delay):
+    rng = np.random.default_rng(5)
+    row = np.cumsum(rng.uniform(60.0, 200.0, 151))
+    edges = row + 86_400.0 * np.arange(4)[:, None]
+    flow = 300.0 + rng.normal(size=(4, 150)).cumsum(axis=1)
+    apart = edges + np.cumsum(rng.uniform(0.0, 1e-3, edges.shape), axis=1)  # no row like another
+    np.testing.assert_allclose(delayed_flow(edges, flow, delay), delayed_flow(apart, flow, delay), atol=0.02)
+    fine = np.linspace(edges[2, 0], edges[2, -1], 400_001)  # a sample's mean is that of its instants
+    late = flow[2, np.clip(np.searchsorted(edges[2], fine - delay, side="right") - 1, 0, 149)]
+    sample = np.clip(np.searchsorted(edges[2], fine, side="right") - 1, 0, 149)
+    means = np.bincount(sample, late) / np.bincount(sample)
+    np.testing.assert_allclose(delayed_flow(edges, flow, delay)[2], means, atol=0.03)
+    spread = abs(delay) % 997.0
+    together, each = spread_flow(edges, flow, spread, 133.0), spread_flow(apart, flow, spread, 133.0)
+    np.testing.assert_allclose(together, each, atol=0.02)
