@@ -264,7 +264,10 @@ def _evidence(study: "Study") -> Evidence:
 
 def _notes(study: "Study") -> tuple[str, ...]:
     notes = list(study.notes)
-    at_limit = [f.name for f in study.last.reach.parameters if f.value <= f.low or f.value >= f.high]
+    at_limit = [
+        f.name for f in study.last.reach.parameters
+        if f.value >= f.high or f.value <= f.low < f.mean  # a gauge without a well has no lag
+    ]  # fmt: skip
     if at_limit:
         notes.append(f"calibrated values at their limits: {', '.join(at_limit)}")
     light = int((study.last_evaluation.weights[study.split.fit] < 0.3).sum())

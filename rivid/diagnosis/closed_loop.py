@@ -151,7 +151,9 @@ def without_fronts(reach: Response) -> Response:
     if isinstance(reach, LinearPool):
         if reach.fronts == "none":
             return reach
-        return replace(reach, parameters=reach.parameters[:3], fronts="none", lags=())
+        return replace(
+            reach, parameters=(*reach.parameters[:3], reach.parameters[-1]), fronts="none", lags=()
+        )
     values = vector_of(reach)
     lagged = [i for i, p in enumerate(reach.parameters) if p.name.startswith(("outflow_lag", "inflow_lag"))]
     if not values[lagged].any():

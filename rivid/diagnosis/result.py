@@ -485,6 +485,7 @@ def write_model(
     if record.kind == "pool":
         tables["operators"] = {"level_gain": -50.0}
         tables["level"] = {"set_point": level, "drawdown": 0.0, "noise": noise.get("gauge_sd", 0.003)}
+        tables["level"]["lag"] = found.get("gauge_lag", 0.0)
         tables["weather"] = {
             "inflow": noise.get("inflow_sd", 0.0), "memory": noise.get("inflow_memory", 3600.0), "place": 0.5,
         }  # fmt: skip

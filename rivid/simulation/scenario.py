@@ -153,6 +153,9 @@ class LevelScenario(Section):
     ] = 400.0
     noise: Annotated[NotNegative, Means("m", "standard deviation of the gauge's white noise")] = 0.003
     quantum: Annotated[NotNegative, Means("m", "step of the gauge")] = 0.01
+    lag: Annotated[
+        NotNegative, Means("s", "time constant of the stilling well, in the logs; operators see the water")
+    ] = 0.0
     set_points_per_week: Annotated[NotNegative, Means("1/week", "how often the level aimed at changes")] = 0.0
     set_point_step: Annotated[
         NotNegative, Means("m", "standard deviation of these levels about the set-point")

@@ -19,6 +19,7 @@ from rivid.effects.base import World
 from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.gate import OperatorArrays
+from rivid.reach.gauge import stilled
 from rivid.reach.integrator import LinearReach, pool_level
 from rivid.reach.operators import OperatorSettings, draw_crew, operator_arrays, quantise, roster
 from rivid.reach.saint_venant import Channel, arrival_time
@@ -357,7 +358,7 @@ def simulate(
         time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
     true, commands, released = water.run(time, inflow, operators, usual, changes, float(aim[0]))
-    level = quantise(true + noise, gauge.quantum)
+    level = quantise(stilled(time, true, gauge.lag) + noise, gauge.quantum)
     level[_silent(gauge, time, steps, gauge_rng)] = np.nan
 
     kept = np.sort(missing_rng.permutation(scenario.days)[scenario.missing_days :])

@@ -19,9 +19,9 @@ GAUGE = 0.0035
 
 
 @cache
-def season(seed, days=6, effects=(), gauge=GAUGE):
+def season(seed, days=6, effects=(), gauge=GAUGE, lag=0.0):
     """A season without weather, read by a gauge with white noise; effects are (name, key, value)."""
-    level = PLAIN.level.model_copy(update={"noise": gauge, "quantum": 0.0})
+    level = PLAIN.level.model_copy(update={"noise": gauge, "quantum": 0.0, "lag": lag})
     quiet = PLAIN.weather.model_copy(update={"inflow": 0.0})
     scenario = PLAIN.model_copy(
         update={

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
+from rivid.diagnosis.fit import Model, calibrate
 from rivid.diagnosis.response.base import (
     real_flows,
     sensitivities,
@@ -99,10 +100,10 @@ def test_the_depth_under_the_dam_is_the_same_whatever_the_modes():
 
 def test_parameters_stay_inside_their_limits():
     response = few(season(4, days=2))
-    for far, which in ((99.0, "high"), (-99.0, "low")):
+    for far, which in ((999.0, "high"), (-999.0, "low")):
         moved = response.with_parameters(vector_of(response) + far)
         assert vector_of(moved).tolist() == [getattr(p, which) for p in response.parameters]
-    with pytest.raises(RividError, match="expected 5 finite numbers, for length, width"):
+    with pytest.raises(RividError, match="expected 6 finite numbers, for length, width"):
         response.with_parameters([1.0, 2.0])
     with pytest.raises(RividError, match="slope = 0.1: expected 0 to"):
         few(season(4, days=2), slope=0.1)
@@ -118,6 +119,23 @@ def test_a_row_that_runs_dry_is_simulated_up_to_there():
     np.testing.assert_array_equal(level[[0, 2]], response.simulate(record)[[0, 2]])
     last = int(np.isfinite(level[1]).sum())
     assert 30 < last < 300 and np.isfinite(level[1, :last]).all() and level[1, last - 1] < 128.0
+
+
+def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
+    """A well of 60 s, in a fit that starts at none; without it the reach is longer."""
+    record = season(5, days=8, lag=60.0)
+    response = few(record, length=8300.0, width=80.0)
+    start = Model(response, None, record.usual_output, record.usual_flow, 1e-4)
+    with_well = calibrate(start, record)
+    held = (*response.parameters[:-1], replace(response.parameters[-1], high=0.0))
+    without = calibrate(replace(start, reach=replace(response, parameters=held)), record)
+    lag = with_well.reach.parameters[-1].natural
+    white = with_well.noise.whiten(with_well.jacobian(record)[1], like=np.where(record.used, 0.0, np.nan))
+    X = white.reshape(len(white), -1)
+    prior = np.diag([p.sd**-2.0 for p in response.parameters])
+    assert abs(lag - 60.0) < 3.0 * np.sqrt(np.linalg.inv(X @ X.T + prior)[-1, -1]) < 10.0
+    lengths = [m.reach.parameters[0].natural for m in (with_well, without)]
+    assert abs(lengths[0] - 8200.0) < 0.5 * abs(lengths[1] - 8200.0)
 
 
 # Derivatives
@@ -145,6 +163,8 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_slopes_agree_with_central_differences(case):
     record, response = CASES[case]()
+    lagging = [40.0 * (p.name == "gauge_lag") for p in response.parameters]
+    response = response.with_parameters(vector_of(response) + lagging)
     base = response.baseline(record)
     slopes = response.slopes(record, base)
     assert slopes.shape == (len(response.parameters), *base.shape)

@@ -73,6 +73,11 @@ class FreeParameter:
         return replace(self, value=min(max(float(value), self.low), self.high))
 
 
+def gauge_lag() -> FreeParameter:
+    """Time constant of the gauge's stilling well; most have none, or one of up to two minutes for waves."""
+    return FreeParameter("gauge_lag", "s", 0.0, 0.0, 60.0, 0.0, 300.0)
+
+
 class Response(Protocol):
     """A reach model that can be calibrated.
 

@@ -12,6 +12,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
     cut,
+    gauge_lag,
     gauge_of,
     lagged,
     placed,
@@ -21,6 +22,7 @@ from rivid.diagnosis.response.base import (
 )
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.gauge import stilled
 from rivid.reach.saint_venant import Channel, Flow, arrival_time, simulate
 from rivid.types import Floats
 
@@ -63,11 +65,13 @@ ARRIVAL_LAGS = (-1, 0, 1, 2, 3)
 """Lags of the inflow that may be corrected, about the delay d [samples]: the shape of the first front."""
 CORRECTION_SD, CORRECTION_LIMIT = 0.75, 3.0
 """Prior and limit of a correction, in T_s / A [m per m3/s]. More would swallow an outflow lag."""
+LAG_STEP = 0.5
+"""Of the gauge's lag, for its derivative [s]: short beside the shortest samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class HydraulicResponse:
-    """A pool as equation (1) with Manning friction, and short linear corrections.
+    """A pool as equation (1) with Manning friction, short linear corrections, and a gauge with a lag.
 
     ``h(t) = level of the channel + sum_l a_l u_Qo[k - l] + sum_l b_l u_Qi[k - l]``
 
@@ -78,7 +82,8 @@ class HydraulicResponse:
     ----------
     parameters : tuple of FreeParameter
         Logarithms of length, width, depth (of the bed under the dam below `level`) and Manning's n; the fall
-        of the bed [m], plain since it may be 0; modes of the width and of the bed; corrections.
+        of the bed [m], plain since it may be 0; modes of the width and of the bed; corrections; the lag of
+        the gauge behind h.
     level : float
         Usual level at the dam [m].
     cells : int
@@ -179,7 +184,7 @@ class HydraulicResponse:
         for j in range(1, bed_modes + 1):
             shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
         made = cls(
-            tuple(shape), level, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
+            (*shape, gauge_lag()), level, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
             gate_time=gate_time,
         )  # fmt: skip
         return made._corrected(sample_time, flow) if corrections else made
@@ -222,8 +227,7 @@ class HydraulicResponse:
         """
         gauge = gauge_of(record, changes)
         flow = self._run(record, changes, gauge, nudged=True)
-        level = without_nudge(record.time, flow.level, flow.nudge)
-        return level + self._correction(record, changes, flow) + gauge
+        return stilled(record.time, self._level(record, changes, flow), self._lag) + gauge
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] of rows that run free from their first readings, shape (days, n).
@@ -235,23 +239,25 @@ class HydraulicResponse:
     def _free(self, record: Record, changes: Changes) -> Floats:
         gauge = gauge_of(record, changes)
         flow = self._run(record, changes, gauge, nudged=False)
-        return flow.level + self._correction(record, changes, flow) + gauge
+        return stilled(record.time, self._level(record, changes, flow), self._lag) + gauge
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Derivatives of the baseline, shape (p, days, n): by runs for the channel, exact for the rest."""
         shape = self._shape_count
         columns = np.empty((len(self.parameters), *base.shape))
         columns[:shape] = slopes_by_differences(self, record, base, changes, range(shape))
-        if len(self.parameters) > shape:
-            gauge = gauge_of(record, changes)
-            # Only the gate's real flow is needed of this run; it is the command where the gate is plain.
-            out = (
-                record.outflow
-                if changes.gate_is_plain
-                else self._run(record, changes, gauge, nudged=True).released
-            )
-            columns[shape:] = self._columns(record, changes, out)
+        flow = self._run(record, changes, gauge_of(record, changes), nudged=True)
+        if len(self.parameters) > shape + 1:
+            corrections = self._columns(record, changes, flow.released)
+            columns[shape:-1] = stilled(record.time, corrections, self._lag)
+        level, later = self._level(record, changes, flow), self._lag + LAG_STEP
+        columns[-1] = stilled(record.time, level, later) - stilled(record.time, level, self._lag)
+        columns[-1] /= LAG_STEP
         return columns
+
+    @property
+    def _lag(self) -> float:
+        return self.parameters[-1].natural
 
     @property
     def _shape_count(self) -> int:
@@ -265,11 +271,15 @@ class HydraulicResponse:
             changes=changes, gate_time=self.gate_time, observed=water if nudged else None,
         )  # fmt: skip
 
-    def _correction(self, record: Record, changes: Changes, flow: Flow) -> Floats:
-        values = [p.value for p in self.parameters[self._shape_count :]]
-        if not any(values):
-            return np.zeros_like(record.time)
-        return np.tensordot(values, self._columns(record, changes, flow.released), 1)
+    def _level(self, record: Record, changes: Changes, flow: Flow) -> Floats:
+        """Water level of a run with the corrections, its nudge undone [m]."""
+        level = without_nudge(record.time, flow.level, flow.nudge)
+        values = [p.value for p in self.parameters[self._shape_count : -1]]
+        return (
+            level + np.tensordot(values, self._columns(record, changes, flow.released), 1)
+            if any(values)
+            else level
+        )
 
     def _columns(self, record: Record, changes: Changes, outflow: Floats) -> Floats:
         """Lagged flows less their first values, shape (corrections, days, n) [m3/s]."""
@@ -299,6 +309,7 @@ class HydraulicResponse:
                 *self.parameters[: self._shape_count],
                 *(correction(f"outflow_lag_{lag}") for lag in GATE_LAGS),
                 *(correction(f"inflow_lag_{lag}") for lag in lags),
+                self.parameters[-1],
             ),
             outflow_lags=GATE_LAGS,
             inflow_lags=lags,

@@ -16,6 +16,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
     RealFlows,
+    gauge_lag,
     lagged,
     leaky,
     mean_before,
@@ -26,6 +27,7 @@ from rivid.diagnosis.response.base import (
 )
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.gauge import stilled
 from rivid.reach.transport import delayed_volume, held_volume
 from rivid.types import Floats
 
@@ -51,7 +53,8 @@ class LinearPool:
     Attributes
     ----------
     parameters : tuple of FreeParameter
-        Logarithms of the area A, the delay tau and the gain G of the inflow over the outflow; the fronts.
+        Logarithms of the area A, the delay tau and the gain G of the inflow over the outflow; the fronts; the
+        lag of the gauge behind h.
     fronts : {"none", "zero", "fir"}
     lags : tuple of int
         Of the FIRs [samples].
@@ -123,6 +126,7 @@ class LinearPool:
                         )
                         for lag in lags
                     ]
+        parameters.append(gauge_lag())
         low, high = np.percentile(record.inflow[record.used], [5.0, 95.0])
         return cls(tuple(parameters), fronts, lags, record.usual_flow, max(0.5 * float(high - low), 1e-9))
 
@@ -157,13 +161,15 @@ class LinearPool:
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Derivatives of the baseline, shape (p, days, n); exact for the coefficients."""
-        firs = 2 * len(self.lags) * 2
-        first = len(self.parameters) - firs
-        columns = np.empty((len(self.parameters), *base.shape))
+        last = len(self.parameters) - 1
+        first = last - 2 * len(self.lags) * 2
+        columns = np.empty((last + 1, *base.shape))
         columns[:first] = slopes_by_differences(self, record, base, changes, range(first))
-        if firs:
+        if first < last:
             lagged = self._columns(record, real_flows(record, changes))
-            columns[first:] = lagged - lagged[..., :1]  # rows begin at their first readings
+            lagged -= lagged[..., :1]  # rows begin at their first readings
+            columns[first:last] = stilled(record.time, lagged, self.parameters[-1].natural)
+        columns[last:] = slopes_by_differences(self, record, base, changes, range(last, last + 1))
         return columns
 
     def _level(self, record: Record, flows: RealFlows) -> Floats:
@@ -181,10 +187,10 @@ class LinearPool:
             up, down = (p.natural for p in self.parameters[3:5])
             level += up * mean_before(time, came) - down * mean_before(time, held_volume(time, flows.outflow))
         elif self.fronts == "fir":
-            values = [p.value for p in self.parameters[3:]]
+            values = [p.value for p in self.parameters[3:-1]]
             if any(values):
                 level += np.tensordot(values, self._columns(record, flows), 1)
-        return np.asarray(level - level[:, :1])
+        return stilled(time, level - level[:, :1], self.parameters[-1].natural)
 
     def _columns(self, record: Record, flows: RealFlows) -> Floats:
         """Lagged flows, plain and times the slow flow, shape (4 lags, days, n).
