@@ -2,12 +2,15 @@
 
 Usage: python -m benchmarks.exam [--only NAME ...] [--share 0.5] [--shard I/N] [--processes N] [--hours H]
                                  [--quick] [--page-only] [--list]
+       python -m benchmarks.exam draw SEED ...
 
 Results are kept in build/exam, a file for each case and seed: a second call goes on where the first was
 stopped. Remove a file, or the folder of a case, to ask it again.
 """
 
 import argparse
+import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,8 +49,19 @@ def options(words: Sequence[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
+def drawn(seeds: Sequence[str]) -> None:
+    """Print what is hidden in the seasons of some seeds, a line of JSON each."""
+    from benchmarks.exam.hiding import plant
+
+    for seed in seeds:
+        print(json.dumps(plant(int(seed)).truth), flush=True)
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Ask what is outstanding, and write the page."""
+    given = list(sys.argv[1:] if words is None else words)
+    if given[:1] == ["draw"]:
+        return drawn(given[1:])
     said = options(words)
     wanted = tasks(said.only, quick=said.quick, share=said.share)
     todo = outstanding(wanted, said.shard, said.kept)

@@ -292,6 +292,7 @@ def simulate(
     *,
     effects: Sequence[Effect] = (),
     upstream: "Season | None" = None,
+    water: type[Water] = Water,
 ) -> Season:
     """Simulate a season in closed loop.
 
@@ -306,6 +307,8 @@ def simulate(
         Beside those of the scenario.
     upstream : Season, optional
         The reach above: its outflow commands are this reach's inflow.
+    water : type
+        The reach: :class:`Water`, or a subclass with equations of its own.
 
     Returns
     -------
@@ -344,20 +347,20 @@ def simulate(
     )  # fmt: skip
     planted = (*scenario.planted(), *effects)
     asked = changes_of(planted, world)
-    water = Water(scenario, asked.area_slope)
-    changes = replace(asked, added=(*asked.added, AddedFlow(w.place, weather)), area_reference=water.level)
+    reach = water(scenario, asked.area_slope)
+    changes = replace(asked, added=(*asked.added, AddedFlow(w.place, weather)), area_reference=reach.level)
 
     gauge = scenario.level
     noise = gauge.noise * gauge_rng.standard_normal(len(time)) + asked.gauge
     settings = OperatorSettings(**scenario.operators.model_dump())
     aim = gauge.set_point - gauge.drawdown / 100.0 * np.maximum(usual - gauge.drawdown_from, 0.0)
     aim += _set_points(gauge, steps, seed, place)
-    crew = draw_crew(settings, water.drop(settings.look[1]), operators_rng)
+    crew = draw_crew(settings, reach.drop(settings.look[1]), operators_rng)
     duty = roster(time, settings, operators_rng)
     operators = operator_arrays(
         time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
-    true, commands, released = water.run(time, inflow, operators, usual, changes, float(aim[0]))
+    true, commands, released = reach.run(time, inflow, operators, usual, changes, float(aim[0]))
     level = quantise(stilled(time, true, gauge.lag) + noise, gauge.quantum)
     level[_silent(gauge, time, steps, gauge_rng)] = np.nan
 
@@ -368,7 +371,7 @@ def simulate(
         values.reshape(days, -1)[kept + 1]
         for values in (inflow, commands, level, true, weather, real, released, unlogged)
     )
-    arrival = water.arrival(
+    arrival = reach.arrival(
         np.average(logged, axis=1, weights=steps[: len(seconds)]), true_level.mean(axis=1)
     )
     delay, delay_other, near_edge = true_delay(arrival, T_s)

@@ -1,0 +1,314 @@
+"""What is hidden in a world, at what size, and what is expected of an answer.
+
+The kind of what is hidden is drawn with the shares of :data:`TYPES`. Sizes are drawn log-uniform from 1 to 16
+times what an effect needs in its own world to be missing (`benchmarks.exam.sizing`), and end at
+:data:`LARGEST`; an effect that does not show below that is not hidden there.
+"""
+
+import datetime as dt
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.exam import outside
+from benchmarks.exam.answering import Logs, record_of
+from benchmarks.exam.sizing import Reference, Unit, reference, resized, size_of, unit, well_unit
+from benchmarks.exam.worlds import Table, World, draw, log_uniform, logs_of, season_of
+from rivid.config import Config
+from rivid.diagnosis.data import Record
+from rivid.effects import Effect, effect_classes
+from rivid.errors import RividError
+from rivid.simulation.season import Season
+from rivid.types import Floats
+
+TYPES = {"nothing": 0.2, "operators": 0.06, "one": 0.46, "two": 0.14, "outside": 0.07, "removed": 0.07}
+"""Shares of what is hidden."""
+MOST_TIMES = 16.0
+TRIES = 40
+"""Worlds that a seed draws at most; about every fourth is one whose operators do not hold its level."""
+
+REMOVED: dict[str, tuple[str, ...]] = {
+    "seiche": (), "unlogged_downstream_release": (), "clock_offset": ("clock_drift",), "diurnal_inflow": (),
+    "rain_inflow": (), "sensor_step": (), "outflow_lag": ("gate_rate_limit",),
+}  # fmt: skip
+"""Effects hidden while the library lacks them, with those that are nearly the same and are lacking too."""
+OUTSIDERS: dict[str, tuple[str, ...]] = {
+    "hunting_governor": (), "bent_rating": (), "siphon": (), "silting_well": ("stilling_well",),
+    "ice_cover": (),
+}  # fmt: skip
+"""Outsiders, with effects of the catalogue that would be right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Planted:
+    """A season, and what is sealed of it.
+
+    Attributes
+    ----------
+    logs : Logs
+    truth : dict
+        As JSON has it; see :func:`plant`.
+    world : World
+    season : Season
+    """
+
+    logs: Logs
+    truth: Table
+    world: World
+    season: Season
+
+
+def plant(seed: int) -> Planted:
+    """The season of a seed.
+
+    The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
+    1x, for each), `units` (1x of each), `by` (what asks for it), `excluded` (names that the diagnosis does not
+    know), `first_day`, `days` and `world` (its factors).
+
+    Raises
+    ------
+    RividError
+        Where no draw of the seed can be simulated.
+    """
+    for attempt in range(TRIES):
+        try:
+            return _planted(draw(seed, attempt), attempt)
+        except RividError:
+            continue
+    raise RividError(f"seed {seed}: none of {TRIES} worlds can be simulated")
+
+
+def _planted(world: World, attempt: int) -> Planted:
+    rng = np.random.default_rng([world.seed, 42, attempt])
+    kind = str(rng.choice(list(TYPES), p=list(TYPES.values())))
+    season, lag = season_of(world), None
+    tables: list[Table] = []
+    units: list[Unit] = []
+    times: list[float] = []
+    excluded: tuple[str, ...] = ()
+    catalogue = effect_classes()
+    classes = catalogue | outside.classes()
+    if kind not in ("nothing", "operators"):
+        ref = reference(world, season)
+        for name in names_of(kind, rng, tuple(catalogue)):
+            one, times_one = _sized(name, ref, classes, rng)
+            units.append(one)
+            times.append(times_one)
+            tables.append(resized(one.table, times_one))
+        near = (REMOVED if kind == "removed" else OUTSIDERS).get(tables[0]["name"], ())
+        if kind in ("removed", "outside"):
+            excluded = tuple(n for n in (tables[0]["name"], *near) if n in catalogue)
+        flows = tuple(classes[t["name"]].from_table(t) for t in tables if t["name"] != "silting_well")
+        if flows:
+            season = season_of(world, flows)
+        if len(flows) < len(tables):
+            lag = silting(tables[0], season, world.well)
+    logs = logs_of(world, season, lag, excluded)
+    if kind == "operators":
+        logs = two_crews(logs, world, rng)
+    truth = {
+        "seed": world.seed, "attempt": attempt, "kind": kind, "effects": tables, "times": times,
+        "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
+        "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
+        "days": (season.dates[-1] - season.dates[0]).days + 1,
+    }  # fmt: skip
+    return Planted(logs, json.loads(json.dumps(truth, default=str)), world, season)
+
+
+def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
+    """The record of a seed's season, the configuration that a user would write, and the truth."""
+    planted = plant(seed)
+    return record_of(planted.logs), planted.logs.settings, planted.truth
+
+
+def names_of(kind: str, rng: np.random.Generator, catalogue: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of what is hidden, for a kind of :data:`TYPES` that hides something."""
+    pool = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS)}.get(kind, tuple(DRAWN))
+    known = [name for name in pool if name in catalogue or kind == "outside"]
+    return tuple(str(n) for n in rng.choice(known, 2 if kind == "two" else 1, replace=False))
+
+
+def _sized(
+    name: str, ref: Reference, classes: dict[str, type[Effect]], rng: np.random.Generator
+) -> tuple[Unit, float]:
+    """An effect at 1x, and the size drawn in units of it."""
+    table = table_of(name, ref.world, rng)
+    if name == "silting_well":
+        one = well_unit(ref, table, lambda t: silting(t, ref.season, ref.world.well))
+    else:
+        one = unit(ref, table, classes, ends_of(table, ref.season))
+    most = abs(LARGEST[name](ref.world) / size_of(one.table))
+    most = 1.0 / most if name == "gate_rate_limit" else most
+    if most < 1.0:
+        raise RividError(f"{name}: 1x is more than such a reach has")
+    return one, float(np.exp(rng.uniform(0.0, np.log(min(most, MOST_TIMES)))))
+
+
+def ends_of(table: Table, season: Season) -> int:
+    """How many ends of dates lie within the season."""
+    if "dates" not in table:
+        return 0
+    return int(table["dates"][0] > season.dates[0]) + int(table["dates"][1] < season.dates[-1])
+
+
+Largest = Callable[[World], float]
+_FLOW = {"lateral_inflow": 0.3, "diurnal_inflow": 0.3, "rain_inflow": 1.0, "unlogged_upstream_release": 0.5,
+         "unlogged_downstream_release": 0.7, "leakage": 1.0, "gate_deadband": 0.15,
+         "hunting_governor": 0.2, "siphon": 0.3}  # fmt: skip
+"""Of the mean flow; of a leak, for each metre."""
+LARGEST: dict[str, Largest] = {
+    **{name: (lambda w, share=share: share * w.scenario.flow.mean) for name, share in _FLOW.items()},
+    "inflow_gain_error": lambda _: 0.3,
+    "outflow_gain_error": lambda _: 0.3,
+    "gate_head_effect": lambda _: 0.5,
+    "storage_area_slope": lambda _: 0.6,
+    "side_storage": lambda w: 2.0 * w.scenario.reach.surface_area,
+    "flow_dependent_delay": lambda w: 3.0 * w.travel / w.scenario.flow.mean,
+    "wave_attenuation": lambda w: 2.0 * w.travel,
+    "outflow_lag": lambda _: 3600.0,
+    "clock_offset": lambda _: 7200.0,
+    "gate_rate_limit": lambda w: w.scenario.programme.swing / 7200.0,
+    "sensor_drift": lambda _: 0.05,
+    "sensor_step": lambda _: 0.5,
+    "wind_setup": lambda _: 0.3,
+    "seiche": lambda _: 0.3,
+    "bent_rating": lambda _: 0.6,
+    "ice_cover": lambda w: 3.0 * w.travel,
+    "silting_well": lambda _: 14_400.0,
+}
+"""Of each effect's size: more is not found at such reaches."""
+
+
+def table_of(name: str, world: World, rng: np.random.Generator) -> Table:
+    """An effect with everything drawn, its size a first guess."""
+    return (
+        {"name": name, **DRAWN[name](world, rng)}
+        if name in DRAWN
+        else {"name": name, **FOREIGN[name](world, rng)}
+    )
+
+
+def _dates(world: World, rng: np.random.Generator, always: float, least: int = 10) -> Table:
+    """Dates of `least` days or more, half of them to the end; none with probability `always`."""
+    days, first = world.scenario.days, world.scenario.first_day
+    if rng.random() < always:
+        return {}
+    a = int(rng.integers(0, days - least + 1))
+    b = days if rng.random() < 0.5 else int(rng.integers(a + least, days + 1))
+    return {"dates": [first + dt.timedelta(days=a), first + dt.timedelta(days=b - 1)]}
+
+
+def _from_a_date(world: World, rng: np.random.Generator) -> Table:
+    """Dates with an end within the season, and a third of it or more on either side of an end."""
+    days, first = world.scenario.days, world.scenario.first_day
+    a = int(rng.integers(days // 4, 3 * days // 4))
+    kept = (a, days) if rng.random() < 0.5 else (0, a)
+    return {"dates": [first + dt.timedelta(days=kept[0]), first + dt.timedelta(days=kept[1] - 1)]}
+
+
+def _place(rng: np.random.Generator) -> Table:
+    return {"place": round(float(rng.uniform()), 2)}
+
+
+def _hours(rng: np.random.Generator) -> Table:
+    start, length = int(rng.integers(0, 24)), int(rng.integers(2, 13))
+    return {"hours": [float(start), float((start + length) % 24 or 24)]}
+
+
+def _sign(rng: np.random.Generator) -> float:
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def _storage(world: World, rng: np.random.Generator) -> Table:
+    area = 0.2 * world.scenario.reach.surface_area
+    return _place(rng) | {"area": area, "exchange": area / log_uniform(rng, 1800.0, 21600.0)}
+
+
+Maker = Callable[[World, np.random.Generator], Table]
+
+
+def _flow(w: World, share: float) -> float:
+    return share * w.scenario.flow.mean
+
+
+DRAWN: dict[str, Maker] = {
+    "lateral_inflow": lambda w, r: _place(r) | {"inflow": _flow(w, 0.03)} | _dates(w, r, 0.3),
+    "diurnal_inflow": lambda w, r: (
+        _place(r) | {"amplitude": _flow(w, 0.02), "hour": float(r.uniform(0.0, 24.0))} | _dates(w, r, 0.5)
+    ),
+    "rain_inflow": lambda w, r: _place(r) | {
+        "peak": _flow(w, 0.1), "per_month": float(r.uniform(3.0, 10.0)), "rise": float(r.uniform(0.3, 3.0)),
+        "recession": log_uniform(r, 3.0, 24.0),
+    },
+    "unlogged_upstream_release": lambda w, r: {"size": _flow(w, 0.05)} | _hours(r) | _dates(w, r, 0.2),
+    "unlogged_downstream_release": lambda w, r: {
+        "size": _flow(w, 0.05), "per_day": log_uniform(r, 0.5, 12.0), "duration": log_uniform(r, 0.2, 4.0),
+    },
+    "leakage": lambda w, r: _place(r) | {"loss": _flow(w, 0.1)},
+    "inflow_gain_error": lambda w, r: {"error": 0.02 * _sign(r)} | _dates(w, r, 0.5),
+    "outflow_gain_error": lambda w, r: {"error": 0.02 * _sign(r)} | _dates(w, r, 0.5),
+    "gate_head_effect": lambda w, r: {"gain": 0.1},
+    "storage_area_slope": lambda w, r: {"slope": 0.1},
+    "side_storage": _storage,
+    "flow_dependent_delay": lambda w, r: {"delay": -0.3 * w.travel / w.scenario.flow.mean},
+    "wave_attenuation": lambda w, r: {"spread": 0.5 * w.travel},
+    "outflow_lag": lambda w, r: {"lag": 300.0} | _dates(w, r, 0.5),
+    "clock_offset": lambda w, r: {"offset": 300.0 * _sign(r)} | _from_a_date(w, r),
+    "gate_deadband": lambda w, r: {"band": 3.0 * w.scenario.operators.quantum},
+    "gate_rate_limit": lambda w, r: {"rate": w.scenario.programme.swing / 1200.0},
+    "sensor_drift": lambda w, r: {"drift": 0.005 * _sign(r)} | _dates(w, r, 0.0),
+    "sensor_step": lambda w, r: {
+        "step": 0.03 * _sign(r), "start": float(r.uniform(48.0, 24.0 * w.scenario.days - 48.0)),
+    },
+    "wind_setup": lambda w, r: {"deviation": 0.01, "correlation_time": log_uniform(r, 0.5, 12.0)},
+    "seiche": lambda w, r: {
+        "amplitude": 0.005, "period": log_uniform(r, 4.0, 30.0) * w.scenario.reach.sample_time,
+    },
+}  # fmt: skip
+"""Effects of the catalogue that may be hidden."""
+FOREIGN: dict[str, Maker] = {
+    "hunting_governor": lambda w, r: {"amplitude": _flow(w, 0.02), "period": log_uniform(r, 900.0, 7200.0)},
+    "bent_rating": lambda w, r: {"bend": 0.1 * _sign(r)},
+    "siphon": lambda w, r: _place(r) | {
+        "size": _flow(w, 0.03), "period": log_uniform(r, 2.0, 20.0), "part": float(r.uniform(0.2, 0.6)),
+    },
+    "ice_cover": lambda w, r: {"late": 0.5 * w.travel, "spread": 0.3 * w.travel} | _dates(w, r, 0.0, 20),
+    "silting_well": lambda w, r: {"lag": 300.0} | _from_a_date(w, r),
+}  # fmt: skip
+"""The same of outsiders."""
+
+
+def silting(table: Table, season: Season, well: float) -> Floats:
+    """Time constant of a well that silts up evenly over its dates, for each day [s]."""
+    first, last = ((date - season.dates[0]).days for date in table["dates"])
+    number = np.array([(date - season.dates[0]).days for date in season.dates])
+    share = (number - first + 1.0) / (last - first + 1.0)
+    return np.asarray(well + table["lag"] * np.where((share > 0.0) & (share <= 1.0), share, 0.0))
+
+
+def two_crews(logs: Logs, world: World, rng: np.random.Generator) -> Logs:
+    """Logs whose second half has other operators; a day without logs lies between the two."""
+    said = world.scenario.operators
+    trust, slow = float(rng.uniform(0.7, 0.95)), float(rng.uniform(1.2, 2.5))
+    other = said.model_copy(
+        update={
+            "feedforward": trust, "dead_band": said.dead_band + float(rng.uniform(0.01, 0.06)),
+            "look": (said.look[0] * slow, said.look[1] * slow), "level_gain": said.level_gain / slow,
+            "trim_time": said.trim_time * float(rng.uniform(0.7, 2.0)),
+        }
+    )  # fmt: skip
+    late = World(
+        world.seed, world.kind, world.operators, world.programme,
+        world.scenario.model_copy(update={"operators": other}), world.well, world.off,
+    )  # fmt: skip
+    second = logs_of(late, season_of(late))
+    half = len(logs.dates) // 2
+    rows = np.r_[:half, half + 1 : len(logs.dates)]
+    parts: dict[str, Any] = {
+        key: np.concatenate([getattr(logs, key)[:half], getattr(second, key)[half + 1 :]])
+        for key in ("inflow", "outflow", "output")
+    }
+    return Logs(tuple(logs.dates[i] for i in rows), logs.seconds, config=logs.config, **parts)

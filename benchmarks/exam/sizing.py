@@ -1,0 +1,428 @@
+"""How large an effect must be to be missing at all: 1x of the exam.
+
+A reference follows the season's logs: Saint-Venant in a smooth channel of the world's mean geometry, kept near
+the true level. It knows the noise, which is the weather, the gauge, and a misfit: no response to be calibrated
+has the unevenness of the water, and what it lacks comes with changes of flow. So the level error walks by
+:data:`MISFIT` of the level's second difference, see :func:`misfit`.
+
+1x is the larger of two sizes. At the one the effect is as many standard errors away from nothing as 80 % power
+needs, without what the geometry's parameters do as well. At the other it makes :data:`SHARE` of the squared
+error of a forecast, at one horizon of :data:`HOURS`, over the days on which it acts: a smaller one is nothing
+that a simulation lacks.
+"""
+
+import datetime as dt
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from benchmarks.exam.worlds import Table, World, behind
+from rivid.effects import Effect, changes_of
+from rivid.errors import RividError
+from rivid.reach.changes import NO_CHANGES, Changes
+from rivid.reach.saint_venant import Channel, simulate
+from rivid.simulation.season import Season
+from rivid.types import Floats
+
+NEEDED = 4.3
+"""Standard errors: 3.5 for one name in 21 at 1 %, both signs, and 0.84 for 80 % power."""
+EVENT = 12.0
+"""What each event must gain for itself, as its place is searched for among 1e5 samples [nats]."""
+DATE = 5.0
+"""The same for each end of dates: one in 120 days."""
+SHARE = 0.1
+"""Of the squared error of a forecast, from which an effect is material."""
+HOURS = (0.25, 1.0, 4.0, 24.0)
+"""Horizons of the forecasts [h]."""
+MISFIT = 0.15
+"""Step of the level error over the level's second difference."""
+CELLS = 24
+"""Of the reference."""
+KNOWN = {"length": 0.03, "width": 0.05, "depth": 0.15, "manning": 0.25}
+"""Relative standard deviations with which a calibration knows the geometry; the fall of the bed to 0.2 depths."""
+NUDGED = 1e-2
+"""Of these, for slopes by differences."""
+ACTS = 0.1
+"""Stretches of two days count where the effect's whitened square is this share of that of the largest."""
+
+SIZE_OF: dict[str, tuple[str, ...]] = {
+    "lateral_inflow": ("inflow",), "diurnal_inflow": ("amplitude",), "rain_inflow": ("peak",),
+    "unlogged_upstream_release": ("size",), "unlogged_downstream_release": ("size",),
+    "leakage": ("loss",), "inflow_gain_error": ("error",), "outflow_gain_error": ("error",),
+    "gate_head_effect": ("gain",), "storage_area_slope": ("slope",), "side_storage": ("area", "exchange"),
+    "flow_dependent_delay": ("delay",), "wave_attenuation": ("spread",), "outflow_lag": ("lag",),
+    "clock_offset": ("offset",), "gate_deadband": ("band",), "gate_rate_limit": ("rate",),
+    "sensor_drift": ("drift",), "sensor_step": ("step",), "wind_setup": ("deviation",),
+    "seiche": ("amplitude",), "hunting_governor": ("amplitude",), "bent_rating": ("bend",),
+    "siphon": ("size",), "ice_cover": ("late", "spread"),
+    "silting_well": ("lag",),
+}  # fmt: skip
+"""The parameters that make each effect larger, all by the same factor; the first one is its size."""
+INVERSE = frozenset({"gate_rate_limit"})
+"""Effects that are the larger, the smaller their parameter."""
+NOISES = ("wind_setup", "seiche")
+"""Effects that are drawn at every sample: known by their spectrum, not by their course."""
+
+
+def resized(table: Table, factor: float) -> Table:
+    """An effect's table, its effect `factor` times as large.
+
+    Examples
+    --------
+    >>> resized({"name": "side_storage", "area": 1e5, "exchange": 30.0}, 2.0)["exchange"]
+    60.0
+    >>> resized({"name": "gate_rate_limit", "rate": 0.02}, 2.0)["rate"]
+    0.01
+    """
+    name = table["name"]
+    factor = 1.0 / factor if name in INVERSE else factor
+    return table | {key: float(f"{factor * table[key]:.6g}") for key in SIZE_OF[name]}
+
+
+def size_of(table: Table) -> float:
+    """The size of an effect in the unit of its first parameter."""
+    return float(table[SIZE_OF[table["name"]][0]])
+
+
+@njit(cache=True, error_model="numpy")
+def filtered(
+    columns: Floats, walk: Floats, c: float, phi: float, inflow: float, gauge: float
+) -> tuple[Floats, Floats, Floats]:
+    """Innovations over their standard deviations, and the filtered level error and inflow, (p, rows, n) each.
+
+    x_{k+1} = x_k + c w_k + v_k with the variance walk[row, k] of v, w_{k+1} = phi w_k + ..., z_k = x_k + e_k;
+    `inflow` and `gauge` are the variances of w and e. x is unknown at a row's start.
+    """
+    p, rows, n = columns.shape
+    white, level, flow = np.zeros(columns.shape), np.empty(columns.shape), np.empty(columns.shape)
+    x, w = np.empty(p), np.empty(p)
+    for r in range(rows):
+        x[:], w[:] = columns[:, r, 0], 0.0
+        xx, xw, ww = gauge, 0.0, inflow
+        for k in range(n):
+            if k > 0:
+                V = xx + gauge
+                g0, g1 = xx / V, xw / V
+                for i in range(p):
+                    v = columns[i, r, k] - x[i]
+                    white[i, r, k] = v / np.sqrt(V)
+                    x[i] += g0 * v
+                    w[i] += g1 * v
+                xx, xw, ww = xx - g0 * xx, xw - g0 * xw, ww - g1 * xw
+            level[:, r, k], flow[:, r, k] = x, w
+            for i in range(p):
+                x[i] += c * w[i]
+                w[i] *= phi
+            xx, xw, ww = xx + c * (2.0 * xw + c * ww) + walk[r, k], phi * (xw + c * ww), phi * phi * ww
+            ww += (1.0 - phi * phi) * inflow
+    return white, level, flow
+
+
+def misfit(level: Floats) -> Floats:
+    """Variance of the level error's step at each sample, (rows, n), from a level (rows, n) [m].
+
+    A front that comes a little early here and late there, or steeper, is wrong by a share of its own height:
+    the level's rate is off where that rate changes, by :data:`MISFIT` of the change, spread over the samples
+    beside it.
+    """
+    bend = np.diff(level, n=2, axis=1, prepend=level[:, :1], append=level[:, -1:]) ** 2
+    spread = sum(np.roll(bend, k, axis=1) for k in range(-2, 3)) / 5.0
+    return np.asarray(MISFIT**2 * spread)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The reference of a season with nothing hidden, on stretches of two days.
+
+    Attributes
+    ----------
+    world : World
+    season : Season
+        Without effects.
+    at : ndarray of int, shape (rows, n)
+        The samples of each stretch on the season's grid, lead time included.
+    time, inflow, outflow, level : ndarray, shape (rows, n)
+    walk : ndarray, shape (rows, n)
+        Variance of the misfit's steps [m2].
+    columns : ndarray, shape (p, rows, n)
+        What one prior standard deviation of the geometry does to the level [m].
+    """
+
+    world: World
+    season: Season
+    at: np.ndarray
+    level: Floats
+    base: Floats
+    walk: Floats
+    columns: Floats
+
+    @property
+    def days_each(self) -> float:
+        """Days of the season for each stretch."""
+        return len(self.season.dates) / len(self.at)
+
+    def filter(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of :func:`filtered`, with the world's noise."""
+        s = self.world.scenario
+        T = s.reach.sample_time
+        gauge = s.level.noise**2 + s.level.quantum**2 / 12.0
+        return filtered(
+            columns, self.walk, T / s.reach.surface_area, float(np.exp(-T / s.weather.memory)),
+            s.weather.inflow**2, gauge,
+        )  # fmt: skip
+
+    def change(self, changes: Changes) -> Floats:
+        """What changes on the season's grid do to the level as read [m], shape (rows, n)."""
+        part = cut(changes, self.season.world.time.shape, self.at)
+        channel, gate_time = channel_of(self.world)
+        return follow(self, channel, gate_time, part) - self.base + part.gauge
+
+
+def cut(changes: Changes, shape: tuple[int, ...], at: np.ndarray) -> Changes:
+    """Changes of a grid on some of its samples."""
+
+    def of(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value if value.size == 1 else np.broadcast_to(value, shape)[at]
+        if isinstance(value, tuple):
+            return tuple(of(each) for each in value)
+        if is_dataclass(value) and not isinstance(value, type):
+            return replace(value, **{f.name: of(getattr(value, f.name)) for f in fields(value)})
+        return value
+
+    made: Changes = of(changes)
+    return made
+
+
+def channel_of(world: World, **more: float) -> tuple[Channel, float]:
+    """The smooth channel of a world, each dimension `more` times as large, and its gates' time [s]."""
+    s = world.scenario
+    reach, c, level = s.reach, s.channel, s.level.set_point
+    fall, manning, side, gate_time = 0.15 * reach.depth, 0.03, 0.0, 30.0
+    depth = reach.depth + 0.5 * fall
+    if c is not None:
+        fall, manning, side, gate_time = c.slope * reach.length, c.manning, c.side_slope, c.gate_time
+        depth = level - c.bed_level
+    length = reach.length * more.get("length", 1.0)
+    channel = Channel.smooth(
+        length, reach.width * more.get("width", 1.0), (fall + more.get("fall", 0.0)) / length,
+        manning * more.get("manning", 1.0), CELLS, side_slope=side,
+        end_bed=level - depth * more.get("depth", 1.0),
+    )  # fmt: skip
+    return channel, gate_time
+
+
+def follow(grid: "Reference | Stretches", channel: Channel, gate_time: float, changes: Changes) -> Floats:
+    """Level of a channel kept near the true one, less the volume that keeps it there [m], (rows, n)."""
+    time, at = grid.season.world.time[grid.at], grid.at
+    flow = simulate(
+        channel, time, grid.season.world.inflow[at], grid.season.all_outflow[at], grid.level[:, 0],
+        changes=changes, gate_time=gate_time, observed=grid.level,
+    )  # fmt: skip
+    free = flow.level.copy()
+    free[:, 1:] -= np.cumsum(flow.nudge[:, :-1] * np.diff(time, axis=1), axis=1)
+    return np.asarray(free)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Pairs of days that follow each other, and the true level there."""
+
+    season: Season
+    at: np.ndarray
+    level: Floats
+
+
+def stretches(season: Season) -> Stretches:
+    """All pairs of days with logs, none in two pairs."""
+    N = len(season.seconds)
+    number = np.array([(date - season.scenario.first_day).days for date in season.dates])
+    first: list[int] = []
+    for i in range(len(number) - 1):
+        if number[i + 1] == number[i] + 1 and (not first or i > first[-1] + 1):
+            first.append(i)
+    rows = np.array(first)
+    at = (number[rows][:, None] + 1) * N + np.arange(2 * N)  # a day of lead time is before them
+    return Stretches(
+        season, at, np.concatenate([season.true_level[rows], season.true_level[rows + 1]], axis=1)
+    )
+
+
+def reference(world: World, season: Season) -> Reference:
+    """The reference of a world's season without effects.
+
+    Raises
+    ------
+    RividError
+        Where the smooth channel cannot carry the flows.
+    """
+    grid = stretches(season)
+    channel, gate_time = channel_of(world)
+    base = follow(grid, channel, gate_time, NO_CHANGES)
+    moves = {name: 1.0 + NUDGED * sd for name, sd in KNOWN.items()}
+    moves["fall"] = NUDGED * 0.2 * world.scenario.reach.depth
+    columns = [
+        (follow(grid, channel_of(world, **{name: move})[0], gate_time, NO_CHANGES) - base) / NUDGED
+        for name, move in moves.items()
+    ]
+    return Reference(world, season, grid.at, grid.level, base, misfit(base), np.array(columns))
+
+
+@dataclass(frozen=True)
+class Unit:
+    """1x of an effect.
+
+    Attributes
+    ----------
+    table : dict
+        The effect at 1x.
+    by : str
+        What asks for this size: `power`, or the horizon of the forecast in which it is material.
+    """
+
+    table: Table
+    by: str
+
+
+def factor_of(ref: Reference, z: Floats, *, noise: bool, price: float) -> tuple[float, str]:
+    """By what factor a change of the level `z` (rows, n) [m] must grow to be 1x, and what asks for it.
+
+    Parameters
+    ----------
+    ref : Reference
+    z : ndarray, shape (rows, n)
+    noise : bool
+        Whether only its spectrum is known.
+    price : float
+        What its events and dates must gain for themselves [nats].
+    """
+    s, drawn = ref.world.scenario, _drawn(ref)
+    white, level, flow = ref.filter(np.concatenate([z[None], ref.columns, drawn[None]]))
+    w = white[0]
+    if noise:
+        power = _spectral(w, ref.days_each / 2.0)
+    else:
+        X = white[1:-1].reshape(len(ref.columns), -1)
+        more = ref.days_each / 2.0
+        left = w.ravel() - X.T @ np.linalg.solve(X @ X.T + np.eye(len(X)) / more, X @ w.ravel())
+        power = float(np.sqrt((NEEDED**2 + 2.0 * price) / max(more * left @ left, 1e-300)))
+    squares = (w * w).sum(axis=1)
+    acts = squares >= ACTS * squares.max()
+    T = s.reach.sample_time
+    phi = float(np.exp(-T / s.weather.memory))
+    material, by = np.inf, ""
+    for hours in HOURS:
+        h = max(round(3600.0 * hours / T), 1)
+        grows = T / s.reach.surface_area * (1.0 - phi**h) / (1.0 - phi)
+        both = np.array([z, drawn])
+        k = np.arange(round(3600.0 / T) + 2, z.shape[1] - h)  # an hour for the filter to settle
+        error = both[:, :, k + h] - level[[0, -1]][:, :, k] - grows * flow[[0, -1]][:, :, k]
+        mine, noise_error = (error[:, acts] ** 2).sum(axis=(1, 2))
+        size = float(np.sqrt(SHARE / (1.0 - SHARE) * noise_error / max(mine, 1e-300)))
+        if size < material:
+            material, by = size, f"{hours:g} h"
+    return (power, "power") if power > material else (material, by)
+
+
+def _drawn(ref: Reference) -> Floats:
+    """A residual with nothing missing, drawn from the world's noise and the misfit [m], (rows, n)."""
+    s = ref.world.scenario
+    rng = np.random.default_rng([ref.world.seed, 43])
+    T, (rows, n) = s.reach.sample_time, ref.walk.shape
+    phi = float(np.exp(-T / s.weather.memory))
+    steps = rng.standard_normal((n, rows)) * s.weather.inflow
+    steps[1:] *= np.sqrt(1.0 - phi * phi)
+    for k in range(1, n):
+        steps[k] += phi * steps[k - 1]
+    rises = T / s.reach.surface_area * steps.T + np.sqrt(ref.walk) * rng.standard_normal((rows, n))
+    x = np.concatenate([np.zeros((rows, 1)), np.cumsum(rises[:, :-1], axis=1)], axis=1)
+    return np.asarray(
+        x + np.hypot(s.level.noise, s.level.quantum / np.sqrt(12.0)) * rng.standard_normal((rows, n))
+    )
+
+
+def _spectral(white: Floats, more: float) -> float:
+    """Factor at which the expected log-likelihood ratio of a known spectrum is NEEDED^2 / 2 (Whittle's)."""
+    n = white.shape[1]
+    ratio = (np.abs(np.fft.rfft(white, axis=1)) ** 2).mean(axis=0)[1:] / n
+    rows = len(white) * more
+
+    def gain(factor: float) -> float:
+        r = factor**2 * ratio
+        return float(rows * (r - np.log1p(r)).sum())
+
+    return crossing(lambda f: gain(f) > 0.5 * NEEDED**2)
+
+
+def crossing(enough: Callable[[float], bool]) -> float:
+    """The factor from which on something is enough, by halving its logarithm."""
+    low, high = 1e-4, 1e4
+    for _ in range(30):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
+
+
+TURNS = 5
+"""Turns in which a size is scaled until it is 1x: the level's change is not quite proportional to it."""
+
+
+def unit(ref: Reference, table: Table, classes: dict[str, type[Effect]], ends: int) -> Unit:
+    """1x of an effect in a world.
+
+    Parameters
+    ----------
+    ref : Reference
+    table : dict
+        The effect, its size a first guess.
+    classes : dict
+        Effects by name.
+    ends : int
+        Of its dates within the season.
+
+    Raises
+    ------
+    RividError
+        Where the effect does nothing at any size that the reach bears.
+    """
+    by, start = "", table
+    for _ in range(TURNS):
+        effect = classes[table["name"]].from_table(table)
+        changes = changes_of((effect,), ref.season.world)
+        z = ref.change(changes)
+        if not np.isfinite(z).all():
+            raise RividError(f"{table['name']}: the level is not finite")
+        if np.abs(z).max() < 1e-9:
+            table = resized(table, 4.0)
+            continue
+        events = len(effect.events(ref.season.world)) if hasattr(effect, "events") else 0
+        events += "start" in table
+        factor, by = factor_of(ref, z, noise=table["name"] in NOISES, price=DATE * ends + EVENT * events)
+        table = resized(table, min(max(factor, 0.05), 20.0))
+        if abs(np.log(factor)) < 0.1:
+            return Unit(table, by)
+    if not by or not 1e-3 < size_of(table) / size_of(start) < 1e3:
+        raise RividError(f"{table['name']}: no size of it shows")
+    return Unit(table, by)
+
+
+def well_unit(ref: Reference, table: Table, lags: Callable[[Table], Floats]) -> Unit:
+    """1x of a silting well; `lags` gives its time constant on each day [s] from its table."""
+    by = ""
+    N = len(ref.season.seconds)
+    row = {date: i for i, date in enumerate(ref.season.dates)}
+    first = [ref.season.world.first_day + dt.timedelta(days=int(k) // N - 1) for k in ref.at[:, 0]]
+    rows = np.array([row[date] for date in first])
+    T = ref.season.sample_time
+    usual = behind(ref.season.true_level, T, ref.world.well)
+    for _ in range(TURNS):
+        z = behind(ref.season.true_level, T, lags(table)) - usual
+        both = np.concatenate([z[rows], z[rows + 1]], axis=1)
+        factor, by = factor_of(ref, both, noise=False, price=DATE)
+        table = resized(table, min(max(factor, 0.05), 20.0))
+        if abs(np.log(factor)) < 0.1:
+            break
+    return Unit(table, by)

@@ -1,0 +1,279 @@
+"""Worlds of the exam: each seed draws a reach, its water, its operators, its gauge and its weather.
+
+Seeds 0 to 9999 are for development; proof seeds begin at :data:`FIRST_PROOF`. A proof seed whose season was
+looked at counts as a development seed from then on. The ranges are those of run-of-river and peaking reaches;
+nothing in them was chosen by looking at answers.
+"""
+
+import datetime as dt
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from benchmarks.exam.answering import Logs
+from benchmarks.exam.box import Box, Nodes
+from rivid.core.hydraulics import GRAVITY
+from rivid.effects import Effect
+from rivid.errors import RividError
+from rivid.reach.changes import Changes
+from rivid.reach.gate import OperatorArrays
+from rivid.simulation.scenario import Scenario
+from rivid.simulation.season import Season, Water, simulate
+from rivid.types import Floats
+
+Table = dict[str, Any]
+FIRST_PROOF = 10_000
+KINDS = ("linear", "saint_venant", "box")
+"""A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other sections."""
+BOXES = 24
+"""Of the box scheme: in the longest reach a wave of half an hour has 20 boxes or more."""
+WIDEST = 0.35
+"""Of the levels' range over the depth: a reach that is let go further is no pool with a set-point."""
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number between two, uniform in its logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+@dataclass(frozen=True)
+class World:
+    """A reach before anything is hidden in it.
+
+    Attributes
+    ----------
+    seed : int
+    kind : str
+        One of :data:`KINDS`.
+    operators, programme : str
+        `crew`, `automatic` or `schedule`; `peaking`, `run_of_river` or `flood`.
+    scenario : Scenario
+        Without effects.
+    well : float
+        Time constant of the gauge's stilling well [s]; 0 for none.
+    off : dict
+        Relative errors of the geometry that a user would write: length, width, depth.
+    """
+
+    seed: int
+    kind: str
+    operators: str
+    programme: str
+    scenario: Scenario
+    well: float
+    off: dict[str, float]
+
+    @cached_property
+    def travel(self) -> float:
+        """Travel time of a small wave at the mean flow [s]."""
+        reach = self.scenario.reach
+        velocity = self.scenario.flow.mean * reach.length / (reach.surface_area * reach.depth)
+        return float(reach.length / (velocity + np.sqrt(GRAVITY * reach.depth)))
+
+    def factors(self) -> Table:
+        """What the results are told apart by, as plain values."""
+        s = self.scenario
+        mean = s.flow.mean
+        return {
+            "water": self.kind, "operators": self.operators, "programme": self.programme,
+            "sample_time_s": s.reach.sample_time, "gauge_step_m": s.level.quantum,
+            "gauge_noise_m": s.level.noise, "well_s": self.well, "length_m": s.reach.length, "days": s.days,
+            "mean_flow_m3s": mean, "surface_m2": s.reach.surface_area, "depth_m": s.reach.depth,
+            "weather_share": s.weather.inflow / mean, "weather_memory_s": s.weather.memory,
+            "travel_s": self.travel,
+        }  # fmt: skip
+
+
+def draw(seed: int, attempt: int = 0) -> World:
+    """The world of a seed.
+
+    Parameters
+    ----------
+    seed : int
+    attempt : int
+        Another draw, for where the water of the first cannot be held by its operators.
+    """
+    rng = np.random.default_rng([seed, 40, attempt])
+    kind = str(rng.choice(KINDS))
+    operators = str(rng.choice(["crew", "crew", "automatic", "schedule"]))
+    programme = str(rng.choice(["peaking", "run_of_river", "flood"]))
+    while True:  # a wave that takes between 1.2 and 30 samples
+        length, width = log_uniform(rng, 2e3, 2e4), log_uniform(rng, 40.0, 200.0)
+        depth, step = rng.uniform(3.0, 12.0), float(round(log_uniform(rng, 60.0, 600.0)))
+        velocity = rng.uniform(0.3, 1.2)
+        travel = length / (velocity + np.sqrt(GRAVITY * depth))
+        if 1.2 * step < travel < 30.0 * step:
+            break
+    mean = velocity * width * depth
+    area = length * width
+    # banks take no more than half of the surface's width
+    side = 0.0 if kind == "linear" else rng.uniform(0.0, min(2.5, 0.25 * width / depth))
+    hold = {"crew": (600.0, 1800.0), "automatic": (step, step), "schedule": (3600.0, 7200.0)}[operators]
+    # an error is brought back by no more than a third from look to look
+    gain = -min(rng.uniform(0.1, 0.35) * area / max(hold[1], 2.0 * travel), 2.0 * mean)
+    days = int(rng.integers(30, 121))
+    level, fall = round(rng.uniform(20.0, 400.0), 1), rng.uniform(0.05, 0.5) * depth
+    table: Table = {
+        "name": f"world-{seed}", "days": days, "seed": seed,
+        "missing_days": int(rng.integers(0, 1 + days // 15)),
+        "first_day": dt.date(2015, 1, 1) + dt.timedelta(days=int(rng.integers(0, 365))),
+        "reach": {
+            "length": length, "width": width - 2.0 * side * depth, "depth": depth, "surface_area": area,
+            "discharge_range": (0.3 * mean, 2.5 * mean), "sample_time": step, "wave_depth": depth,
+        },
+        **_flows(rng, programme, operators, mean, step),
+        "level": {
+            "set_point": level, "noise": log_uniform(rng, 0.0005, 0.004),
+            "quantum": float(rng.choice([0.001, 0.002, 0.005, 0.01])),
+            "drawdown": 0.0 if rng.random() < 0.5 else rng.uniform(0.0, 0.1) * depth / mean * 100.0,
+            "drawdown_from": mean, "gaps_per_day": float(rng.choice([0.0, 0.0, 0.5])),
+        },
+        "weather": {
+            "inflow": log_uniform(rng, 0.003, 0.02) * mean, "memory": log_uniform(rng, 3600.0, 43200.0),
+            "place": rng.uniform(),
+        },
+    }  # fmt: skip
+    table["operators"] |= {"level_gain": gain, "look": hold}
+    if kind != "linear":
+        table["channel"] = {
+            "bed_level": level - depth - 0.5 * fall, "slope": fall / length,
+            "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": 40,
+            "width_modes": rng.normal(0.0, (0.12, 0.08, 0.05, 0.03)).tolist(),
+            "bed_modes": (0.05 * depth * rng.normal(size=3)).clip(-1, 1).tolist(),
+            "manning_modes": rng.normal(0.0, (0.1, 0.08, 0.06)).tolist(), "gate_time": rng.uniform(10.0, 90.0),
+        }  # fmt: skip
+    off = {
+        name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.04), ("depth", 0.06))
+    }
+    well = float(rng.choice([0.0, rng.uniform(10.0, 120.0)]))
+    return World(seed, kind, operators, programme, Scenario.model_validate(table), well, off)
+
+
+def _flows(
+    rng: np.random.Generator, programme: str, operators: str, mean: float, step: float
+) -> dict[str, Table]:
+    """The tables of the river, the dispatcher and the operators."""
+    quantum = max(round(mean / 300.0), 0.5)
+    swing = {"peaking": rng.uniform(0.3, 0.8), "run_of_river": rng.uniform(0.02, 0.15), "flood": 0.2}
+    spell = {"peaking": 0.25, "run_of_river": 0.2, "flood": rng.uniform(0.4, 0.7)}
+    alone = operators == "automatic"
+    return {
+        "flow": {
+            "mean": mean, "lowest": 0.3 * mean, "highest": 2.5 * mean, "variability": spell[programme],
+            "seasonal": rng.uniform(0.0, 0.4), "memory_days": rng.uniform(3.0, 12.0),
+        },
+        "programme": {
+            "swing": swing[programme] * mean, "corrections": rng.uniform(0.01, 0.04) * mean,
+            "quantum": quantum, "ramp": rng.uniform(0.03, 0.15) * mean, "lowest": 0.15 * mean,
+            "activity": min(rng.uniform(0.2, 0.5) * step / 133.0, 1.0),
+            "correction_memory": rng.uniform(600.0, 3600.0),
+        },
+        "operators": {
+            "quantum": quantum, "lowest": 0.1 * mean,
+            "dead_band": 0.0 if alone else rng.uniform(0.01, 0.05),
+            "trim_time": rng.uniform(7200.0, 28800.0),
+            "notice": 1e9 if operators == "schedule" else rng.uniform(1.0, 5.0) * quantum,
+            "feedforward_spread": 0.0 if alone else 0.08, "people": 1 if alone else 9,
+        },
+    }  # fmt: skip
+
+
+class BoxWater(Water):
+    """The reach as boxes in compound sections; unevenness of its own from the scenario's seed."""
+
+    @cached_property
+    def box(self) -> Box:
+        """The boxes."""
+        c, reach = self.scenario.channel, self.scenario.reach
+        assert c is not None
+        rng = np.random.default_rng([self.scenario.seed, 41])
+        x = np.linspace(0.0, reach.length, BOXES + 1)
+
+        def uneven(size: float) -> Floats:
+            """Random bends along the reach."""
+            rough = np.interp(x, np.linspace(0.0, reach.length, 7), rng.normal(0.0, size, 7))
+            return np.asarray(rough - rough.mean())
+
+        depth = self.level - c.bed_level
+        nodes = Nodes(
+            bed=c.bed_level + c.slope * (reach.length - x) + uneven(0.05 * depth),
+            bottom=reach.width * np.exp(uneven(0.15)), bank=np.full(BOXES + 1, c.side_slope),
+            bankfull=np.full(BOXES + 1, rng.uniform(1.02, 1.3) * depth),
+            plain=np.full(BOXES + 1, rng.uniform(0.0, 0.5) * reach.width),
+            manning=c.manning * np.exp(uneven(0.12)),
+        )  # fmt: skip
+        return Box(reach.length, nodes, c.gate_time)
+
+    def run(
+        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats, changes: Changes,
+        start: float,
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+        """As of the base class."""
+        return self.box.simulate(time, inflow, outflow, start, changes)
+
+
+def season_of(world: World, effects: tuple[Effect, ...] = ()) -> Season:
+    """The season of a world with effects.
+
+    Raises
+    ------
+    RividError
+        Where no operators can hold the level, or the water cannot follow them.
+    """
+    water = BoxWater if world.kind == "box" else Water
+    season = simulate(world.scenario, world.seed, effects=effects, water=water)
+    if np.ptp(season.true_level) > WIDEST * world.scenario.reach.depth:
+        raise RividError(
+            f"the level moves by {np.ptp(season.true_level):.2f} m: its operators do not hold it"
+        )
+    return season
+
+
+def behind(level: Floats, sample_time: float, lag: Floats | float) -> Floats:
+    """What a stilling well shows less the water [m], shape (days, n); each day begins in balance.
+
+    `lag` is the well's time constant [s], a number or of shape (days,); 0 is none.
+    """
+    kept = np.exp(-sample_time / np.maximum(np.broadcast_to(lag, len(level)), 1e-9))
+    rise = level - level[:, :1]
+    shown = [lfilter([1.0 - keep], [1.0, -keep], row) for keep, row in zip(kept, rise, strict=True)]
+    return np.asarray(shown) - rise
+
+
+def logs_of(
+    world: World, season: Season, lag: Floats | float | None = None, without: tuple[str, ...] = ()
+) -> Logs:
+    """What a user has: the logs, and a configuration with the geometry known to a few percent.
+
+    Parameters
+    ----------
+    world : World
+    season : Season
+    lag : float or ndarray of shape (days,), optional
+        Time constant of the gauge's well [s]; that of the world unless given. The operators read a gauge of
+        their own.
+    without : tuple of str
+        Effects that the diagnosis does not know.
+    """
+    quantum = world.scenario.level.quantum
+    late = behind(season.true_level, season.sample_time, world.well if lag is None else lag)
+    level = np.round(season.level + np.round(late / quantum) * quantum, 9)
+    reach = world.scenario.reach
+    told = {
+        name: float(f"{value * (1.0 + world.off[name]):.3g}")
+        for name, value in (
+            ("length", reach.length), ("width", reach.surface_area / reach.length), ("depth", reach.depth),
+        )
+    }  # fmt: skip
+    settings = {
+        "reach": told
+        | {
+            "name": "reach", "surface_area": told["length"] * told["width"], "sample_time": reach.sample_time,
+            "discharge_range": [float(f"{q:.2g}") for q in reach.discharge_range],
+        },
+        "diagnose": {"exclude": list(without)},
+    }  # fmt: skip
+    return Logs(season.dates, season.seconds, season.inflow, season.outflow, level, settings)
