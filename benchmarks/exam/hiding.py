@@ -21,6 +21,7 @@ from rivid.config import Config
 from rivid.diagnosis.data import Record
 from rivid.effects import Effect, effect_classes
 from rivid.errors import RividError
+from rivid.reach.gauge import stilled
 from rivid.simulation.season import Season
 from rivid.types import Floats
 
@@ -84,7 +85,7 @@ def plant(seed: int) -> Planted:
 def _planted(world: World, attempt: int) -> Planted:
     rng = np.random.default_rng([world.seed, 42, attempt])
     kind = str(rng.choice(list(TYPES), p=list(TYPES.values())))
-    season, lag = season_of(world), None
+    season, late = season_of(world), None
     tables: list[Table] = []
     units: list[Unit] = []
     times: list[float] = []
@@ -105,8 +106,8 @@ def _planted(world: World, attempt: int) -> Planted:
         if flows:
             season = season_of(world, flows)
         if len(flows) < len(tables):
-            lag = silting(tables[0], season, world.well)
-    logs = logs_of(world, season, lag, excluded)
+            late = silting(tables[0], season)
+    logs = logs_of(world, season, late, excluded)
     if kind == "operators":
         logs = two_crews(logs, world, rng)
     truth = {
@@ -137,7 +138,7 @@ def _sized(
     """An effect at 1x, and the size drawn in units of it."""
     table = table_of(name, ref.world, rng)
     if name == "silting_well":
-        one = well_unit(ref, table, lambda t: silting(t, ref.season, ref.world.well))
+        one = well_unit(ref, table, lambda t: silting(t, ref.season))
     else:
         one = unit(ref, table, classes, ends_of(table, ref.season))
     most = abs(LARGEST[name](ref.world) / size_of(one.table))
@@ -281,12 +282,16 @@ FOREIGN: dict[str, Maker] = {
 """The same of outsiders."""
 
 
-def silting(table: Table, season: Season, well: float) -> Floats:
-    """Time constant of a well that silts up evenly over its dates, for each day [s]."""
+def silting(table: Table, season: Season) -> Floats:
+    """What a well that silts up evenly over its dates shows less one that does not [m], (days, n)."""
     first, last = ((date - season.dates[0]).days for date in table["dates"])
     number = np.array([(date - season.dates[0]).days for date in season.dates])
     share = (number - first + 1.0) / (last - first + 1.0)
-    return np.asarray(well + table["lag"] * np.where((share > 0.0) & (share <= 1.0), share, 0.0))
+    clean = season.scenario.level.lag
+    lag = clean + table["lag"] * np.where((share > 0.0) & (share <= 1.0), share, 0.0)
+    time = np.broadcast_to(season.seconds, season.true_level.shape).copy()
+    level = season.true_level
+    return stilled(time, level, lag[:, None]) - stilled(time, level, clean)
 
 
 def two_crews(logs: Logs, world: World, rng: np.random.Generator) -> Logs:
@@ -302,7 +307,7 @@ def two_crews(logs: Logs, world: World, rng: np.random.Generator) -> Logs:
     )  # fmt: skip
     late = World(
         world.seed, world.kind, world.operators, world.programme,
-        world.scenario.model_copy(update={"operators": other}), world.well, world.off,
+        world.scenario.model_copy(update={"operators": other}), world.off,
     )  # fmt: skip
     second = logs_of(late, season_of(late))
     half = len(logs.dates) // 2

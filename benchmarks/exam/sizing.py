@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from benchmarks.exam.worlds import Table, World, behind
+from benchmarks.exam.worlds import Table, World
 from rivid.effects import Effect, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
@@ -409,17 +409,15 @@ def unit(ref: Reference, table: Table, classes: dict[str, type[Effect]], ends: i
     return Unit(table, by)
 
 
-def well_unit(ref: Reference, table: Table, lags: Callable[[Table], Floats]) -> Unit:
-    """1x of a silting well; `lags` gives its time constant on each day [s] from its table."""
+def well_unit(ref: Reference, table: Table, shown: Callable[[Table], Floats]) -> Unit:
+    """1x of what is wrong with the reading; `shown` gives that from the table [m], shape (days, n)."""
     by = ""
     N = len(ref.season.seconds)
     row = {date: i for i, date in enumerate(ref.season.dates)}
     first = [ref.season.world.first_day + dt.timedelta(days=int(k) // N - 1) for k in ref.at[:, 0]]
     rows = np.array([row[date] for date in first])
-    T = ref.season.sample_time
-    usual = behind(ref.season.true_level, T, ref.world.well)
     for _ in range(TURNS):
-        z = behind(ref.season.true_level, T, lags(table)) - usual
+        z = shown(table)
         both = np.concatenate([z[rows], z[rows + 1]], axis=1)
         factor, by = factor_of(ref, both, noise=False, price=DATE)
         table = resized(table, min(max(factor, 0.05), 20.0))

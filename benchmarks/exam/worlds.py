@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from benchmarks.exam.answering import Logs
 from benchmarks.exam.box import Box, Nodes
@@ -52,8 +51,6 @@ class World:
         `crew`, `automatic` or `schedule`; `peaking`, `run_of_river` or `flood`.
     scenario : Scenario
         Without effects.
-    well : float
-        Time constant of the gauge's stilling well [s]; 0 for none.
     off : dict
         Relative errors of the geometry that a user would write: length, width, depth.
     """
@@ -63,7 +60,6 @@ class World:
     operators: str
     programme: str
     scenario: Scenario
-    well: float
     off: dict[str, float]
 
     @cached_property
@@ -80,7 +76,7 @@ class World:
         return {
             "water": self.kind, "operators": self.operators, "programme": self.programme,
             "sample_time_s": s.reach.sample_time, "gauge_step_m": s.level.quantum,
-            "gauge_noise_m": s.level.noise, "well_s": self.well, "length_m": s.reach.length, "days": s.days,
+            "gauge_noise_m": s.level.noise, "well_s": s.level.lag, "length_m": s.reach.length, "days": s.days,
             "mean_flow_m3s": mean, "surface_m2": s.reach.surface_area, "depth_m": s.reach.depth,
             "weather_share": s.weather.inflow / mean, "weather_memory_s": s.weather.memory,
             "travel_s": self.travel,
@@ -129,7 +125,7 @@ def draw(seed: int, attempt: int = 0) -> World:
             "set_point": level, "noise": log_uniform(rng, 0.0005, 0.004),
             "quantum": float(rng.choice([0.001, 0.002, 0.005, 0.01])),
             "drawdown": 0.0 if rng.random() < 0.5 else rng.uniform(0.0, 0.1) * depth / mean * 100.0,
-            "drawdown_from": mean, "gaps_per_day": float(rng.choice([0.0, 0.0, 0.5])),
+            "drawdown_from": mean, "lag": float(rng.choice([0.0, rng.uniform(10.0, 120.0)])), "gaps_per_day": float(rng.choice([0.0, 0.0, 0.5])),
         },
         "weather": {
             "inflow": log_uniform(rng, 0.003, 0.02) * mean, "memory": log_uniform(rng, 3600.0, 43200.0),
@@ -148,8 +144,7 @@ def draw(seed: int, attempt: int = 0) -> World:
     off = {
         name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.04), ("depth", 0.06))
     }
-    well = float(rng.choice([0.0, rng.uniform(10.0, 120.0)]))
-    return World(seed, kind, operators, programme, Scenario.model_validate(table), well, off)
+    return World(seed, kind, operators, programme, Scenario.model_validate(table), off)
 
 
 def _flows(
@@ -232,35 +227,21 @@ def season_of(world: World, effects: tuple[Effect, ...] = ()) -> Season:
     return season
 
 
-def behind(level: Floats, sample_time: float, lag: Floats | float) -> Floats:
-    """What a stilling well shows less the water [m], shape (days, n); each day begins in balance.
-
-    `lag` is the well's time constant [s], a number or of shape (days,); 0 is none.
-    """
-    kept = np.exp(-sample_time / np.maximum(np.broadcast_to(lag, len(level)), 1e-9))
-    rise = level - level[:, :1]
-    shown = [lfilter([1.0 - keep], [1.0, -keep], row) for keep, row in zip(kept, rise, strict=True)]
-    return np.asarray(shown) - rise
-
-
-def logs_of(
-    world: World, season: Season, lag: Floats | float | None = None, without: tuple[str, ...] = ()
-) -> Logs:
+def logs_of(world: World, season: Season, late: Floats | None = None, without: tuple[str, ...] = ()) -> Logs:
     """What a user has: the logs, and a configuration with the geometry known to a few percent.
 
     Parameters
     ----------
     world : World
     season : Season
-    lag : float or ndarray of shape (days,), optional
-        Time constant of the gauge's well [s]; that of the world unless given. The operators read a gauge of
-        their own.
+    late : ndarray, shape (days, n), optional
+        What the gauge shows more than it did in the season [m].
     without : tuple of str
         Effects that the diagnosis does not know.
     """
-    quantum = world.scenario.level.quantum
-    late = behind(season.true_level, season.sample_time, world.well if lag is None else lag)
-    level = np.round(season.level + np.round(late / quantum) * quantum, 9)
+    level, quantum = season.level, world.scenario.level.quantum
+    if late is not None:
+        level = np.round(level + np.round(late / quantum) * quantum, 9)
     reach = world.scenario.reach
     told = {
         name: float(f"{value * (1.0 + world.off[name]):.3g}")
