@@ -118,14 +118,14 @@ def minutes_first(value: float, sample_time: float) -> str:
 
 
 def probability(p: float) -> str:
-    """A probability with two digits; one that is nearly sure is not rounded to 1.
+    """A probability with two digits; one that is nearly sure is not rounded to 1, nor a small one to 0.
 
     Examples
     --------
-    >>> probability(0.8765), probability(0.999), probability(0.02)
-    ('0.88', 'above 0.99', '0.02')
+    >>> probability(0.8765), probability(0.999), probability(0.002)
+    ('0.88', 'above 0.99', 'below 0.01')
     """
-    return "above 0.99" if p > 0.99 else f"{p:.2f}"
+    return "above 0.99" if p > 0.99 else "below 0.01" if p < 0.01 else f"{p:.2f}"
 
 
 def share(part: int, whole: int) -> str:

@@ -59,8 +59,8 @@ def limits(*curves: Floats, part: float = 1.0) -> float:
 
 # The errors some hours ahead
 
-Row = tuple[str, str, Sequence[float]]
-"""A simulation: its kind, its name and errors by horizon, as of :func:`rivid.report.quantities.gap_rows`."""
+Row = tuple[str, str, Sequence[float], Sequence[float] | None]
+"""A simulation: kind, name, and errors by horizon on the sealed and, where known, on the open days."""
 
 
 def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: str, days: int) -> FigureFile:
@@ -76,23 +76,27 @@ def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: st
     for i, (ax, h) in enumerate(zip(panels, hours, strict=True)):
         errors_ahead(ax, rows, i)
         ax.set_xlabel(f"error [{unit}]")
-        ax.set_yticklabels([shorten(name, NAME_LENGTH) for _, name, _ in bars] if i == 0 else [])
+        ax.set_yticklabels([shorten(row[1], NAME_LENGTH) for row in bars] if i == 0 else [])
         style.heading(ax, f"{h:g} h ahead", fontweight="bold")
     style.figure_key(panels, down=0.58, left=0.68)
-    events = any(kind == "described" for kind, _, _ in rows)
-    return style.written(figure, folder / "diagnosis_gap.png", title, events=events)
+    events, known = any(row[0] == "described" for row in rows), any(row[3] is not None for row in rows)
+    return style.written(figure, folder / "diagnosis_gap.png", title, events=events, open=known)
 
 
 def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
-    """The errors of simulations at horizon `i` as bars, the first at the top; the floor as a line."""
+    """The errors of simulations at horizon `i`: sealed days as bars, open ones as marks, the floor as a line.
+
+    The first row is at the top.
+    """
     ax.spines["left"].set_color(style.LIGHT)
-    values = [(kind, float(errors[i])) for kind, _, errors in rows]
+    values = [(kind, float(e[i]), np.nan if known is None else float(known[i])) for kind, _, e, known in rows]
     bars = [row for row in values if row[0] != "floor"]
     y = np.arange(len(bars), dtype=float)[::-1]
-    ax.set_xlim(0, 1.28 * (max((v for _, v in values if np.isfinite(v)), default=0.0) or 1.0))
+    shown = [v for row in values for v in row[1:] if np.isfinite(v)]
+    ax.set_xlim(0, 1.28 * (max(shown, default=0.0) or 1.0))
     ax.set_ylim(-0.5, len(bars) - 0.5)
-    for at, (kind, value) in zip(y, bars, strict=True):
-        look: dict[str, Any] = {"color": AFTER, "label": "effects added, known in advance"}
+    for at, (kind, value, known) in zip(y, bars, strict=True):
+        look: dict[str, Any] = {"color": AFTER, "label": "effects added"}
         if kind == "baseline":
             look = {"color": BEFORE, "label": "without any effect"}
         elif kind == "described":
@@ -100,12 +104,17 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
             look |= {"label": "events timed on the day"}
         if np.isfinite(value):
             ax.barh(at, value, 0.62, **look)
+        if np.isfinite(known):
+            ax.plot(
+                known, at, "o", ms=4.5, mfc="white", mec=style.INK, mew=1.0, zorder=3,
+                label="open days, cross-validated",
+            )  # fmt: skip
         ax.annotate(
-            _digits(value) if np.isfinite(value) else "too few samples", (np.nan_to_num(value), at),
-            xytext=(4, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
+            _digits(value) if np.isfinite(value) else "too few samples", (np.nanmax([value, known, 0.0]), at),
+            xytext=(5, 0), textcoords="offset points", va="center", fontsize=8, zorder=4,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
-    for _, floor in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
+    for _, floor, _ in (row for row in values if row[0] == "floor" and np.isfinite(row[1])):
         ax.axvline(floor, color=style.INK, lw=1.0, ls=(0, (3, 2)), label="weather and gauge alone")
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(FixedLocator(y.tolist()))

@@ -87,7 +87,7 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
     with styled():
         if gap is not None and np.isfinite(gap.rmse_baseline).any():
             factor, unit = quantities.scale(gap)
-            rows = [(kind, text, [factor * v for v in e]) for kind, text, e in quantities.gap_rows(gap)]
+            rows = quantities.gap_rows(gap, factor)
             files.append(plots.draw_gap(folder, rows, gap.horizon_h, unit, len(gap.heldout_dates)))
         if loop is not None and loop.shown is not None:
             words = quantities.sentence("loop", loop, named)
@@ -138,7 +138,7 @@ def write_diagnosis_page(
     gap = diagnosis.gap
     river = record is not None and record.kind == "river"
     factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
-    rows = [] if gap is None else quantities.gap_rows(gap)
+    rows = [] if gap is None else quantities.gap_rows(gap, factor)
     context = {
         "d": diagnosis,
         "reach": reach or ("River reach" if river else "Reach"),
@@ -150,6 +150,7 @@ def write_diagnosis_page(
         "factor": factor,
         "unit": unit,
         "rows": rows,
+        "ranking": quantities.explanations(diagnosis.ranking),
         "horizon": 0 if gap is None else _horizon(gap),
         "grown": [] if gap is None else _grown(gap),
         "cards": [_card(e, classes, record.dates[0] if record else None) for e in diagnosis.effects],
@@ -229,8 +230,8 @@ def headline(diagnosis: Diagnosis) -> str:
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
     template = quantities.environment().get_template("diagnosis.txt.j2")
-    lines = []
-    for line in html.unescape(template.render(d=diagnosis)).splitlines():
+    ranking, lines = quantities.explanations(diagnosis.ranking)[0], list[str]()
+    for line in html.unescape(template.render(d=diagnosis, ranking=ranking)).splitlines():
         key, _, text = line.partition("\t")
         if key == "Gap":
             lines += _gap_lines(diagnosis.gap) if diagnosis.gap is not None else []
@@ -253,9 +254,11 @@ def _gap_lines(gap: Gap) -> list[str]:
     """The table of the gap: a row per simulation, a column per horizon."""
     factor, unit = quantities.scale(gap)
     table = [(f"error [{unit}]", [f"{h:g} h" for h in gap.horizon_h])]
-    for kind, name, values in quantities.gap_rows(gap):
-        indent = "  " if kind == "described" else ""
-        table.append((indent + name, [quantities.error(v, factor) for v in values]))
+    for row in quantities.gap_rows(gap, factor):
+        indent = "  " if row.kind == "described" else ""
+        table.append((indent + row.name, [quantities.error(v) for v in row.sealed]))
+    if gap.steps:
+        table.append(("squared error removed", [quantities.percent(share) for share in gap.reduced]))
     longest = WIDTH - INDENT - 8 * len(gap.horizon_h)
     width = min(max(len(name) for name, _ in table[1:]), longest)
     lines = []

@@ -4,10 +4,11 @@ import datetime as dt
 import html
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rivid.diagnosis.result import VERDICTS, Estimate, Gap, NamedEffect, Where
+from rivid.diagnosis.result import VERDICTS, Estimate, Gap, NamedEffect, Ranked, Where
 from rivid.report import page
 from rivid.text import count, day_range, listed
 
@@ -16,6 +17,31 @@ if TYPE_CHECKING:
 
 NOT_A_SIZE = {"hour", "place", "start", "starts", "duration", "rise", "recession", "per_day", "per_month"}
 """Parameters that give a time or a place; the headline states the first of the others."""
+
+
+MOST_NAMES = 4
+"""Most explanations with a name in the ranking of a page; a model holds as many effects at most."""
+
+
+class Explanation(NamedTuple):
+    """A row of the ranking: what it says, its probability over all responses, whether it is material."""
+
+    kind: str
+    words: str
+    probability: float
+    material: bool
+
+
+class Errors(NamedTuple):
+    """Errors of a simulation at each horizon, on the sealed and, where known, on the open days.
+
+    The kind is "baseline", "step", "described" (events timed on the day itself) or "floor".
+    """
+
+    kind: str
+    name: str
+    sealed: Sequence[float]
+    open: Sequence[float] | None = None
 
 
 def printable(text: str) -> str:
@@ -216,25 +242,67 @@ def scale(gap: Gap) -> tuple[float, str]:
     return (1000.0, "mm") if gap.unit == "m" else (1.0, "m³/s")
 
 
-def gap_rows(gap: Gap) -> list[tuple[str, str, tuple[float, ...]]]:
-    """Return the simulations of a gap in their order: kind, name, and RMSE at each horizon.
-
-    The kind is "baseline", "step", "described" (events timed on the day itself) or "floor".
-    """
-    rows = [("baseline", "without any effect", gap.rmse_baseline)]
-    for step in gap.steps:
-        rows.append(("step", f"+ {name(step.added)}", step.rmse))
+def gap_rows(gap: Gap, factor: float = 1.0) -> list[Errors]:
+    """Return the simulations of a gap in their order, with errors multiplied by `factor`."""
+    rows = [Errors("baseline", "without any effect", gap.rmse_baseline, gap.rmse_open_baseline)]
+    for i, step in enumerate(gap.steps, start=1):
+        known = gap.rmse_open_augmented if i == len(gap.steps) else None
+        rows.append(Errors("step", f"+ {name(step.added)}", step.rmse, known))
         if step.rmse_described is not None:
-            rows.append(("described", "events timed on the day", step.rmse_described))
+            rows.append(Errors("described", "events timed on the day", step.rmse_described))
     if gap.rmse_floor is not None:
-        rows.append(("floor", "weather and gauge alone", gap.rmse_floor))
-    return rows
+        rows.append(Errors("floor", "weather and gauge alone", gap.rmse_floor))
+    return [
+        Errors(kind, words, [factor * e for e in sealed], known and [factor * e for e in known])
+        for kind, words, sealed, known in rows
+    ]
+
+
+def percent(share: float) -> str:
+    """Return a share, which may be negative, in per cent.
+
+    Examples
+    --------
+    >>> percent(0.864), percent(-0.12), percent(-0.001), percent(math.nan)
+    ('86 %', '-12 %', '0 %', '–')
+    """
+    return f"{round(100 * share)} %" if math.isfinite(share) else "–"
+
+
+def explanation(names: Sequence[str], unknown: str | None) -> str:
+    """Return an explanation in words.
+
+    Examples
+    --------
+    >>> explanation((), None), explanation(("leakage",), "flow")
+    ('nothing missing', 'leakage and an unknown flow')
+    """
+    latent = {"flow": "an unknown flow", "gauge": "an unknown gauge error", "dynamics": "unknown dynamics"}
+    return listed([*map(name, names), *([latent[unknown]] if unknown else [])]) or "nothing missing"
+
+
+def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, float]:
+    """Return the rows of a ranking, the number of explanations left out, and their joint probability.
+
+    Explanations that differ in the response alone are one row. "Nothing missing" and those without any name
+    are always among the rows, with the :data:`MOST_NAMES` most probable others.
+    """
+    found: dict[tuple[frozenset[str], str | None], Explanation] = {}
+    for one in ranking:
+        key = frozenset(one.names), one.unknown
+        kind = "named" if one.names else "unknown" if one.unknown else "nothing"
+        row = found.get(key, Explanation(kind, explanation(one.names, one.unknown), 0.0, one.material))
+        found[key] = row._replace(probability=row.probability + one.probability)
+    rows = sorted(found.values(), key=lambda row: -row.probability)
+    named = [row for row in rows if row.kind == "named"]
+    left = named[MOST_NAMES:]
+    return [row for row in rows if row not in left], len(left), sum(row.probability for row in left)
 
 
 def environment() -> "Environment":
     """Return the environment of all templates, with the formats of this module as filters."""
     made = page.environment()
-    formats = (name, size, estimate, when, p_value, error, period, closed, printable)
+    formats = (name, size, estimate, when, p_value, error, period, closed, printable, percent)
     made.filters |= {function.__name__: function for function in formats}
     made.filters |= {
         "count": count,
@@ -243,7 +311,7 @@ def environment() -> "Environment":
         "tight": lambda text: type(text)(tight(text)),
         "initial": lambda text: text[:1].upper() + text[1:],
     }
-    made.globals["VERDICTS"] = VERDICTS
+    made.globals |= {"VERDICTS": VERDICTS, "zip": zip}
     return made
 
 

@@ -12,11 +12,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Step, Unknown, Where
+from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Ranked, Step, Unknown, Where
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.plots.style import FigureFile
 from rivid.report.diagnosis import WIDTH, headline, summary, write_diagnosis, write_diagnosis_page
+from rivid.report.quantities import explanations
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
 from tests.pages import Page
@@ -100,7 +101,7 @@ def test_the_page_is_one_file_without_requests_or_scripts(whole):
     assert not re.search(r"url\(|@import|https?:", html)
     ids = {attrs["id"] for _, attrs in seen.tags if "id" in attrs}
     links = {attrs["href"][1:] for tag, attrs in seen.tags if tag == "a"}
-    assert len(links) == 6 and links <= ids
+    assert len(links) == 7 and links <= ids
 
 
 def test_each_figure_is_embedded_once_with_its_caption(out, whole):
@@ -140,7 +141,7 @@ def test_the_card_of_an_effect_has_size_interval_time_and_certainty(whole):
     text, known = words(whole[1]), effect_classes()[BYPASS.name]
     for part in (
         known.sentence, known.looks, known.parameters()["size"].meaning, "35.0 m³/s (33.8 to 36.1)",
-        "from 2024-05-05 to 2024-05-12, from 22:00 to 06:00", "p = 0.0004", "143 events",
+        "from 2024-05-05 to 2024-05-12, from 22:00 to 06:00", "Probability above 0.99", "143 events",
         "rain inflow, which removes 40 % less", "about 1.3 m³/s, from 10:00 to 14:00",
     ):  # fmt: skip
         assert part in text, part
@@ -149,8 +150,9 @@ def test_the_card_of_an_effect_has_size_interval_time_and_certainty(whole):
 def test_the_gap_has_a_row_per_step_and_regime(whole, tmp_path):
     text = words(whole[1])
     for row in (
-        "Without any effect 9.3 27 62", "+ unlogged upstream release 3.5 10.3 24",
-        "+ unlogged downstream release 1.3 3.9 9.0", "Events timed on the day 0.4 1.2 2.7",
+        "Without any effect 9.3 (9.7) 27 (28) 62 (65)", "+ unlogged upstream release 3.5 10.3 24",
+        "+ unlogged downstream release 1.3 (1.3) 3.9 (3.8) 9.0 (8.8)",
+        "Squared error removed 98 % 98 % 98 %", "Events timed on the day 0.4 1.2 2.7",
         "Inflow below 153 m³/s 15.6 → 8.0 79 → 27 286 → 137", "Longer after a step 11.6 → 6.9 59 → 22 –",
         "97 % of the gap is closed", "31 % of the gap is closed",
     ):  # fmt: skip
@@ -189,6 +191,55 @@ def test_the_closed_loop_has_its_errors_and_operators(whole, tmp_path):
     assert "Simulated 144 49 6.1 40" in text
     text = words(page(tmp_path, "no_gap", closed_loop=ClosedLoop(OPERATORS, "The outflow hardly moves.")))
     assert "The outflow hardly moves." in text and "root mean square errors over" not in text.lower()
+
+
+def bars(seen):
+    """Widths of the bars of a ranking, in per cent."""
+    return [float(attrs["width"]) for tag, attrs in seen.tags if attrs.get("class") == "part"]
+
+
+def test_the_ranking_has_a_bar_as_long_as_each_probability(tmp_path):
+    seen = page(tmp_path, "cannot_tell")
+    answer = diagnosis("cannot_tell", EVIDENCE)
+    assert bars(seen) == pytest.approx([100 * one.probability for one in answer.ranking], rel=1e-3)
+    for row in ("Leakage 0.51 Gate head effect 0.46", "Lateral inflow too small to matter below 0.01"):
+        assert row in words(seen), row
+    assert bars(page(tmp_path, "cannot_tell", ranking=())) == []
+
+
+def test_what_to_measure_and_what_is_small_is_on_the_page_and_the_terminal(tmp_path):
+    for verdict in ("cannot_tell", "explained"):
+        answer = diagnosis(verdict, EVIDENCE)
+        for text in (words(page(tmp_path, verdict)), " ".join(summary(answer).replace("m3", "m³").split())):
+            assert all(part in text for part in (*answer.small, answer.next_measurement or ""))
+
+
+def test_the_terminal_has_verdict_probability_size_and_share_removed():
+    text = " ".join(summary(diagnosis("explained", EVIDENCE)).split())
+    for part in (
+        "Verdict explained", "Effect diurnal inflow, probability above 0.99, amplitude 6.04 m3/s",
+        "Ranking diurnal inflow 0.98 ", "squared error removed 86 % 86 % 86 %",
+    ):  # fmt: skip
+        assert part in text, part
+    old = dataclasses.replace(DIURNAL, probability=None)
+    text = summary(diagnosis("explained", EVIDENCE, effects=(old,), ranking=()))
+    assert "Ranking" not in text and "p = 0.0002" in text
+
+
+def test_explanations_of_several_responses_are_one_row_and_nothing_and_unknown_remain():
+    def one(names, unknown, probability, response="saint-venant"):
+        return Ranked(names, unknown, response, probability, 0.0, True)
+
+    named = [one((f"effect_{i}",), None, 0.1 / 2**i) for i in range(6)]
+    ranking = [
+        one(("leakage", "seiche"), None, 0.4), one(("seiche", "leakage"), None, 0.2, "fir"), *named,
+        one((), "flow", 0.0), one((), None, 0.0), one((), None, 0.0, "fir"),
+    ]  # fmt: skip
+    rows, left, rest = explanations(ranking)
+    assert [row.probability for row in rows] == pytest.approx([0.6, 0.1, 0.05, 0.025, 0.0, 0.0])
+    assert [row.kind for row in rows] == ["named"] * 4 + ["unknown", "nothing"]
+    assert left == 3 and rest == pytest.approx(0.1 / 8 + 0.1 / 16 + 0.1 / 32)
+    assert explanations(()) == ([], 0, 0)
 
 
 def test_ties_name_all_candidates_and_the_separating_measurement(tmp_path):
@@ -233,17 +284,19 @@ def test_missing_numbers_are_dashes(tmp_path):
     effect = dataclasses.replace(
         DIURNAL, p_value=NAN, margin=NAN, parameters=(Estimate("amplitude", NAN, "m3/s", NAN, NAN),)
     )
-    gap = dataclasses.replace(gap_of(EVIDENCE, (effect,)), rmse_baseline=(NAN, 0.01, NAN), closed=NAN)
+    gap = dataclasses.replace(
+        gap_of(EVIDENCE, (effect,)), rmse_baseline=(NAN, 0.01, NAN), closed=NAN, rmse_open_baseline=None
+    )
     text = words(page(tmp_path, "explained", effects=(effect,), gap=gap))
     assert not re.search(r"\bnan\b", text.lower()) and "Without any effect – 10.0 –" in text
     answer = diagnosis("explained", effects=(effect,), gap=gap, unknown=Unknown(Where(), NAN, (), NAN))
-    assert "nan" not in summary(answer).lower() and "without any effect       -    10.0       -" in summary(
-        answer
+    assert "nan" not in summary(answer).lower() and re.search(
+        r"without any effect +- +10\.0 +-\n", summary(answer)
     )
 
 
 def test_a_text_is_escaped_once(tmp_path):
-    sure = dataclasses.replace(BYPASS, p_value=1e-6)
+    sure = dataclasses.replace(BYPASS, p_value=1e-6, probability=None)
     got = page(tmp_path, "explained", effects=(sure,))
     assert "p < 0.0001" in words(got)
 
