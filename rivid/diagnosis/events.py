@@ -11,7 +11,9 @@ so one whitened step for each start gives every atom without whitening again:
     pulse of D samples:  W p_s = W h_s - W h_{s+D},
     recession:           W e_s = (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession).
 
-Starts before the row are events under way. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) takes
+Starts before the row are events under way. The same search finds the jumps of a gauge, up and down: their
+atom is the whitened step itself. As the level of each row's start is unknown, a jump shows in its own row
+only. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) takes
 the atom of largest gain, fits all amplitudes again, and continues until the next gain is below the price.
 """
 
@@ -31,7 +33,7 @@ from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
-Shape = Literal["pulse", "recession"]
+Shape = Literal["pulse", "recession", "jump"]
 Whiten = Callable[[Floats, Floats], Floats]
 """Columns (..., days, n) and a row each that is NaN where a sample is missing, to whitened columns."""
 
@@ -68,8 +70,10 @@ def extended(kernel: Floats, length: int) -> Floats:
 
 
 def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Floats:
-    """Response (length,) of the output to a unit pulse or recession of some samples that starts at 0."""
+    """Response (length,) of the output to a unit event that starts at 0; of some samples, unless a jump."""
     h = extended(kernel, length)
+    if shape == "jump":
+        return h
     if shape == "pulse":
         D = round(samples)
         return np.asarray(h - np.concatenate([np.zeros(min(D, length)), h[: max(length - D, 0)]]), float)
@@ -84,7 +88,9 @@ class Atoms:
 
     def __init__(self, kernel: Floats, shape: Shape, grid: tuple[float, ...], n: int, whiten: Whiten) -> None:
         self.shape, self.grid, self.n, self.whiten = shape, grid, n, whiten
-        self.before = int(np.ceil(max(grid) * (LASTS if shape == "recession" else 1.0)))
+        self.before = (
+            0 if shape == "jump" else int(np.ceil(max(grid) * (LASTS if shape == "recession" else 1.0)))
+        )
         """Starts before the row: index k of an atom is the start k - before."""
         h = extended(kernel, n + self.before)
         lag = np.arange(n) - (np.arange(self.before + n) - self.before)[:, None]
@@ -102,12 +108,15 @@ class Atoms:
                 self._kept.pop(next(iter(self._kept)))
             like = np.where(there, 0.0, np.nan)[None]
             W = self.whiten(self.steps[:, None], like)[:, 0]
-            self._kept[key] = [self._atoms(W, samples) for samples in self.grid]
+            self._kept[key] = [self._atoms(W, samples, there) for samples in self.grid]
         return self._kept[key]
 
-    def _atoms(self, W: Floats, samples: float) -> tuple[Floats, Floats]:
+    def _atoms(self, W: Floats, samples: float, there: Bools) -> tuple[Floats, Floats]:
         A = W.copy()
-        if self.shape == "pulse":
+        if self.shape == "jump":
+            after = np.cumsum(there[::-1])[::-1]
+            A[(after < EDGE) | (there.sum() - after < EDGE)] = 0.0
+        elif self.shape == "pulse":
             D = round(samples)
             A[: len(A) - D] -= W[D:]
         else:
@@ -133,7 +142,7 @@ def pursue(
     weight: float,
     carried: list[tuple[int, float, float]],
 ) -> tuple[list[Found], list[Found], float]:
-    """Events of one sign in a whitened row, and those carried from the row before.
+    """Events in a whitened row, and those carried from the row before.
 
     Parameters
     ----------
@@ -143,7 +152,8 @@ def pursue(
         Whitened residual.
     first : int
         First atom to consider.
-    sign : {-1, 1}
+    sign : {-1, 0, 1}
+        Of all sizes; 0 is either.
     apart : int
         Least distance of two starts [samples].
     price : float
@@ -166,20 +176,26 @@ def pursue(
     old = len(carried)
     fit = _fit(A, r, weight, [k for k, _, _ in carried], prior)
     none = -0.5 * weight * float(r @ r)
-    unit = np.where(norm > 0.0, sign * np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
+    unit = np.where(norm > 0.0, np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
     unit[:first] = 0.0
+
+    def worth_of(rest: Floats) -> Floats:
+        """Root of twice the gain of each atom, below 0 for one of the other sign."""
+        return unit * (sign * (A @ rest) if sign else np.abs(A @ rest))
+
     refused = np.zeros(len(norm), bool)
     tries = 0
     while len(fit.starts) - old < most and tries < 3 * most and weight > 0.0:
         tries += 1
-        worth = unit * (A @ fit.rest)
+        worth = worth_of(fit.rest)
         worth[refused | _near(fit.starts, len(norm), apart)] = 0.0
         k = int(np.argmax(worth))
         # With the others fitted again an atom gains more than this, twice as much where it leans on them.
         if worth[k] ** 2 < price:
             break
-        more = _settled(A, r, weight, unit, _fit(A, r, weight, [*fit.starts, k], prior), old, apart, prior)
-        if (sign * more.size[old:] <= 0.0).any() or more.likelihood - fit.likelihood < price:
+        more = _fit(A, r, weight, [*fit.starts, k], prior)
+        more = _settled(A, r, weight, worth_of, unit == 0.0, more, old, apart, prior)
+        if (sign and (sign * more.size[old:] <= 0.0).any()) or more.likelihood - fit.likelihood < price:
             refused[k] = True
         else:
             fit = more
@@ -234,7 +250,8 @@ def _settled(
     A: Floats,
     r: Floats,
     weight: float,
-    unit: Floats,
+    worth_of: Callable[[Floats], Floats],
+    barred: Bools,
     fit: _Fit,
     old: int,
     apart: int,
@@ -246,8 +263,8 @@ def _settled(
     starts = list(fit.starts)
     for i in range(old, len(starts)):
         others = starts[:i] + starts[i + 1 :]
-        worth = unit * (A @ (fit.rest + fit.size[i] * A[starts[i]]))
-        worth[_near(others, len(unit), apart) | (unit == 0.0)] = -np.inf
+        worth = worth_of(fit.rest + fit.size[i] * A[starts[i]])
+        worth[_near(others, len(barred), apart) | barred] = -np.inf
         k = int(np.argmax(worth))
         if k == starts[i]:
             continue
@@ -269,17 +286,37 @@ PULSES = (900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
 RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
 """Recessions of rain [s]."""
 
+GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSIONS, "jump": (1.0,)}
+"""Usual grid of each shape; that of jumps, which have no duration, has one value without meaning."""
+
+EDGE = 20
+"""Readings at both ends of a day in which a jump cannot be separated from a bad start, and between which a
+jump and its return are a spike."""
+
+LARGEST_JUMP = 1.0
+"""A gauge set anew or knocked [m]: with a flat prior to here, 1 nat more for 2.7 times."""
+
+
+def price_of(starts: int, largest: float, size_se: float) -> float:
+    """Price of an event that may start at so many times, with a size between -`largest` and `largest` [nats].
+
+    The logarithm of its evidence, by Laplace's approximation with flat priors, is its gain less this:
+    ``log(starts) + log(2 largest / (sqrt(2 pi) size_se))``.
+    """
+    return float(np.log(max(starts, 1) * 2.0 * largest / (np.sqrt(2.0 * np.pi) * size_se)))
+
 
 @dataclass(frozen=True, eq=False)
 class Kind:
     """A kind of event."""
 
     name: str
-    shape: Shape  # a constant flow for some time, or a steep rise that recedes exponentially
-    # Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it.
+    shape: Shape  # a constant flow for some time, a steep rise that recedes exponentially, or a jump
+    # Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it. 0 is
+    # either.
     sign: int
     # (m,) Change of the output to a unit step of added flow at its place, by samples since the step [m per
-    # m3/s], or of a river reach [-].
+    # m3/s], or of a river reach [-]; of a jump, ones.
     kernel: Floats
     grid: tuple[float, ...] = ()  # durations or recessions [s]
 
@@ -288,13 +325,13 @@ class Kind:
         if kernel.ndim != 1 or len(kernel) < 2 or not np.isfinite(kernel).all() or not kernel.any():
             raise RividError(f"kernel of {self.name} has shape {kernel.shape}: expected two or more finite "
                              "numbers, not all zero")  # fmt: skip
-        if self.sign not in (-1, 1):
-            raise RividError(f"sign of {self.name} is {self.sign}: expected -1 or 1")
+        if self.sign not in (-1, 0, 1):
+            raise RividError(f"sign of {self.name} is {self.sign}: expected -1, 0 or 1")
         if any(not x > 0.0 for x in self.grid):
             raise RividError(f"grid of {self.name} is {self.grid}: expected durations over 0 s")
         object.__setattr__(self, "kernel", kernel)
         if not self.grid:
-            object.__setattr__(self, "grid", PULSES if self.shape == "pulse" else RECESSIONS)
+            object.__setattr__(self, "grid", GRIDS[self.shape])
 
 
 @dataclass(frozen=True)
@@ -302,9 +339,11 @@ class Event:
     """One event."""
 
     day: int  # row in which it begins, or is under way at the beginning
-    start_s: float  # start after the day's midnight [s]; negative where it is under way before
+    # Start after the day's midnight [s]; negative where it is under way before. A jump lies half-way between
+    # two samples.
+    start_s: float
     duration_s: float  # duration of a pulse, or recession [s]
-    size: float  # flow, of a recession at its peak [m3/s], and its standard error
+    size: float  # flow, of a recession at its peak [m3/s], or jump [m]; and its standard error
     size_se: float
     gain: float  # log-likelihood that is lost without it, the rest fitted again [nats]
     under_way: bool  # whether it began before the first sample of the row: the start is a guess then
@@ -319,6 +358,7 @@ class Events:
     events: tuple[Event, ...]  # by day and start
     coded: Floats  # (days, n): their response, as it is in the residual
     gain: float  # log-likelihood gained on all days, prices paid [nats]
+    price: float  # of each event [nats]
 
 
 def find_events(
@@ -330,7 +370,7 @@ def find_events(
     lead: int = 0,
     follows: ArrayLike | None = None,
     weights: ArrayLike | None = None,
-    price: float = PRICE,
+    price: float | None = None,
     most: int = MOST,
 ) -> Events:
     """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
@@ -350,8 +390,8 @@ def find_events(
         Whether a row is the day after the one above it: events under way are carried over. Default: none.
     weights : array_like, shape (days,), optional
         Of each day's log-likelihood.
-    price : float
-        Of an event [nats].
+    price : float, optional
+        Of an event [nats]. Default: :data:`PRICE`, of a jump that of :func:`price_of`.
     most : int
         Most events of a day.
 
@@ -371,34 +411,47 @@ def find_events(
             f"follows and weights have shapes {after.shape} and {weight.shape}: expected ({days},)"
         )
     grid = tuple(max(x / sample_time, 1.0) for x in kind.grid)
+    jump = kind.shape == "jump"
     if kind.shape == "pulse":
         grid = tuple(float(round(x)) for x in grid)
     there = np.isfinite(z)
     r = whiten(np.where(there, z, np.nan)[None], z)[0]
     atoms = Atoms(kind.kernel, kind.shape, grid, n, whiten)
     searches = [_Search(g, n - lead, atoms.before, k) for g, k in zip(grid, atoms.first, strict=True)]
+    if price is None:
+        price = _jump_price(atoms, there) if jump else PRICE
     for d in range(days):
         if not there[d].any():
             continue
         for search, (A, norm) in zip(searches, atoms.whitened(there[d]), strict=True):
-            apart = int(search.samples) if kind.shape == "pulse" else APART
+            apart = EDGE if jump else int(search.samples) if kind.shape == "pulse" else APART
             search.day(d, bool(after[d]), A, norm, r[d], kind.sign, apart, price, most, float(weight[d]))
     best = int(np.argmax([s.gain for s in searches]))
     chosen = searches[best]
     coded = np.zeros(z.shape)
     if chosen.seen:
         shape = response(kind.kernel, kind.shape, grid[best], n + atoms.before + n)
-        for d, k, i in chosen.seen:
+        # The lead of the next row shows a late jump; there is no atom for it, as its size is known.
+        late = [e for e in chosen.seen if jump and e[1] >= n - lead and after[e[0] + 1 : e[0] + 2].any()]
+        later = [(d + 1, k - n + lead, i) for d, k, i in late]
+        for d, k, i in chosen.seen + later:
             lag = np.arange(n) - k
             coded[d] += chosen.found[i][1].size * np.where(lag >= 0, shape[np.maximum(lag, 0)], 0.0)
     events = tuple(
         Event(
-            day=d, start_s=(f.start - lead) * sample_time, duration_s=grid[best] * sample_time, size=f.size,
-            size_se=f.size_se, gain=f.gain, under_way=f.start < 0,
+            day=d, start_s=(f.start - lead - 0.5 * jump) * sample_time, duration_s=grid[best] * sample_time,
+            size=f.size, size_se=f.size_se, gain=f.gain, under_way=f.start < 0,
         )
         for d, f in sorted(chosen.found, key=lambda e: (e[0], e[1].start))
     )  # fmt: skip
-    return Events(kind, kind.grid[best], events, coded, chosen.gain)
+    return Events(kind, kind.grid[best], events, coded, chosen.gain, price)
+
+
+def _jump_price(atoms: Atoms, there: Bools) -> float:
+    """Price of a jump anywhere in the rows [nats]."""
+    ((_, norm),) = atoms.whitened(there[int(np.argmax(there.sum(1)))])
+    sure = norm[norm > 0.0]
+    return price_of(int(there.sum()), LARGEST_JUMP, 1.0 / float(np.median(sure))) if len(sure) else PRICE
 
 
 class _Search:
@@ -516,13 +569,7 @@ SCHEDULED = 0.002
 """p of a timetable from which events are taken as operated, not natural."""
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
 """Largest size over the median: of an event cut off by midnight only the start is observed."""
-STEP_PRICE = 30.0
-"""Of a jump of the gauge [nats]."""
 LEAST_WIND = 0.005
-"""[m]."""
-EDGE = 20
-"""Samples at both ends of a day in which a jump cannot be separated from a bad start."""
-SMALLEST_STEP = 0.015
 """[m]."""
 
 
@@ -558,7 +605,7 @@ def event_proposals(
         if effect.found_as in ("recession", "pulse") and not taken:
             found.append(_of_events(model, before, kind_of(effect, kernels), effect))
         elif effect.found_as == "jump" and not taken:
-            found.append(_of_steps(model, before, effect))
+            found.append(_of_jumps(model, before, kind_of(effect, kernels), effect))
         elif effect.found_as == "swing" and not taken:
             found.append(seiche(model, before, effect))
         elif effect.found_as == "level noise" and not model.level_noise:
@@ -567,13 +614,15 @@ def event_proposals(
 
 
 def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
-    """Events of an effect: a steep rise and a recession along the reach, or pulses at the lower dam."""
+    """Events of an effect: recessions along the reach, pulses at the lower dam, or jumps of the gauge."""
+    if effect.found_as == "jump":
+        return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":
         return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
     return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
 
 
-def search(model: Linear, before: Evaluation, kind: Kind, price: float = PRICE) -> Events:
+def search(model: Linear, before: Evaluation, kind: Kind, price: float | None = None) -> Events:
     """Events of a kind in the residual of all days."""
     record = model.record
     follows = np.append(False, np.diff(record.day_number) == 1)
@@ -626,41 +675,28 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     """The effect with its events, as hours since the first day's midnight."""
     number = record.day_number
     starts = tuple(float((number[e.day] * DAY + e.start_s) / HOUR) for e in events.events)
+    if effect.found_as == "jump":
+        return effect.from_events(starts, [e.size for e in events.events], 0.0)
     sizes_ = np.array([abs(float(e.size)) for e in events.events])
     most = (MOST_RAIN if effect.found_as == "recession" else MOST_PULSE) * float(np.median(sizes_))
     size = np.minimum(sizes_, most).tolist()
     return effect.from_events(starts, size, events.events[0].duration_s / HOUR)
 
 
-def _of_steps(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
-    """Jumps of the gauge: a pulse of one sample into a reach that only stores is a step."""
-    record = model.record
-    ramp = np.arange(record.time.shape[1], dtype=float)
-    found = [
-        search(model, before, Kind(effect.name, "pulse", sign, ramp, (record.sample_time,)), STEP_PRICE)
-        for sign in (1, -1)
-    ]
-    best = max(found, key=lambda f: f.gain)
-    edge = EDGE * record.sample_time
-    end = (record.time.shape[1] - record.lead) * record.sample_time - edge
-    large = [e for e in best.events if abs(e.size) > SMALLEST_STEP and edge < e.start_s < end]
-    if not large:
+def _of_jumps(model: Linear, before: Evaluation, kind: Kind, effect: type[Effect]) -> Proposal | None:
+    """Jumps of the gauge, up and down."""
+    events = search(model, before, kind)
+    if not events.events:
         return None
-    top = max(large, key=lambda e: e.gain)
-    at = record.lead + top.start_s / record.sample_time
-    column = np.zeros(record.time.shape)
-    column[top.day] = np.arange(record.time.shape[1]) >= at
-    after = evaluate(model, column[None])
+    made = as_effect(effect, events, model.record)
+    after = evaluate(model.less(events.coded))
+    days = sorted({e.day for e in events.events})
     gain = after.likelihood - before.likelihood
-    total = float(gain[model.split.fit | model.split.select].sum()) - STEP_PRICE
-    day = record.day_number[top.day]
-    made = effect.from_table(
-        {"step": float(top.size), "start": float((day * DAY + top.start_s) / HOUR)}
-    )  # fmt: skip
+    total = float(gain[model.split.fit | model.split.select].sum()) - events.price * len(events.events)
     return Proposal(
-        effect.name, "jump", made, (), (None, None), _chance(total), after, column[None], total, total,
-        float(np.sqrt(max(total, 0.0))),
-        1.0 - after.errors.rmse([top.day]) / before.errors.rmse([top.day]), 1,
+        effect.name, f"{len(events.events)} jumps", made, (), (None, None), _chance(total), after,
+        events.coded[None], total, total, float(np.sqrt(max(total, 0.0))),
+        1.0 - after.errors.rmse(days) / before.errors.rmse(days), len(days),
     )  # fmt: skip
 
 

@@ -17,6 +17,8 @@ FAMILIES: tuple[Family, ...] = ("flow", "timing", "level")
 Dates = Literal["all", "from", "until", "between"]
 """Windows of dates that are scanned: the whole season, from or until a date, between two dates."""
 FoundAs = Literal["", "recession", "pulse", "jump", "level noise", "swing"]
+EVENTS: tuple[FoundAs, ...] = ("recession", "pulse", "jump")
+"""Searches that return events, from which :meth:`Effect.from_events` makes the effect."""
 LEVEL_NOISES: tuple[FoundAs, ...] = ("level noise", "swing")
 """Searches that return a noise of the level, which the noise model represents, not the simulation."""
 
@@ -38,6 +40,12 @@ class Quantity:
 def quantity(default: Any, unit: str, low: float, high: float, meaning: str, *, many: bool = False) -> Any:
     """Return a dataclass field that is a parameter of an effect."""
     return field(default=default, metadata={"quantity": Quantity(unit, low, high, meaning, many)})
+
+
+Sizes = float | tuple[float, ...]
+"""Of a parameter that may be `many`."""
+LOW, HIGH = -87_600.0, 876_000.0
+"""Limits of a start: ten years before the first day and a hundred after it [h]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +174,9 @@ class Effect(ABC):
     stepwise : tuple of str
         Parameters in which the output changes in steps; they are found by trying values.
     found_as : {"", "recession", "pulse", "jump", "level noise", "swing"}
-        Search of the diagnosis that finds it, in addition to its trials. Recessions and pulses are events
-        and need :meth:`from_events`; the other searches set the parameters of `sensor_step`, `wind_setup`
-        and `seiche`.
+        Search of the diagnosis that finds it, in addition to its trials. Recessions, pulses and jumps are
+        events and need :meth:`from_events`; the other searches set the parameters of `wind_setup` and
+        `seiche`.
     twins : tuple of str
         Effects with nearly the same column: when one is in the model, its remainder is not named another.
     linear_trials : dict of str to float
@@ -380,7 +388,7 @@ class Effect(ABC):
 
     @classmethod
     def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "Effect":
-        """The effect with given events: starts and duration [h], sizes [m3/s].
+        """The effect with given events: starts and duration [h], sizes [m3/s], of jumps [m].
 
         Raises
         ------

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rivid.effects.base import Effect, Trial, World, quantity
+from rivid.effects.base import HIGH, LOW, Effect, Sizes, Trial, World, quantity
 from rivid.errors import ConfigError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
 from rivid.types import DAY, HOUR, Floats
-
-Sizes = float | tuple[float, ...]
 
 
 def spread_over_dates(effect: Effect, key: str) -> None:
@@ -74,8 +72,6 @@ def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[
 
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
-LOW, HIGH = -87_600.0, 876_000.0
-"""Ten years before the first day and a hundred after it [h]."""
 START = "when each begins, hours since the first day's midnight; none: drawn"
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
 """Hours of the operators' shifts [h]: a gain error may belong to one of them."""

@@ -1,13 +1,15 @@
 """Effects on the gauge reading: drift, steps, wind set-up, seiches."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import Effect, World, quantity
+from rivid.effects.base import HIGH, LOW, Effect, Sizes, World, quantity
+from rivid.errors import ConfigError
 from rivid.reach.changes import Changes
-from rivid.types import DAY, Floats
+from rivid.types import DAY, HOUR, Floats
 
 Autoregression = tuple[tuple[float, ...], float]
 """a_1, or a_1 and a_2, of a stationary ``x_k = a_1 x_k-1 + a_2 x_k-2 + e_k``; standard deviation of e [m]."""
@@ -78,7 +80,7 @@ class SensorDrift(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorStep(Effect):
-    """``gauge = level + step`` from the start on, within dates and hours."""
+    """``gauge = level + the steps that have started``, within dates and hours."""
 
     name = "sensor_step"
     family = "level"
@@ -91,14 +93,28 @@ class SensorStep(Effect):
         "moves only as the operators answer."
     )
 
-    step: float = quantity(0.05, "m", -10.0, 10.0, "what the reading is too high")
-    start: float = quantity(
-        0.0, "h", -87_600.0, 876_000.0, "when it happens, hours since the first day's midnight"
+    step: Sizes = quantity(0.05, "m", -10.0, 10.0, "what the reading is too high from each start", many=True)
+    start: Sizes = quantity(
+        0.0, "h", LOW, HIGH, "when each happens, hours since the first day's midnight", many=True
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        steps, starts = np.size(self.step), np.size(self.start)
+        if steps != starts or not steps:
+            raise ConfigError(
+                f"{self.name}: step has {steps} values and start {starts}: expected a start for each step"
+            )
+
+    @classmethod
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "SensorStep":
+        return cls(step=tuple(sizes), start=tuple(starts))
+
     def changes(self, world: World) -> Changes:
-        there = self.active(world) * (world.time >= 3600.0 * self.start)
-        return Changes(gauge=self.step * there)
+        order = np.argsort(np.ravel(self.start))
+        offset = np.cumsum(np.ravel(self.step)[order])
+        started = np.searchsorted(HOUR * np.ravel(self.start)[order], world.time, side="right")
+        return Changes(gauge=np.append(0.0, offset)[started] * self.active(world))
 
 
 @dataclass(frozen=True, kw_only=True)

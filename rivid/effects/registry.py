@@ -13,7 +13,7 @@ from typing import Any, get_args
 from zlib import crc32
 
 from rivid.effects import flow, level, timing
-from rivid.effects.base import FAMILIES, Effect, FoundAs, World
+from rivid.effects.base import EVENTS, FAMILIES, Effect, FoundAs, World
 from rivid.errors import ConfigError
 from rivid.reach.changes import Changes, together
 
@@ -193,7 +193,7 @@ def _check_class(where: str, one: type[Effect]) -> None:
             raise ConfigError(f"{here}.{key} is {text!r}: expected a sentence")
     if one.found_as not in get_args(FoundAs):
         raise ConfigError(f"{here}.found_as is {one.found_as!r}: expected one of {get_args(FoundAs)}")
-    if one.found_as in ("recession", "pulse") and "from_events" not in vars(one):
+    if one.found_as in EVENTS and "from_events" not in vars(one):
         raise ConfigError(f"{here} is found as events: expected a class method from_events")
     if "__dataclass_fields__" not in vars(one):
         raise ConfigError(f"{here} is no dataclass: put @dataclass(frozen=True, kw_only=True) before it")

@@ -267,8 +267,53 @@ def test_sizes_are_as_different_as_they_are_beyond_their_errors():
     assert np.isnan(size_variation(alike[:1]))
 
 
+JUMP = Kind("jump", "jump", 0, np.ones(N))
+
+
+@sizes("seeds", 3, 12)
+def test_all_jumps_of_a_season_are_found_up_and_down(seeds):
+    """Pairs of 6 cm in a day, single ones, one in the samples before midnight that the next row repeats."""
+    lead, row = 40, N - 40
+    truth = {
+        (2, 100): 0.06,
+        (2, 250): -0.06,
+        (7, 80): -0.03,
+        (11, 300): 0.03,
+        (15, 370): 0.05,
+        (15, 200): 0.09,
+    }
+    deviations = []
+    for seed in range(seeds):
+        z = NOISE.simulate(20, N, np.random.default_rng([seed, 5]))
+        for (d, k), size in truth.items():
+            z[d, k:] += size
+            if k >= row:
+                z[d + 1, k - row :] += size
+        seen = z.copy()
+        seen[:, :lead] = np.nan
+        found = find_events(seen, NOISE.whiten, JUMP, T, lead=lead, follows=np.arange(20) > 0)
+        at = {(e.day, round(e.start_s / T + 0.5) + lead): e for e in found.events}
+        assert set(at) == set(truth)
+        deviations += [(at[key].size - size) / at[key].size_se for key, size in truth.items()]
+        assert found.price == pytest.approx(np.log(20 * row * 2.0 / (np.sqrt(2 * np.pi) * 0.0018)), abs=0.2)
+        late = at[15, 370].size
+        assert found.coded[16, :12].tolist() == [0.0] * 10 + [late] * 2
+    assert np.sqrt(np.mean(np.square(deviations))) == pytest.approx(1.0, abs=3 / np.sqrt(2 * len(deviations)))
+
+
+@sizes("seasons", 10, 60)
+def test_seasons_of_noise_have_no_jumps(seasons):
+    many = [
+        len(
+            find_events(NOISE.simulate(20, N, np.random.default_rng([seed, 6])), NOISE.whiten, JUMP, T).events
+        )
+        for seed in range(seasons)
+    ]
+    assert sum(many) <= seasons // 30
+
+
 def test_what_cannot_be_an_event_is_refused():
-    with pytest.raises(RividError, match="sign of x is 2: expected -1 or 1"):
+    with pytest.raises(RividError, match="sign of x is 2: expected -1, 0 or 1"):
         Kind("x", "pulse", 2, HERE)
     with pytest.raises(RividError, match="expected two or more finite numbers"):
         Kind("x", "pulse", 1, np.zeros(9))

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from rivid.effects.level import Seiche, SensorDrift, SensorStep, WindSetup, covariance
+from rivid.errors import ConfigError
 from tests.effects.worlds import FIRST, world
 
 DATES = (FIRST + dt.timedelta(days=2), FIRST + dt.timedelta(days=3))
@@ -50,6 +51,21 @@ def test_a_gauge_steps_at_its_start_and_within_its_dates():
     both = gauge(SensorStep(step=-0.05, start=60.0, dates=DATES, hours=(4, 20)), here)
     there = (t >= 60) & (t < 96) & (t % 24 >= 4) & (t % 24 < 20)
     assert both.tolist() == np.where(there, -0.05, 0.0).tolist()
+
+
+def test_a_gauge_steps_up_and_down_any_number_of_times():
+    here = world(days=6)
+    t = here.time / 3600.0
+    steps, starts = (0.06, -0.02, -0.06), (30.0, 100.5, 31.0)
+    slow = sum(step * (t >= start) for step, start in zip(steps, starts, strict=True))
+    assert gauge(SensorStep(step=steps, start=starts), here) == pytest.approx(slow, abs=1e-15)
+    assert SensorStep.from_events(starts, steps, 0.0) == SensorStep(step=steps, start=starts)
+    table = SensorStep(step=steps, start=starts).to_table()
+    assert SensorStep.from_table(table).to_table() == table
+    assert SensorStep.from_table({"step": 0.1, "start": 3.0}).to_table()["step"] == 0.1
+    for wrong in ({"step": steps}, {"step": (), "start": ()}, {"step": steps, "start": (1.0, 2.0)}):
+        with pytest.raises(ConfigError, match="expected a start for each step"):
+            SensorStep(**wrong)
 
 
 @pytest.mark.parametrize("effect", MODELS, ids=str)
