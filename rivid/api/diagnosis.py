@@ -165,7 +165,7 @@ def diagnose(
     first: GivenDate = None,
     last: GivenDate = None,
     model: Path | str | None = None,
-    report: Callable[[str], None] = lambda _: None,
+    report: Callable[[float, str], None] = lambda done, what: None,
 ) -> DiagnosisResult:
     """Find the effects that a simulation of the reach lacks, add them to the model, and validate it.
 
@@ -180,7 +180,7 @@ def diagnose(
     model : Path or str, optional
         Start with the effects of this augmented model (model.toml).
     report : callable
-        Called with the name of each step as it begins.
+        Called with the share of the work that is done, from 0 to 1, and the step that begins.
 
     Returns
     -------
@@ -215,7 +215,7 @@ def diagnose(
     answer, evidence = workflow.diagnose(
         record, responses_of(settings, record), library_of(settings),
         gauge_floor=gauge_floor_of(settings, record), start=start,
-        most=settings.diagnose.most_effects, report=report,
+        most=settings.diagnose.most_effects, report=lambda what: report(0.0, what),
     )  # fmt: skip
     if failed:
         day, why = failed[0]

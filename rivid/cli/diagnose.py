@@ -48,7 +48,10 @@ def command(
     settings = load_config(config)
     with console.steps("starting") as step:
         step("reading the logs")
-        diagnosed = diagnose(data_dir, settings, first=first, last=last, model=model, report=step)
+        diagnosed = diagnose(
+            data_dir, settings, first=first, last=last, model=model,
+            report=lambda done, what: step(what, done),
+        )  # fmt: skip
         step("writing")
         page = diagnosed.write(place, pictures=not no_figures)
     if as_json:
