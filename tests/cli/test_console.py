@@ -132,7 +132,9 @@ def test_the_time_left_follows_from_the_share_of_work_done(terminal, capsys, mon
         step("reading the logs")
         for k, done in enumerate((0.0, 0.2, 0.25, 0.5), start=1):
             step(f"step {k} of 8: refitting {'a very long name ' * (9 if k == 4 else 0)}", done)
-    shown = [line.strip() for line in capsys.readouterr().err.replace("\r", "\n").splitlines() if line.strip()]
+    shown = [
+        line.strip() for line in capsys.readouterr().err.replace("\r", "\n").splitlines() if line.strip()
+    ]
     assert shown[:2] == ["reading the logs", "step 1 of 8: refitting"]
     assert [line.rpartition(", about ")[2] for line in shown[2:]] == ["8 s left", "15 s left", "5 min left"]
     assert all(line.startswith(f"step {k} of 8") for k, line in enumerate(shown[1:], start=1))
