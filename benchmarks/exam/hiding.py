@@ -8,18 +8,28 @@ times what an effect needs in its own world to be missing (`benchmarks.exam.sizi
 import datetime as dt
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from benchmarks.exam import outside
 from benchmarks.exam.answering import Logs, record_of
-from benchmarks.exam.sizing import Reference, Unit, reference, resized, size_of, unit, well_unit
+from benchmarks.exam.sizing import (
+    NOISES,
+    Reference,
+    Unit,
+    beyond,
+    reference,
+    resized,
+    size_of,
+    unit,
+    well_unit,
+)
 from benchmarks.exam.worlds import Table, World, draw, log_uniform, logs_of, season_of
 from rivid.config import Config
 from rivid.diagnosis.data import Record
-from rivid.effects import Effect, effect_classes
+from rivid.effects import CATALOGUE, Effect, changes_of, effect_classes, worlds_of
 from rivid.errors import RividError
 from rivid.reach.gauge import stilled
 from rivid.simulation.season import Season
@@ -36,6 +46,10 @@ REMOVED: dict[str, tuple[str, ...]] = {
     "rain_inflow": (), "sensor_step": (), "outflow_lag": ("gate_rate_limit",),
 }  # fmt: skip
 """Effects hidden while the library lacks them, with those that are nearly the same and are lacking too."""
+EVENTS = {"rain_inflow": ("peak", "peak_m3s"), "unlogged_downstream_release": ("size", "size_m3s")}
+"""Effects whose events are drawn: the parameter that each event has for itself, and its key among them."""
+BANKED = ("storage_area_slope",)
+"""True of a channel with banks that the configuration does not name: not counted, unless hidden."""
 OUTSIDERS: dict[str, tuple[str, ...]] = {
     "hunting_governor": (), "bent_rating": (), "siphon": (), "silting_well": ("stilling_well",),
     "ice_cover": (),
@@ -52,22 +66,44 @@ class Planted:
     logs : Logs
     truth : dict
         As JSON has it; see :func:`plant`.
-    world : World
     season : Season
     """
 
     logs: Logs
     truth: Table
-    world: World
     season: Season
 
+    @property
+    def told(self) -> list[Table] | None:
+        """The effects with their draws given; None where the season has one that no model can be told of."""
+        hidden = self.season.effects
+        if any(e.name not in CATALOGUE or e.name in NOISES for e in hidden) or not hidden:
+            return None
+        found = []
+        for effect, world in zip(hidden, worlds_of(hidden, self.season.world), strict=True):
+            table = effect.to_table()
+            if effect.name in EVENTS:
+                key, there = EVENTS[effect.name]
+                events = effect.events(world)  # type: ignore[attr-defined]
+                table |= {"starts": [e["start_h"] for e in events], key: [e[there] for e in events]}
+            found.append(table)
+        made: list[Table] = json.loads(json.dumps(found, default=str))
+        return made
 
-def plant(seed: int) -> Planted:
+
+def plant(seed: int, longest: int = 1000) -> Planted:
     """The season of a seed.
 
     The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
-    1x, for each), `units` (1x of each), `by` (what asks for it), `excluded` (names that the diagnosis does not
-    know), `first_day`, `days` and `world` (its factors).
+    1x, for each), `units` (1x of each), `by` (what asks for it), `rivals` (of one effect: by how many nats it
+    is ahead of each effect that is confounded with it), `allowed` (names that are true of the water itself),
+    `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its factors).
+
+    Parameters
+    ----------
+    seed : int
+    longest : int
+        Most days of the season.
 
     Raises
     ------
@@ -75,8 +111,12 @@ def plant(seed: int) -> Planted:
         Where no draw of the seed can be simulated.
     """
     for attempt in range(TRIES):
+        world = draw(seed, attempt)
+        if world.scenario.days > longest:
+            shorter = {"days": longest, "missing_days": min(world.scenario.missing_days, longest // 15)}
+            world = replace(world, scenario=world.scenario.model_copy(update=shorter))
         try:
-            return _planted(draw(seed, attempt), attempt)
+            return _planted(world, attempt)
         except RividError:
             continue
     raise RividError(f"seed {seed}: none of {TRIES} worlds can be simulated")
@@ -90,6 +130,7 @@ def _planted(world: World, attempt: int) -> Planted:
     units: list[Unit] = []
     times: list[float] = []
     excluded: tuple[str, ...] = ()
+    rivals: dict[str, float] = {}
     catalogue = effect_classes()
     classes = catalogue | outside.classes()
     if kind not in ("nothing", "operators"):
@@ -99,6 +140,8 @@ def _planted(world: World, attempt: int) -> Planted:
             units.append(one)
             times.append(times_one)
             tables.append(resized(one.table, times_one))
+        if kind == "one":
+            rivals = rivals_of(ref, tables[0], catalogue, rng)
         near = (REMOVED if kind == "removed" else OUTSIDERS).get(tables[0]["name"], ())
         if kind in ("removed", "outside"):
             excluded = tuple(n for n in (tables[0]["name"], *near) if n in catalogue)
@@ -113,10 +156,21 @@ def _planted(world: World, attempt: int) -> Planted:
     truth = {
         "seed": world.seed, "attempt": attempt, "kind": kind, "effects": tables, "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
+        "rivals": rivals, "allowed": [] if world.kind == "linear" else list(BANKED),
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
         "days": (season.dates[-1] - season.dates[0]).days + 1,
     }  # fmt: skip
-    return Planted(logs, json.loads(json.dumps(truth, default=str)), world, season)
+    return Planted(logs, json.loads(json.dumps(truth, default=str)), season)
+
+
+def sealed(seed: int, longest: int = 1000) -> tuple[Logs, Table]:
+    """Logs and truth of a seed, fit to be sent from process to process.
+
+    The truth has one more key, `told`: the effects as a model that knows all has them, or None where no model
+    can.
+    """
+    planted = plant(seed, longest)
+    return planted.logs, planted.truth | {"told": planted.told}
 
 
 def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
@@ -146,6 +200,36 @@ def _sized(
     if most < 1.0:
         raise RividError(f"{name}: 1x is more than such a reach has")
     return one, float(np.exp(rng.uniform(0.0, np.log(min(most, MOST_TIMES)))))
+
+
+def rivals_of(
+    ref: Reference, table: Table, catalogue: dict[str, type[Effect]], rng: np.random.Generator
+) -> dict[str, float]:
+    """By how many nats an effect is ahead of each of the catalogue that is confounded with it.
+
+    The rival has the same dates, and a size of its own; it stands beside all that a calibration moves.
+    """
+    name = table["name"]
+    mine = catalogue[name]
+    z = ref.change(changes_of((mine.from_table(table),), ref.season.world))
+    found = {}
+    for other, one in catalogue.items():
+        near = {*one.confounded_with, *one.twins}
+        if other == name or (name not in near and other not in {*mine.confounded_with, *mine.twins}):
+            continue
+        if other in EVENTS or other in NOISES or other not in DRAWN:
+            continue
+        trial = table_of(other, ref.world, rng)
+        kept = {key: value for key, value in trial.items() if key not in ("dates", "hours")}
+        if "dates" in table and one.windowed:
+            kept["dates"] = table["dates"]
+        try:
+            column = ref.change(changes_of((one.from_table(kept),), ref.season.world))
+        except RividError:
+            continue
+        if np.abs(column).max() > 0.0:
+            found[other] = round(0.5 * beyond(ref, z, column)[1], 1)
+    return found
 
 
 def ends_of(table: Table, season: Season) -> int:
