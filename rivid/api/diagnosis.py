@@ -13,7 +13,7 @@ from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.data import Record, as_record
-from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Unknown, Verdict
+from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Ranked, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import NoDataError
 from rivid.types import Floats
@@ -68,6 +68,11 @@ class DiagnosisResult(Result):
     def effects(self) -> tuple[NamedEffect, ...]:
         """The effects named and added to the model."""
         return self.answer.effects
+
+    @property
+    def ranking(self) -> tuple[Ranked, ...]:
+        """All explanations with their probabilities, the most probable first."""
+        return self.answer.ranking
 
     @property
     def unknown(self) -> Unknown | None:

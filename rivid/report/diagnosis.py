@@ -46,7 +46,7 @@ NOISE = {
     "gauge_sd": ("gauge noise", "output"), "walk_sd": ("random walk of the gauge error a sample", "output"),
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
     "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
-    "surface_area": ("water surface", "m²"),
+    "surface_area": ("water surface", "m²"), "misfit": ("fronts early or late by", "samples"),
 }  # fmt: skip
 """Name and unit of each parameter of the noise model."""
 
