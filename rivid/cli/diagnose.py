@@ -24,10 +24,11 @@ def command(
 ) -> int:  # fmt: skip
     """Find the missing effect: where simulation and measurement disagree, and why.
 
-    The reach's response is calibrated on the logs in DATA_DIR; the residual is compared with a catalogue of
-    effects (`rivid effects`). A significant effect is named, added to the model, and confirmed on days that
-    were not used in any fit. OUT receives diagnosis.json, diagnosis.html, figures,
-    unexplained_inflow.parquet and the augmented model as model.toml.
+    The reach's response is calibrated on the logs in DATA_DIR, without and with each effect of a catalogue
+    (`rivid effects`) and with unknown causes; each is scored on days that it was not fitted to. A probable
+    effect that matters is named, added to the model, and confirmed on days that were not used in any fit.
+    OUT receives diagnosis.json, diagnosis.html, figures, unexplained_inflow.parquet and the augmented model
+    as model.toml.
 
     Exit code: 0 an answer, 3 too few days for one, 10 no logs.
 

@@ -129,7 +129,7 @@ RANKINGS = {
     "unknown": (
         "flow", 0.86, "gauge", 0.11, "wind_setup", 0.02, "seiche", 0.008, "dynamics", 0.0016, "", 0.0004,
     ),
-    "did_not_hold": ("diurnal_inflow", 0.71, "", 0.2, "flow", 0.05, "gauge", 0.03, "dynamics", 0.01),
+    "did_not_hold": ("diurnal_inflow", 0.991, "flow", 0.004, "", 0.003, "gauge", 0.001, "dynamics", 0.001),
 }  # fmt: skip
 """Explanations of each verdict by their effects, and their probabilities."""
 UNKNOWN = ("flow", "gauge", "dynamics")

@@ -142,7 +142,7 @@ def test_the_card_of_an_effect_has_size_interval_time_and_certainty(whole):
     for part in (
         known.sentence, known.looks, known.parameters()["size"].meaning, "35.0 m³/s (33.8 to 36.1)",
         "from 2024-05-05 to 2024-05-12, from 22:00 to 06:00", "Probability above 0.99", "143 events",
-        "rain inflow, which removes 40 % less", "about 1.3 m³/s, from 10:00 to 14:00",
+        "about 1.3 m³/s, from 10:00 to 14:00",
     ):  # fmt: skip
         assert part in text, part
 
@@ -298,7 +298,7 @@ def test_missing_numbers_are_dashes(tmp_path):
 def test_a_text_is_escaped_once(tmp_path):
     sure = dataclasses.replace(BYPASS, p_value=1e-6, probability=None)
     got = page(tmp_path, "explained", effects=(sure,))
-    assert "p < 0.0001" in words(got)
+    assert "p < 0.0001; the next best name is rain inflow, which removes 40 % less" in words(got)
 
 
 def test_names_and_texts_are_escaped(tmp_path):
@@ -312,19 +312,30 @@ def test_names_and_texts_are_escaped(tmp_path):
         diagnosis("cannot_tell", EVIDENCE), effects=(effect,), reason=attack, notes=(attack,),
         reach_response=attack, reach_parameters=(Estimate(attack, 1.0, attack, 0.0, 2.0),),
         unknown=Unknown(Where(regime=attack), 1.0, (attack,)), noise={attack: 1.0},
-        gap=gap_of(EVIDENCE, (effect,)),
+        gap=gap_of(EVIDENCE, (effect,)), small=(attack,), next_measurement=attack,
+        ranking=(Ranked((attack,), "flow", attack, 1.0, 0.0, True),),
     )  # fmt: skip
     path = write_diagnosis(tmp_path, answer, EVIDENCE, reach=attack)
     seen = Page(path.read_text(encoding="utf-8"))
     assert "script" not in {tag for tag, _ in seen.tags}
     assert all(attrs["src"].startswith("data:") for tag, attrs in seen.tags if tag == "img")
-    assert seen.words.count("<script>alert(1)</script>") >= 10
+    assert seen.words.count("<script>alert(1)</script>") >= 13
 
 
 def test_the_summary_escapes_control_characters_and_cuts_long_names():
     hostile = "\x1b[31mred\x1b[0m\nnew line\ttab\x07 & <b>"
     effect = dataclasses.replace(TIED, name=hostile, breaker=hostile, tied_with=(hostile,))
-    text = summary(diagnosis("cannot_tell", EVIDENCE, effects=(effect,), reason=hostile))
+    text = summary(
+        diagnosis(
+            "cannot_tell",
+            EVIDENCE,
+            effects=(effect,),
+            reason=hostile,
+            small=(hostile,),
+            next_measurement=hostile,
+            ranking=(Ranked((hostile,), None, hostile, 1.0, 0.0, True),),
+        )
+    )
     assert all(line.isprintable() and len(line) <= WIDTH for line in text.splitlines()) and "& <b>" in text
     effect = dataclasses.replace(DIURNAL, name="x" * 200)
     text = summary(diagnosis("explained", EVIDENCE, effects=(effect,), gap=gap_of(EVIDENCE, (effect,))))
