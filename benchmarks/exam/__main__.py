@@ -1,11 +1,13 @@
-"""The exam of `rivid diagnose`: what is not asked yet is asked, and docs/exam.md is written.
+"""The exam of `rivid diagnose`: seasons without a result are answered, and docs/exam.md is written.
 
-Usage: python -m benchmarks.exam [--only NAME ...] [--share 0.5] [--shard I/N] [--processes N] [--hours H]
-                                 [--quick] [--page-only] [--list]
-       python -m benchmarks.exam draw SEED ...
+Usage: python -m benchmarks.exam [--seeds A:B] [--shard I/N] [--processes N] [--hours H] [--kept DIR] [--page-only]
+       python -m benchmarks.exam quick      a few dozen short seasons; fails where a share is far from its target
+       python -m benchmarks.exam draw SEED ...      what is hidden in these seasons, a line of JSON each
+       python -m benchmarks.exam sizes [A:B]        1x of every effect in some worlds, as a table
 
-Results are kept in build/exam, a file for each case and seed: a second call goes on where the first was
-stopped. Remove a file, or the folder of a case, to ask it again.
+Seeds 0 to 9999 are for development; proof seeds begin at 10000. A proof seed that was looked at is one of
+development from then on. Results are kept in build/exam, a line of JSON each: a second call goes on where the
+first was stopped. Remove a line, or a file, to ask it again.
 """
 
 import argparse
@@ -14,9 +16,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.exam.cases import tasks
 from benchmarks.exam.page import PAGE, marked, page, targets
-from benchmarks.exam.running import KEPT, outstanding, results_of, run
+from benchmarks.exam.rows import ROWS
+from benchmarks.exam.running import KEPT, outstanding, results_of, run, short
+from benchmarks.exam.worlds import FIRST_PROOF
+
+PROOF = range(FIRST_PROOF, FIRST_PROOF + 1200)
+"""Seeds of `make exam`."""
+QUICK = range(5000, 5040)
+"""Seeds of `quick`: of development, they are seen at every change."""
+QUICK_DAYS = 30
+"""Days of its seasons."""
 
 
 def shard_of(text: str) -> tuple[int, int]:
@@ -33,53 +43,84 @@ def shard_of(text: str) -> tuple[int, int]:
     return int(mine), int(shards)
 
 
-def options(words: Sequence[str] | None = None) -> argparse.Namespace:
-    """The command line."""
+def seeds_of(text: str) -> range:
+    """Seeds from one to before another.
+
+    Examples
+    --------
+    >>> seeds_of("10:13")
+    range(10, 13)
+    """
+    first, _, end = text.partition(":")
+    if not (first.isdigit() and end.isdigit() and int(first) < int(end)):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected A:B with A below B, for example 0:100")
+    return range(int(first), int(end))
+
+
+def options(words: Sequence[str]) -> argparse.Namespace:
+    """The command line of the exam itself."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exam", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--only", nargs="*", default=[], help="cases whose name holds this, or rows")
-    parser.add_argument("--share", type=float, default=1.0, help="of the seeds")
-    parser.add_argument("--shard", type=shard_of, default=(0, 1), help="I/N: every N-th case from I on")
+    parser.add_argument("--seeds", type=seeds_of, default=PROOF, help="A:B: from A to before B")
+    parser.add_argument("--shard", type=shard_of, default=(0, 1), help="I/N: every N-th seed from I on")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--hours", type=float, default=8.0, help="no case is begun later")
-    parser.add_argument("--quick", action="store_true", help="one seed of a few cases; the page stays")
+    parser.add_argument("--hours", type=float, help="no season is begun later")
     parser.add_argument("--page-only", action="store_true", help="write the page from what is there")
-    parser.add_argument("--list", action="store_true", help="what is outstanding, and do nothing")
+    parser.add_argument("--page", type=Path, default=PAGE, help="where the page goes")
     parser.add_argument("--kept", type=Path, default=KEPT, help="where results are kept")
     return parser.parse_args(words)
 
 
-def drawn(seeds: Sequence[str]) -> None:
-    """Print what is hidden in the seasons of some seeds, a line of JSON each."""
+def drawn(seeds: Sequence[str]) -> int:
+    """Print what is hidden in the seasons of some seeds."""
     from benchmarks.exam.hiding import plant
 
     for seed in seeds:
         print(json.dumps(plant(int(seed)).truth), flush=True)
+    return 0
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """Ask what is outstanding, and write the page."""
+def sizes(words: Sequence[str]) -> int:
+    """Print 1x of every effect."""
+    from benchmarks.exam.hiding import table_of_units
+
+    print(table_of_units(seeds_of(words[0] if words else "0:30")))
+    return 0
+
+
+def quick(kept: Path | None = None) -> int:
+    """Answer short seasons of development; 1 where a share is far from its target."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as scratch:
+        place = Path(scratch) if kept is None else kept
+        run(QUICK, kept=place, desks=short(QUICK_DAYS), report=lambda text: print(text, flush=True))
+        judged = [j for _, j in marked(results_of(place))]
+    print(targets(judged))
+    failed = [f"{asked.group}: {asked.words}" for asked in ROWS if asked.refused(judged)]
+    for words in failed:
+        print(f"FAILED: {words}")
+    return int(bool(failed))
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Answer what is outstanding, and write the page."""
     given = list(sys.argv[1:] if words is None else words)
-    if given[:1] == ["draw"]:
-        return drawn(given[1:])
-    said = options(words)
-    wanted = tasks(said.only, quick=said.quick, share=said.share)
-    todo = outstanding(wanted, said.shard, said.kept)
-    if said.list:
-        for case, seed in todo:
-            print(f"{case.name} {seed}")
-        return
-    if todo and not said.page_only:
+    if given and given[0] in ("draw", "sizes"):
+        return (drawn if given[0] == "draw" else sizes)(given[1:])
+    if given == ["quick"]:
+        return quick()
+    said = options(given)
+    if not said.page_only and outstanding(said.seeds, said.shard, said.kept):
         run(
-            todo, processes=said.processes, hours=said.hours, kept=said.kept,
+            said.seeds, shard=said.shard, processes=said.processes, hours=said.hours, kept=said.kept,
             report=lambda text: print(text, flush=True),
         )  # fmt: skip
-    if said.quick:
-        print(targets(marked(results_of(wanted, said.kept))))
-        return
-    PAGE.write_text(page(results_of(tasks(), said.kept)), encoding="utf-8")
-    print(f"written: {PAGE}")
+    wanted = set(said.seeds)
+    said.page.write_text(page([r for r in results_of(said.kept) if r["seed"] in wanted]), encoding="utf-8")
+    print(f"written: {said.page}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -1,25 +1,21 @@
 """The candidate's desk: logs and the nominal reach come in, an answer goes out.
 
-This module runs in a process that simulates nothing. It knows neither cases nor what was planted.
+This module runs in a process that simulates nothing. It knows neither worlds nor what was planted.
 """
 
 import datetime as dt
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rivid.config import Config, parse
 from rivid.core.hydraulics import propose_delays
 from rivid.diagnosis.data import Record, as_record
-from rivid.diagnosis.response.base import Response
-
-Floats = NDArray[np.float64]
-REFUSAL = "does not show"
-"""In what the workflow reports when its guard refuses a name."""
+from rivid.effects import build, effect_classes
+from rivid.errors import RividError
+from rivid.types import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +61,19 @@ def record_of(logs: Logs) -> Record:
     )  # fmt: skip
 
 
-def responses(logs: Logs, record: Record) -> tuple[Response, ...]:
-    """The candidates that `rivid diagnose` would choose among."""
-    from rivid.diagnosis.choice import responses_of
+def _diagnosed(logs: Logs, most: int | None = None, told: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+    from rivid.diagnosis import workflow
+    from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
 
-    return responses_of(logs.settings, record)
+    record, settings = record_of(logs), logs.settings
+    classes = effect_classes()
+    found, _ = workflow.diagnose(
+        record, responses_of(settings, record), library_of(settings),
+        most=settings.diagnose.most_effects if most is None else most,
+        gauge_floor=gauge_floor_of(settings, record), start=tuple(build(table, classes) for table in told),
+    )  # fmt: skip
+    document: dict[str, Any] = json.loads(found.to_json())
+    return document
 
 
 def answer(logs: Logs) -> dict[str, Any]:
@@ -78,23 +82,33 @@ def answer(logs: Logs) -> dict[str, Any]:
     Returns
     -------
     dict
-        With `seconds`, and in `refused` what the guard refused; `error` where the diagnosis failed.
+        With `seconds`; `error` where the diagnosis failed.
     """
-    from rivid.diagnosis import workflow
-    from rivid.diagnosis.choice import gauge_floor_of, library_of
-
     began = time.perf_counter()
-    refused: list[str] = []
     try:
-        record, settings = record_of(logs), logs.settings
-        told, _ = workflow.diagnose(
-            record, responses(logs, record), library_of(settings), most=settings.diagnose.most_effects,
-            gauge_floor=gauge_floor_of(settings, record),
-            report=lambda text: refused.append(text) if REFUSAL in text else None,
-        )  # fmt: skip
-        said: dict[str, Any] = json.loads(told.to_json())
+        said = _diagnosed(logs)
     except Exception as error:  # a diagnosis that fails is an answer, and a wrong one
         said = {"error": f"{type(error).__name__}: {error}"[:300]}
-    said["refused"] = refused
     said["seconds"] = round(time.perf_counter() - began, 1)
     return said
+
+
+def floor(logs: Logs, told: Sequence[dict[str, Any]]) -> list[float] | None:
+    """Errors on the sealed days, by horizon, of a model that has the planted effects from the start.
+
+    Parameters
+    ----------
+    logs : Logs
+    told : sequence of dict
+        The effects as tables, drawn events as they were drawn.
+
+    Returns
+    -------
+    list of float or None
+        None where that model cannot be calibrated.
+    """
+    try:
+        gap = _diagnosed(logs, 0, told).get("gap")
+    except RividError:
+        return None
+    return None if gap is None else list(gap["rmse_baseline"])

@@ -36,12 +36,13 @@ from rivid.reach.gate import (
 from rivid.types import Floats
 
 G = 9.80665
-THETA = 0.6
-"""Weight of the new time: 0.5 is of second order and rings, 1 damps."""
-LONGEST = 60.0
+THETA = 0.55
+"""Weight of the new time: 0.5 is of second order and rings, 1 damps. Waves spread by its excess over 0.5: after a
+time t by the root of 0.1 LONGEST t, 55 s in a quarter of an hour."""
+LONGEST = 30.0
 """Longest time step [s]."""
-SETTLING = 4
-"""Times that the steady flow of the first sample settles and its level is lifted to the wanted one."""
+STEADY = 40
+"""Turns of the fixed point of a box's steady momentum; it gains a digit or more with each."""
 NEWTON, ENOUGH = 4, 1e-6
 """Most Newton steps of a time step, and the largest change of a level [m] after which none follows: the next
 one would be of the order of its square."""
@@ -56,6 +57,8 @@ class Nodes(NamedTuple):
     bankfull: Floats  # depth from which the floodplain is flooded [m]
     plain: Floats  # width of the floodplain [m]
     manning: Floats  # [s/m^(1/3)]
+    usual: Floats  # depth above which the surface grows beside what the sections make of it [m]
+    growth: Floats  # of the surface's width by that [m for each metre]
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,6 +67,8 @@ def section(h: float, n: Nodes, i: int) -> tuple[float, float, float, float]:
     b, s, hb, f, m = n.bottom[i], n.bank[i], n.bankfull[i], n.plain[i], n.manning[i]
     slant = 2.0 * np.sqrt(1.0 + s * s)
     A, B, P = (b + s * h) * h, b + 2.0 * s * h, b + slant * h
+    more, y = n.growth[i], h - n.usual[i]
+    A, B = A + 0.5 * more * y * y, B + more * y
     K = A * (A / P) ** (2.0 / 3.0) / m
     dK = K * (5.0 / 3.0 * B / A - 2.0 / 3.0 * slant / P)
     over = h - hb
@@ -144,6 +149,24 @@ def step(
 
 
 @njit(cache=True, error_model="numpy")
+def steady(level: float, flow: float, dx: float, n: Nodes, z: Floats) -> bool:
+    """Write the levels (nodes,) of a steady flow [m3/s] that has a level [m] at the lower end."""
+    z[:] = level
+    for i in range(len(z) - 2, -1, -1):
+        k = i + 1
+        if not z[k] > n.bed[k]:
+            return False
+        Ak, _, Kk, _ = section(z[k] - n.bed[k], n, k)
+        z[i] = max(z[k], n.bed[i] + 0.1)
+        for _ in range(STEADY):
+            Ai, _, Ki, _ = section(z[i] - n.bed[i], n, i)
+            drag = 0.5 * flow * flow * (1.0 / (Ki * Ki) + 1.0 / (Kk * Kk))
+            rise = dx * drag + 2.0 * flow * flow * (1.0 / Ak - 1.0 / Ai) / (G * (Ai + Ak))
+            z[i] = max(z[k] + rise, n.bed[i] + 0.1)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def run(
     time: Floats, inflow: Floats, outflow: Floats, sides: Floats, share: Floats, gate: GateArrays,
     exchange: ExchangeArrays, leak_box: NDArray[np.int64], pond_box: NDArray[np.int64], operators: OperatorArrays,
@@ -156,12 +179,8 @@ def run(
     commanded = len(operators.inflow) > 0
     if commanded:
         start_operators(operators, time[0], memory)
-    start = z[boxes]
-    for _ in range(SETTLING):
-        for _ in range(360):  # six hours of steady flow
-            if not step(z, Q, inflow[0], inflow[0], q, 60.0, dx, nodes, work):
-                return 0
-        z += start - z[boxes]
+    if not steady(z[boxes], inflow[0], dx, nodes, z):
+        return 0
     ponds = np.array([z[b] for b in pond_box])
     up = down = inflow[0]
     for k in range(n):
@@ -215,7 +234,7 @@ class Box:
     ) -> tuple[Floats, Floats, Floats]:
         """Level [m], outflow commands and what the gate lets through [m3/s]; arrays of shape (n,)."""
         n, boxes = len(time), len(self.nodes.bed) - 1
-        commanded = isinstance(outflow, OperatorArrays)
+        operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS
         given = inflow.copy() if isinstance(outflow, OperatorArrays) else np.array(outflow, float)
         real = inflow if changes.inflow is None else np.asarray(changes.inflow, float)
 
@@ -227,16 +246,16 @@ class Box:
             row[box(extra.place)] = 1.0
         sides = np.array([np.broadcast_to(extra.flow, (n,)) for extra in changes.added]).reshape(-1, n)
         nodes = self.nodes
-        if changes.area_slope:  # as wide as before at the reference, wider above
+        if changes.area_slope:
             depth = changes.area_reference - nodes.bed
-            more = 0.5 * changes.area_slope * (nodes.bottom + 2.0 * nodes.bank * depth)
-            nodes = nodes._replace(bank=nodes.bank + more, bottom=nodes.bottom - 2.0 * more * depth)
+            width = np.array([section(h, nodes, i)[1] for i, h in enumerate(depth)])
+            nodes = nodes._replace(usual=depth, growth=changes.area_slope * width)
         level, released = np.empty(n), np.empty(n)
         failed = run(
             time, np.ascontiguousarray(real), given, sides, share, gate_arrays(changes, (1, n)),
             exchange_arrays(changes, (1, n)), np.array([box(a.place) for a in changes.leaks], np.int64),
             np.array([box(a.place) for a in changes.ponds], np.int64),
-            outflow if commanded else NO_OPERATORS, nodes, self.length / boxes, self.gate_time,
+            operators, nodes, self.length / boxes, self.gate_time,
             np.full(boxes + 1, float(start)), level, released,
         )  # fmt: skip
         if failed >= 0:

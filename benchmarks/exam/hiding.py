@@ -7,8 +7,10 @@ times what an effect needs in its own world to be missing (`benchmarks.exam.sizi
 
 import datetime as dt
 import json
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from benchmarks.exam import outside
 from benchmarks.exam.answering import Logs, record_of
 from benchmarks.exam.sizing import (
     NOISES,
+    SIZE_OF,
     Reference,
     Unit,
     beyond,
@@ -27,6 +30,7 @@ from benchmarks.exam.sizing import (
     well_unit,
 )
 from benchmarks.exam.worlds import Table, World, draw, log_uniform, logs_of, season_of
+from benchmarks.measure import table
 from rivid.config import Config
 from rivid.diagnosis.data import Record
 from rivid.effects import CATALOGUE, Effect, changes_of, effect_classes, worlds_of
@@ -232,11 +236,60 @@ def rivals_of(
     return found
 
 
+def table_of_units(seeds: Sequence[int], each: int = 9) -> str:
+    """1x of every effect over some worlds, of which each has `each` effects, as a table."""
+    catalogue = effect_classes()
+    classes, names = catalogue | outside.classes(), [*DRAWN, *FOREIGN]
+    sizes: dict[str, list[float]] = {name: [] for name in names}
+    flows: dict[str, list[float]] = {name: [] for name in names}
+    asked: dict[str, Counter[str]] = {name: Counter() for name in names}
+    for seed in seeds:
+        world, ref = referred(seed)
+        for k in range(each):
+            name = names[(seed * each + k) % len(names)]
+            try:
+                one, _ = _sized(name, ref, classes, np.random.default_rng([seed, 44, k]))
+            except RividError:
+                asked[name]["not hidden"] += 1
+                continue
+            sizes[name].append(abs(size_of(one.table)))
+            flows[name].append(100.0 * abs(size_of(one.table)) / world.scenario.flow.mean)
+            asked[name][one.by] += 1
+    lines = []
+    for name in names:
+        key = SIZE_OF[name][0]
+        unit_ = classes[name].parameters()[key].unit if name in classes else "s"
+        values = np.quantile(sizes[name], (0.1, 0.5, 0.9)) if sizes[name] else [np.nan] * 3
+        share = f"{np.median(flows[name]):.2g}" if flows[name] and unit_.startswith("m3/s") else "-"
+        lines.append([
+            name, f"{key} [{unit_}]", *(f"{v:.2g}" for v in values), share,
+            ", ".join(f"{by} {n}" for by, n in asked[name].most_common()),
+        ])  # fmt: skip
+    heads = ["effect", "size", "tenth", "median", "ninetieth", "% of the mean flow", "asked by, worlds"]
+    return table(heads, lines)
+
+
+def referred(seed: int) -> tuple[World, Reference]:
+    """The world of a seed with nothing hidden, and its reference."""
+    for attempt in range(TRIES):
+        world = draw(seed, attempt)
+        try:
+            return world, reference(world, season_of(world))
+        except RividError:
+            continue
+    raise RividError(f"seed {seed}: none of {TRIES} worlds can be simulated")
+
+
 def ends_of(table: Table, season: Season) -> int:
     """How many ends of dates lie within the season."""
     if "dates" not in table:
         return 0
     return int(table["dates"][0] > season.dates[0]) + int(table["dates"][1] < season.dates[-1])
+
+
+def _flow(w: World, share: float) -> float:
+    """A share of the mean flow [m3/s]."""
+    return share * w.scenario.flow.mean
 
 
 Largest = Callable[[World], float]
@@ -245,7 +298,7 @@ _FLOW = {"lateral_inflow": 0.3, "diurnal_inflow": 0.3, "rain_inflow": 1.0, "unlo
          "hunting_governor": 0.2, "siphon": 0.3}  # fmt: skip
 """Of the mean flow; of a leak, for each metre."""
 LARGEST: dict[str, Largest] = {
-    **{name: (lambda w, share=share: share * w.scenario.flow.mean) for name, share in _FLOW.items()},
+    **{name: partial(_flow, share=share) for name, share in _FLOW.items()},
     "inflow_gain_error": lambda _: 0.3,
     "outflow_gain_error": lambda _: 0.3,
     "gate_head_effect": lambda _: 0.5,
@@ -313,10 +366,6 @@ def _storage(world: World, rng: np.random.Generator) -> Table:
 
 
 Maker = Callable[[World, np.random.Generator], Table]
-
-
-def _flow(w: World, share: float) -> float:
-    return share * w.scenario.flow.mean
 
 
 DRAWN: dict[str, Maker] = {

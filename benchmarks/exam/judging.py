@@ -1,24 +1,23 @@
 """An answer beside the truth: what was right, what was wrong, and how much of the gap was closed.
 
-Pure functions on plain tables: the answer as `diagnosis.json` has it, the truth as the examiner sealed it.
+Pure functions on plain tables: the answer as `diagnosis.json` has it, the truth as `benchmarks.exam.hiding`
+seals it.
 """
 
-import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-HOUR = 3600.0
-WORSE_NAMED, WORSE_NOTHING = 0.01, 0.005
-"""How much the error on the sealed days may grow, of a named case and with nothing missing."""
 EXCESS = 0.1
 """A gap is there where the truth would take away this share of the squared error."""
-OVERLAP = 0.8
-"""Of windows, from which they are the same."""
-MANY = 10
-"""Windows are compared so often an hour."""
+LEAST = 0.01
+"""Least probability of a name that the reliability diagram counts: below it are all names of the catalogue."""
+AHEAD, NEAR = 16.0, 3.0
+"""Nats: an effect that is ahead of each rival by the first can be told apart (0.95 needs log 19 = 3, and what
+is won scatters by sqrt(2 x 16) = 6, of which 3 + 2 x 6 = 15 leaves room for two); below the second no answer
+should name it alone."""
 
 Table = dict[str, Any]
 
@@ -29,46 +28,54 @@ class Judged:
 
     Attributes
     ----------
+    kind : str
+        `nothing`, `operators`, `separable`, `hardly` (a rival is near), `confounded`, `two`, `outside`,
+        `removed`.
+    times : float or None
+        Size of the smallest effect, in units of 1x.
     names : tuple of str
         Given, in order, each once, without those that are allowed.
     verdict : str
         `error` where the diagnosis failed.
     first, alone : bool
-        The expected name is the first; and no other is given.
-    group : bool
-        All expected names are given or said to be tied, and where they are tied, what would tell them apart.
+        The first name is a planted one; and no other is given, as itself or as a tie.
+    found : bool
+        A planted name is the first, or tied with it.
     wrong : bool
-        The first name is another than expected, and does not say that it may be the expected one.
-    false : bool
-        A name is given that is not expected.
-    all_named, extra : bool
-        Every expected name is given; and one more than these.
+        The first name is another than planted, and does not say that it may be the planted one.
+    held, close : bool
+        All planted names are given or tied; and none but these and their rivals.
+    every, extra : bool
+        Every planted name is given, not only as a tie; and one more.
     unknown : bool
-        It says that something is missing, without a name, and where or what it goes with.
-    overlap : float or None
-        Of the window of the first expected name with the planted one; None where it was not named.
+        It says that something is missing, without a name.
     growth : float or None
         Largest growth of the error on the sealed days over the horizons, as a share.
     closed : tuple of float or None
-        Share of the gap closed at each horizon, events described; None where there is no gap to close.
+        Share of the gap closed at each horizon; None where there is no gap to close.
     covered : tuple of (str, bool)
         Parameters with an interval, and whether the planted value is in it.
+    chances : tuple of (float, bool)
+        Probability of each name of the ranking, and whether it is planted.
     """
 
+    kind: str
+    times: float | None
     names: tuple[str, ...]
     verdict: str
     first: bool
     alone: bool
-    group: bool
+    found: bool
     wrong: bool
-    false: bool
-    all_named: bool
+    held: bool
+    close: bool
+    every: bool
     extra: bool
     unknown: bool
-    overlap: float | None
     growth: float | None
     closed: tuple[float | None, ...]
     covered: tuple[tuple[str, bool], ...]
+    chances: tuple[tuple[float, bool], ...]
 
     @property
     def gap_closed(self) -> float | None:
@@ -77,13 +84,15 @@ class Judged:
         return float(np.median(shares)) if shares else None
 
 
-def judge(
-    answer: Table,
-    truth: Table,
-    expected: Sequence[str],
-    allowed: frozenset[str],
-    floor: Sequence[float] | None,
-) -> Judged:
+def kind_of(truth: Table) -> str:
+    """The kind of a truth; one effect by how far its nearest rival is."""
+    if truth["kind"] != "one":
+        return str(truth["kind"])
+    nearest = min(truth["rivals"].values(), default=np.inf)
+    return "separable" if nearest >= AHEAD else "confounded" if nearest < NEAR else "hardly"
+
+
+def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> Judged:
     """Judge an answer.
 
     Parameters
@@ -91,59 +100,60 @@ def judge(
     answer : dict
         As diagnosis.json; or with `error`.
     truth : dict
-        `effects`, `first_day`, `days`.
-    expected : sequence of str
-        Names to be given; none where nothing is missing, or nothing that has a name here.
-    allowed : frozenset of str
-        Names that are not counted, unless they are expected.
+        See :func:`benchmarks.exam.hiding.plant`.
     floor : sequence of float, optional
         Errors of the model that knows the truth, by horizon.
-
-    Returns
-    -------
-    Judged
     """
-    given: list[Table] = answer.get("effects", [])
-    counted = [e for e in given if e["name"] not in allowed or e["name"] in expected]
-    names = tuple(dict.fromkeys(e["name"] for e in counted))
-    wanted = set(expected)
-    planted = {t["name"] for t in truth["effects"]} & wanted or wanted
-    first = bool(names) and names[0] in planted
-    tied = set(counted[0]["tied_with"]) if counted else set()
     failed = "error" in answer
-    unknown = answer.get("unknown")
+    planted = {t["name"] for t in truth["effects"]} - set(truth["excluded"])
+    known = planted if truth["kind"] in ("one", "two") else set[str]()
+    allowed = set(truth["allowed"]) - known
+    given = [e for e in answer.get("effects", []) if e["name"] not in allowed]
+    names = tuple(dict.fromkeys(e["name"] for e in given))
+    ties = {name for e in given for name in e["tied_with"]} - allowed
+    tied_first = set(given[0]["tied_with"]) if given else set()
+    rivals = {name for name, nats in truth["rivals"].items() if nats < AHEAD}
+    first = bool(names) and names[0] in known
+    found = first or bool(tied_first & known)
+    verdict = "error" if failed else str(answer["verdict"])
     return Judged(
+        kind=kind_of(truth),
+        times=min(truth["times"], default=None),
         names=names,
-        verdict="error" if failed else answer["verdict"],
+        verdict=verdict,
         first=first,
-        alone=first and len(names) == 1,
-        group=_as_group(counted, wanted),
-        wrong=failed or (bool(names) and not first and not (tied & planted)),
-        false=failed or bool(set(names) - wanted),
-        all_named=bool(wanted) and wanted <= set(names),
-        extra=bool(set(names) - wanted),
-        unknown=not names and unknown is not None and _placed(unknown),
-        overlap=_window_overlap(counted, truth, planted),
+        alone=first and len(names) == 1 and not tied_first - allowed,
+        found=found,
+        wrong=failed or (bool(names) and not found),
+        held=bool(known) and known <= set(names) | ties,
+        close=not (set(names) | ties) - known - rivals,
+        every=bool(known) and known <= set(names),
+        extra=bool(set(names) - known - (rivals if found else set())),
+        unknown=not names and verdict == "unknown",
         growth=growth(answer),
         closed=closed(answer, floor),
-        covered=tuple(covering(counted, truth)),
+        covered=tuple(covering(given, truth)),
+        chances=tuple(chances(answer, known, allowed)),
     )
 
 
-def _as_group(given: Sequence[Table], wanted: set[str]) -> bool:
-    if not wanted:
-        return False
-    names = {e["name"] for e in given}
-    if wanted <= names:
-        return True
-    said = names | {name for e in given for name in e["tied_with"]}
-    tells = any(e["breaker"] for e in given if {e["name"], *e["tied_with"]} & wanted and e["tied_with"])
-    return wanted <= said and tells
-
-
-def _placed(unknown: Table) -> bool:
-    where = unknown.get("where") or {}
-    return bool(unknown.get("drivers")) or any(where.get(key) for key in ("hours", "dates", "regime"))
+def chances(answer: Table, known: set[str], allowed: set[str]) -> list[tuple[float, bool]]:
+    """Probability of each name, summed over the explanations that hold it, and whether it is planted."""
+    total: dict[str, float] = {}
+    for one in answer.get("ranking") or []:
+        for name in set(one["names"]):
+            total[name] = total.get(name, 0.0) + float(one["probability"])
+    if not total:
+        total = {
+            e["name"]: float(e["probability"])
+            for e in answer.get("effects", [])
+            if e.get("probability") is not None
+        }
+    return [
+        (min(p, 1.0), name in known)
+        for name, p in sorted(total.items())
+        if p >= LEAST and name not in allowed
+    ]
 
 
 def growth(answer: Table) -> float | None:
@@ -158,12 +168,7 @@ def growth(answer: Table) -> float | None:
 
 def described(gap: Table) -> list[float | None]:
     """Errors with all effects, events timed on the day itself where the answer says so."""
-    if gap.get("rmse_described"):
-        return list(gap["rmse_described"])
-    end: list[float | None] = list(gap["rmse_augmented"])
-    if gap["steps"] and (last := gap["steps"][-1]).get("rmse_described"):
-        end = list(last["rmse_described"])
-    return end
+    return list(gap.get("rmse_described") or gap["rmse_augmented"])
 
 
 def closed(answer: Table, floor: Sequence[float] | None) -> tuple[float | None, ...]:
@@ -173,60 +178,11 @@ def closed(answer: Table, floor: Sequence[float] | None) -> tuple[float | None, 
         return ()
     shares: list[float | None] = []
     for base, end, least in zip(gap["rmse_baseline"], described(gap), floor, strict=True):
-        if base is None or end is None or base**2 - least**2 <= EXCESS * base**2:
+        if None in (base, end, least) or base**2 - least**2 <= EXCESS * base**2:
             shares.append(None)
         else:
-            shares.append((base**2 - end**2) / (base**2 - least**2))
+            shares.append((base**2 - (end or 0.0) ** 2) / (base**2 - least**2))
     return tuple(shares)
-
-
-def hours_on(table: Table, first_day: dt.date, days: int) -> np.ndarray:
-    """When an effect is there: a truth value for every tenth of an hour of the season.
-
-    Parameters
-    ----------
-    table : dict
-        With `dates` and `hours`, both optional.
-    first_day : datetime.date
-    days : int
-
-    Returns
-    -------
-    ndarray of bool, shape (days, 240)
-    """
-    on = np.ones((days, 24 * MANY), bool)
-    if table.get("dates"):
-        first, last = (dt.date.fromisoformat(str(d)) for d in table["dates"])
-        number = np.arange(days)
-        on &= ((number >= (first - first_day).days) & (number <= (last - first_day).days))[:, None]
-    if table.get("hours"):
-        a, b = table["hours"]
-        hour = (np.arange(24 * MANY) + 0.5) / MANY
-        on &= ((hour >= a) & (hour < b)) if a < b else ((hour >= a) | (hour < b))
-    return on
-
-
-def overlap_of(given: Table, planted: Table, first_day: dt.date, days: int) -> float:
-    """Hours in both windows over hours in either; 1 where both are always there."""
-    a, b = (hours_on(table, first_day, days) for table in (given, planted))
-    return float((a & b).sum() / max((a | b).sum(), 1))
-
-
-def _window_overlap(given: Sequence[Table], truth: Table, planted: set[str]) -> float | None:
-    """Of all windows given to a planted name, or to one tied with it, with the planted one's."""
-    first_day, days = dt.date.fromisoformat(truth["first_day"]), truth["days"]
-    for table in truth["effects"]:
-        if table["name"] not in planted:
-            continue
-        whole = np.zeros((days, 24 * MANY), bool)
-        for e in given:
-            if table["name"] in (e["name"], *e["tied_with"]):
-                whole |= hours_on(e["where"], first_day, days)
-        if not whole.any():
-            return None
-        there = hours_on(table, first_day, days)
-        return float((whole & there).sum() / (whole | there).sum())
-    return None
 
 
 def covering(given: Sequence[Table], truth: Table) -> list[tuple[str, bool]]:
@@ -242,36 +198,15 @@ def covering(given: Sequence[Table], truth: Table) -> list[tuple[str, bool]]:
         if table is None or e["name"] in seen or e["events"]:
             continue
         seen.add(e["name"])
-        count: dict[str, int] = {}
         for p in e["parameters"]:
-            root = p["name"].split("[")[0]
-            count[root] = count.get(root, 0) + 1
-        for p in e["parameters"]:
-            root, _, place = p["name"].partition("[")
-            value = table.get(root)
-            if value is None or p["low"] is None or p["high"] is None or not p["high"] > p["low"]:
+            value = table.get(p["name"].split("[")[0])
+            if value is None or isinstance(value, list) or p["low"] is None or p["high"] is None:
                 continue
-            if isinstance(value, list):
-                value = _at_knot(value, int(place[:-1]) if place else 0, count[root], e, table, truth)
+            if not p["high"] > p["low"]:
+                continue
             low, high = p["low"], p["high"]
-            if p["unit"] == "h" and root == "hour":  # round the clock
+            if p["unit"] == "h" and p["name"] == "hour":  # round the clock
                 middle = 0.5 * (low + high)
                 value = middle + (value - middle + 12.0) % 24.0 - 12.0
-            found.append((f"{e['name']}.{root}", bool(low <= value <= high)))
+            found.append((f"{e['name']}.{p['name'].split('[')[0]}", bool(low <= value <= high)))
     return found
-
-
-def _at_knot(values: list[float], k: int, knots: int, given: Table, planted: Table, truth: Table) -> float:
-    """A planted size that varies with the date, at the date of the k-th size given."""
-    first_day = dt.date.fromisoformat(truth["first_day"])
-
-    def span(dates: Sequence[Any] | None) -> tuple[float, float]:
-        if not dates:
-            return 0.0, float(truth["days"])
-        first, last = (dt.date.fromisoformat(str(d)) for d in dates)
-        return float((first - first_day).days), float((last - first_day).days + 1)
-
-    a, b = span(given["where"].get("dates"))
-    at = a + (b - a) * (k / (knots - 1) if knots > 1 else 0.5)
-    c, d = span(planted.get("dates"))
-    return float(np.interp(at, np.linspace(c, d, len(values)), values))

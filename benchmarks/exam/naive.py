@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rivid.diagnosis.data import Floats, Record
+from rivid.diagnosis.data import Record
 from rivid.diagnosis.result import Diagnosis, NamedEffect, Where
 from rivid.effects import CATALOGUE
+from rivid.types import Floats
 
 SURE = 3.3
 """Of |t|."""

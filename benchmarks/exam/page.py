@@ -1,37 +1,26 @@
 """Judged answers as a page: docs/exam.md."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from benchmarks.exam.cases import ROOT, Case
 from benchmarks.exam.judging import Judged, judge
-from benchmarks.exam.rows import (
-    COVERED,
-    EVERY_NAMED,
-    EVERY_NOTHING,
-    NOTHING_ROWS,
-    ROWS,
-    Asked,
-    counted,
-)
-from benchmarks.exam.shares import written
+from benchmarks.exam.rows import CLOSED, COVERED, RELIABLE, ROWS
+from benchmarks.exam.running import ROOT
+from benchmarks.exam.shares import wilson, written
 from benchmarks.measure import table
 
 HEAD = ROOT / "benchmarks" / "exam_head.md"
 PAGE = ROOT / "docs" / "exam.md"
-Result = tuple[Case, dict[str, Any]]
-Marked = tuple[Case, dict[str, Any], Judged]
+Result = dict[str, Any]
+Marked = tuple[Result, Judged]
 
 
 def marked(results: Sequence[Result]) -> list[Marked]:
     """Results with their marks."""
-    return [
-        (case, r, judge(r["answer"], r["truth"], case.expected, case.allowed, r["floor"]))
-        for case, r in results
-    ]
+    return [(r, judge(r["answer"], r["truth"], r["floor"])) for r in results]
 
 
 def page(results: Sequence[Result]) -> str:
@@ -39,122 +28,226 @@ def page(results: Sequence[Result]) -> str:
 
     Parameters
     ----------
-    results : sequence of (Case, dict)
+    results : sequence of dict
         From :func:`benchmarks.exam.running.results_of`.
     """
     marks = marked(results)
-    parts = [HEAD.read_text(encoding="utf-8"), f"\n{_about(marks)}\n"]
-    parts += ["\n## Targets\n\n", targets(marks)]
-    parts += ["\n## Every named case\n\n", *_every(marks)]
-    parts += ["\n## One effect, by size\n\n", by_effect(marks)]
-    parts += ["\n## Wrong and false names\n\n", mistakes(marks)]
-    parts += ["\n## All cases\n\n", by_case(marks)]
-    return "".join(parts)
+    judged = [j for _, j in marks]
+    return "\n".join([
+        HEAD.read_text(encoding="utf-8"), about(marks), "\n## Targets\n", targets(judged),
+        "\n## Probabilities of names\n", reliability(judged), "\n## Intervals\n", coverage(judged),
+        "\n## By factor\n", by_factor(marks), "\n## By effect\n", by_effect(marks),
+        "\n## Mistakes\n", mistakes(marks),
+    ])  # fmt: skip
 
 
-def _about(marks: Sequence[Marked]) -> str:
-    seconds = [r["answer"].get("seconds", 0.0) for _, r, _ in marks]
-    revisions = Counter(r["revision"] for _, r, _ in marks)
-    failed = sum("error" in r["answer"] for _, r, _ in marks)
+def about(marks: Sequence[Marked]) -> str:
+    """How many seasons, how long they took, and who answered."""
     if not marks:
-        return "No season was asked yet."
-    asked = ", ".join(f"{name or 'unknown'} ({n})" for name, n in revisions.most_common())
+        return "No season has been answered yet."
+    seconds = np.array([r["answer"].get("seconds", 0.0) for r, _ in marks])
+    days = np.array([r["truth"]["days"] for r, _ in marks])
+    revisions = Counter(r["revision"] for r, _ in marks)
+    seeds = sorted(r["seed"] for r, _ in marks)
     return (
-        f"{len(marks)} seasons; a diagnosis took {np.median(seconds):.0f} s (median), {max(seconds):.0f} s at "
-        f"most; {failed} failed. Revisions that answered: {asked}."
+        f"{len(marks)} seasons, seeds {seeds[0]} to {seeds[-1]}, {days.min()} to {days.max()} days. A "
+        f"diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.9):.1f} s (nine of ten "
+        f"at most), {seconds.max():.0f} s (largest). Revisions: "
+        + ", ".join(f"{name or 'unknown'} ({n})" for name, n in revisions.most_common())
+        + "."
     )
 
 
-def _line(title: str, asked: Asked, judged: Sequence[Judged]) -> list[str]:
-    hits, n = counted(asked, judged)
-    target = asked.target
-    return [
-        title, asked.words, "-" if target is None else target.words, str(n), str(hits), written(hits, n),
-        "-" if target is None else target.verdict(hits, n),
-    ]  # fmt: skip
+COLUMNS = ["hidden", "share", "target", "n", "hits", "share (Wilson 95 %)", "verdict"]
 
 
-COLUMNS = ["scenario", "share", "target", "n", "hits", "share (Wilson 95 %)", "verdict"]
-
-
-def targets(marks: Sequence[Marked]) -> str:
-    """The table of the design, a line for each share that it asks."""
-    lines = []
-    for row in ROWS:
-        judged = [j for case, _, j in marks if case.row == row.key]
-        lines += [_line(row.title if k == 0 else "", asked, judged) for k, asked in enumerate(row.asked)]
+def targets(judged: Sequence[Judged]) -> str:
+    """The table of targets."""
+    lines, last = [], ""
+    for asked in ROWS:
+        hits, n = asked.counted(judged)
+        goal = asked.target
+        lines.append([
+            asked.group if asked.group != last else "", asked.words, "-" if goal is None else goal.words,
+            str(n), str(hits), written(hits, n), "-" if goal is None else goal.verdict(hits, n),
+        ])  # fmt: skip
+        last = asked.group
+    shares = [j.gap_closed for j in judged if j.gap_closed is not None]
+    for words, value, goal_value in zip(
+        ("median", "tenth percentile"), _quantiles(shares), CLOSED, strict=True
+    ):
+        reached = (
+            "too few to decide"
+            if value is None
+            else "reached"
+            if value >= goal_value
+            else (f"short by {goal_value - value:.2f}")
+        )
+        lines.append([
+            "", f"gap closed of what the truth would close: {words}", f">= {goal_value:.2f}", str(len(shares)),
+            "-", "-" if value is None else f"{value:.2f}", reached,
+        ])  # fmt: skip
+    inside = [hit for j in judged for _, hit in j.covered]
+    lines.append([
+        "", "intervals cover", COVERED.words, str(len(inside)), str(sum(inside)),
+        written(sum(inside), len(inside)), COVERED.verdict(sum(inside), len(inside)),
+    ])  # fmt: skip
     return table(COLUMNS, lines)
 
 
-def _every(marks: Sequence[Marked]) -> list[str]:
-    """What is asked of all cases whose effect was named, and of those with nothing missing."""
-    named = [j for case, _, j in marks if case.expected and j.first]
-    nothing = [j for case, _, j in marks if case.row in NOTHING_ROWS]
-    lines = [_line("named" if k == 0 else "", asked, named) for k, asked in enumerate(EVERY_NAMED)]
-    lines += [_line("nothing missing", asked, nothing) for asked in EVERY_NOTHING]
-    shares = [j.gap_closed for j in named if j.gap_closed is not None]
+def _quantiles(shares: Sequence[float]) -> tuple[float | None, float | None]:
+    return (float(np.median(shares)), float(np.quantile(shares, 0.1))) if shares else (None, None)
+
+
+def reliability(judged: Sequence[Judged]) -> str:
+    """Probabilities of names in tenths, beside how often they are right, with bars."""
+    chances = [one for j in judged for one in j.chances]
+    if not chances:
+        return "No probabilities yet.\n"
+    p, hit = np.array([c for c, _ in chances]), np.array([h for _, h in chances])
+    tenth = np.minimum((p * 10).astype(int), 9)
+    lines = []
+    for k in range(10):
+        here = tenth == k
+        n, hits = int(here.sum()), int(hit[here].sum())
+        if n == 0:
+            lines.append([f"{k / 10:.1f} to {(k + 1) / 10:.1f}", "0", "-", "-", "", "-"])
+            continue
+        said, low_high = float(p[here].mean()), wilson(hits, n)
+        near = low_high[0] - RELIABLE <= said <= low_high[1] + RELIABLE
+        lines.append([
+            f"{k / 10:.1f} to {(k + 1) / 10:.1f}", str(n), f"{said:.2f}", written(hits, n),
+            "#" * round(20 * hits / n), "yes" if near else "no",
+        ])  # fmt: skip
+    heads = ["probability", "names", "mean", "right (Wilson 95 %)", "", f"within {RELIABLE:g}"]
+    return table(heads, lines)
+
+
+def coverage(judged: Sequence[Judged]) -> str:
+    """95 % intervals that hold the planted value, by parameter."""
     by_name: dict[str, list[bool]] = defaultdict(list)
-    for j in named:
+    for j in judged:
         for name, inside in j.covered:
             by_name[name].append(inside)
-    everything = [inside for found in by_name.values() for inside in found]
-    text = table(COLUMNS, lines)
-    if shares:
-        text += (
-            f"\nGap closed against the model that knows: median {np.median(shares):.2f} (target 0.90), 10th "
-            f"percentile {np.quantile(shares, 0.1):.2f} (target 0.75), of {len(shares)} cases with a gap to "
-            f"close; {len(named) - len(shares)} more had none, as the plain response takes the effect upon "
-            "itself.\n"
+    if not by_name:
+        return "No interval yet.\n"
+    return table(
+        ["parameter", "target", "n", "share (Wilson 95 %)", "verdict"],
+        [[name, COVERED.words, str(len(hits)), written(sum(hits), len(hits)),
+          COVERED.verdict(sum(hits), len(hits))] for name, hits in sorted(by_name.items())],
+    )  # fmt: skip
+
+
+def _binned(key: str, edges: Sequence[float], unit: str, digits: str = "g") -> Callable[[Result], str]:
+    def label(r: Result) -> str:
+        value = float(r["truth"]["world"][key])
+        k = int(np.searchsorted(edges, value, side="right"))
+        if k == 0:
+            return f"below {edges[0]:{digits}} {unit}"
+        return (
+            f"{edges[k - 1]:{digits}} {unit} and more"
+            if k == len(edges)
+            else (f"{edges[k - 1]:{digits}} to {edges[k]:{digits}} {unit}")
         )
-    covered = [
-        [name, COVERED.words, str(len(found)), str(sum(found)), written(sum(found), len(found)),
-         COVERED.verdict(sum(found), len(found))]
-        for name, found in [("**all**", everything), *sorted(by_name.items())]
-    ]  # fmt: skip
-    text += "\n95 % intervals that hold the planted value:\n\n"
-    return [text, table(["parameter", *COLUMNS[2:]], covered)]
+
+    return label
+
+
+def _size(r: Result) -> str:
+    times = min(r["truth"]["times"], default=None)
+    if times is None:
+        return "-"
+    low = next((low for low in (8.0, 4.0, 2.0) if times >= low), 1.0)
+    return f"{low:g}x to {2.0 * low:g}x"
+
+
+FACTORS: dict[str, Callable[[Result], str]] = {
+    "water": lambda r: str(r["truth"]["world"]["water"]),
+    "operators": lambda r: str(r["truth"]["world"]["operators"]),
+    "programme": lambda r: str(r["truth"]["world"]["programme"]),
+    "sample time": _binned("sample_time_s", (133.0, 300.0), "s"),
+    "gauge step": _binned("gauge_step_m", (0.0015, 0.004, 0.008), "m"),
+    "stilling well": _binned("well_s", (1e-9, 60.0), "s"),
+    "length": _binned("length_m", (4000.0, 9000.0), "m"),
+    "days": _binned("days", (50.0, 80.0), "days"),
+    "weather": _binned("weather_share", (0.006, 0.012), "of the flow"),
+    "size": _size,
+}
+"""What the results are told apart by."""
+HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2x)", "wrong (any)", "worse by > 1 %",
+         "seconds, median"]  # fmt: skip
+
+
+def by_factor(marks: Sequence[Marked]) -> str:
+    """The shares that matter most, by each factor of the world."""
+    false = (ROWS[0], next(a for a in ROWS if a.words == "named all the same"))
+    first = next(a for a in ROWS if a.words == ">= 2x, separable: first")
+    worse = next(a for a in ROWS if "worse" in a.words)
+    lines = []
+    for factor, label in FACTORS.items():
+        groups: dict[str, list[Marked]] = defaultdict(list)
+        for one in marks:
+            groups[label(one[0])].append(one)
+        for k, (name, some) in enumerate(sorted(groups.items())):
+            judged = [j for _, j in some]
+            counts = np.sum([a.counted(judged) for a in false], axis=0)
+            lines.append([
+                factor if k == 0 else "", name, str(len(some)), written(int(counts[0]), int(counts[1])),
+                written(*first.counted(judged)), written(sum(j.wrong for j in judged if j.times), sum(
+                    j.times is not None for j in judged)),
+                written(*worse.counted(judged)),
+                f"{np.median([r['answer'].get('seconds', 0.0) for r, _ in some]):.1f}",
+            ])  # fmt: skip
+    return table(HEADS, lines)
 
 
 def by_effect(marks: Sequence[Marked]) -> str:
-    """First or tied with it, by effect and size; and the gap closed as planted."""
-    sizes = ("x1", "x2", "x4", "planted")
-    cells: dict[str, dict[str, list[Judged]]] = defaultdict(lambda: defaultdict(list))
-    for case, _, j in marks:
-        if case.name.startswith("one/"):
-            _, name, size = case.name.split("/")
-            cells[name][size].append(j)
+    """Of one effect: found by size, alone, wrong; and the gap closed."""
+    cells: dict[str, list[Marked]] = defaultdict(list)
+    for r, j in marks:
+        if r["truth"]["kind"] == "one":
+            cells[r["truth"]["effects"][0]["name"]].append((r, j))
     lines = []
-    for name, found in sorted(cells.items()):
-        every = [j for js in found.values() for j in js]
-        shares = [j.gap_closed for j in every if j.first and j.gap_closed is not None]
+    for name, some in sorted(cells.items()):
+        shares = [j.gap_closed for _, j in some if j.gap_closed is not None]
+        found = []
+        for low, high in ((1.0, 2.0), (2.0, 4.0), (4.0, 17.0)):
+            here = [j for _, j in some if low <= (j.times or 0.0) < high]
+            found.append(f"{sum(j.found for j in here)}/{len(here)}" if here else "-")
+        judged = [j for _, j in some]
         lines.append([
-            name,
-            *(f"{sum(not j.wrong and bool(j.names) for j in found[s])}/{len(found[s])}" if found[s] else "-"
-              for s in sizes),
-            f"{sum(j.alone for j in every)}/{len(every)}", f"{sum(j.wrong for j in every)}/{len(every)}",
+            name, *found, f"{sum(j.alone for j in judged)}/{len(judged)}",
+            f"{sum(j.wrong for j in judged)}/{len(judged)}",
+            f"{sum(j.kind != 'separable' for j in judged)}/{len(judged)}",
             f"{np.median(shares):.2f}" if shares else "-",
         ])  # fmt: skip
-    heads = ["effect", *(f"found, {s}" for s in sizes), "alone, all", "wrong, all", "gap closed, median"]
-    return table(heads, lines)
+    return table(
+        [
+            "effect",
+            "found, 1x to 2x",
+            "2x to 4x",
+            "4x and more",
+            "alone",
+            "wrong",
+            "with a rival",
+            "gap closed",
+        ],
+        lines,
+    )
 
 
 def mistakes(marks: Sequence[Marked]) -> str:
     """Every name that should not have been given."""
     lines = []
-    for case, r, j in marks:
-        if j.wrong or (j.false and not case.expected):
+    for r, j in marks:
+        if j.wrong or j.extra or (j.names and j.kind in ("nothing", "operators", "outside", "removed")):
+            hidden = ", ".join(
+                f"{e['name']} ({t:.1f}x)"
+                for e, t in zip(r["truth"]["effects"], r["truth"]["times"], strict=True)
+            )
             said = r["answer"].get("error") or ", ".join(j.names)
-            lines.append([case.name, str(r["seed"]), j.verdict, str(said)])
-    return table(["case", "seed", "verdict", "named"], lines) if lines else "None.\n"
-
-
-def by_case(marks: Sequence[Marked]) -> str:
-    """What was answered to each case, and how often."""
-    answers: dict[str, Counter[str]] = defaultdict(Counter)
-    for case, _, j in marks:
-        answers[case.name][f"{j.verdict} [{', '.join(j.names)}]"] += 1
-    return table(
-        ["case", "seasons", "answers"],
-        [[name, str(found.total()), "; ".join(f"{n}x {said}" for said, n in found.most_common())]
-         for name, found in answers.items()],
-    )  # fmt: skip
+            lines.append(
+                [str(r["seed"]), j.kind, r["truth"]["world"]["water"], hidden or "-", j.verdict, str(said)]
+            )
+    heads = ["seed", "kind", "water", "hidden", "verdict", "named"]
+    return table(heads, lines) if lines else "None.\n"

@@ -1,8 +1,8 @@
-"""Cases asked one after the other, over processes: plant, diagnose, and only then look at the truth.
+"""Seasons one after the other, over processes: plant, diagnose, and only then look at the truth.
 
 The truth of a season is held by the process that judges, in its memory. The process that diagnoses is another
-one, started without it; it gets logs and a configuration. A result is written, the truth beside the answer,
-when the answer is there.
+one, started without it; it gets logs and a configuration. A result is a line of JSON in a file of the shard,
+the truth beside the answer, appended when the answer is there.
 """
 
 import json
@@ -13,76 +13,84 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.exam import answering
-from benchmarks.exam.cases import ROOT, Case, Task
-from benchmarks.exam.planting import floor_of, sealed
+from benchmarks.exam import answering, hiding
 from rivid.errors import RividError
 
+ROOT = Path(__file__).parent.parent.parent
 KEPT = ROOT / "build" / "exam"
 MOST_TASKS = 20
 """Seasons that one process diagnoses before another takes its place."""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 Report = Callable[[str], None]
+Shard = tuple[int, int]
+"""Number of a shard, from 0, and of how many."""
 
 
-def place_of(task: Task, kept: Path = KEPT) -> Path:
-    """File of a case and seed.
+def results_of(kept: Path = KEPT) -> list[dict[str, Any]]:
+    """Results that there are, by seed; of a seed answered twice, the last. A line cut short is left out."""
+    found = {}
+    for place in sorted(kept.glob("*.jsonl")):
+        for line in place.read_text(encoding="utf-8").splitlines():
+            try:
+                one = json.loads(line)
+            except json.JSONDecodeError:  # the run was ended while it wrote
+                continue
+            found[one["seed"]] = one
+    return [found[seed] for seed in sorted(found)]
 
-    Examples
-    --------
-    >>> from benchmarks.exam.cases import Case
-    >>> place_of((Case("one/clock_offset/x2", "one_x2", "", 1), 5000), Path("kept")).as_posix()
-    'kept/one-clock_offset-x2/5000.json'
-    """
-    case, seed = task
-    return kept / case.name.replace("/", "-") / f"{seed}.json"
 
-
-def outstanding(todo: Sequence[Task], shard: tuple[int, int], kept: Path = KEPT) -> list[Task]:
-    """Tasks of a shard (number, of how many) that have no result yet."""
+def outstanding(seeds: Sequence[int], shard: Shard = (0, 1), kept: Path = KEPT) -> list[int]:
+    """Seeds of a shard that have no result yet."""
     mine, shards = shard
-    return [task for i, task in enumerate(todo) if i % shards == mine and not place_of(task, kept).exists()]
+    done = {one["seed"] for one in results_of(kept)}
+    return [seed for i, seed in enumerate(seeds) if i % shards == mine and seed not in done]
 
 
 @dataclass(frozen=True)
 class Desks:
-    """The three things that are done to a case; tests put simple ones in their place."""
+    """The three things that are done to a seed; tests put simple ones in their place."""
 
-    plant: Callable[[Case, int], tuple[answering.Logs, dict[str, Any]]]
-    answer: Callable[[answering.Logs], dict[str, Any]]
-    floor: Callable[[Case, int, str], list[float]]
+    plant: Callable[[int], tuple[answering.Logs, dict[str, Any]]] = hiding.sealed
+    answer: Callable[[answering.Logs], dict[str, Any]] = answering.answer
+    floor: Callable[[answering.Logs, Sequence[dict[str, Any]]], list[float] | None] = answering.floor
 
 
-DESKS = Desks(sealed, answering.answer, floor_of)
+def short(longest: int) -> Desks:
+    """Desks for seasons of so many days at most."""
+    return Desks(plant=partial(hiding.sealed, longest=longest))
 
 
 def run(
-    todo: Sequence[Task],
+    seeds: Sequence[int],
     *,
+    shard: Shard = (0, 1),
     processes: int = 2,
     hours: float | None = None,
     kept: Path = KEPT,
-    desks: Desks = DESKS,
+    desks: Desks = Desks(),
     report: Report = print,
 ) -> int:
     """Ask what is outstanding, until it is done or time is up; results are kept as they come.
 
     Parameters
     ----------
-    todo : sequence of (Case, int)
+    seeds : sequence of int
+    shard : (int, int)
+        Every n-th of the seeds.
     processes : int
         Busy at a time.
     hours : float, optional
-        No case is begun later than this.
+        No season is begun later than this.
     kept : Path
         Where results go.
     desks : Desks
     report : callable
-        Told of each result.
+        Called with a line for each result.
 
     Returns
     -------
@@ -91,58 +99,52 @@ def run(
     """
     for name in THREADS:
         os.environ.setdefault(name, "1")  # for the processes to come: side by side, one thread each
+    todo = outstanding(seeds, shard, kept)
     deadline = None if hours is None else time.monotonic() + 3600.0 * hours
     context = get_context("spawn")  # nothing of this process is inherited
     done, lock, revision = [0], threading.Lock(), revision_of()
+    kept.mkdir(parents=True, exist_ok=True)
+    place = kept / f"shard-{shard[0]}-of-{shard[1]}.jsonl"
     with (
         ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=MOST_TASKS) as examiners,
         ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=MOST_TASKS) as candidates,
         ThreadPoolExecutor(processes) as turns,
     ):
 
-        def ask(task: Task) -> None:
+        def ask(seed: int) -> None:
             if deadline is not None and time.monotonic() > deadline:
                 return
-            case, seed = task
             try:
-                logs, truth = examiners.submit(desks.plant, case, seed).result()
-            except RividError as error:  # four times the size may be more than this reach and its people bear
-                report(f"{case.name} {seed} cannot be simulated: {error}"[:200])
+                logs, truth = examiners.submit(desks.plant, seed).result()
+            except RividError as error:
+                report(f"{seed} cannot be simulated: {error}"[:200])
                 return
+            told = truth.pop("told")
             said = candidates.submit(desks.answer, logs).result()
             floor = None
-            if case.expected and said.get("effects"):  # a gap was closed, or not
-                floor = examiners.submit(desks.floor, case, seed, said["reach_response"]).result()
-            result = {
-                "case": case.name, "seed": seed, "revision": revision, "truth": truth,
-                "answer": said, "floor": floor,
-            }  # fmt: skip
-            keep(result, place_of(task, kept))
+            if told and said.get("effects"):  # a gap was closed, or not
+                floor = candidates.submit(desks.floor, logs, told).result()
+            result = {"seed": seed, "revision": revision, "truth": truth, "answer": said, "floor": floor}
             with lock:
+                append(result, place)
                 done[0] += 1
-                report(f"{done[0]}/{len(todo)} {case.name} {seed}: {said_of(said)}")
+                report(f"{done[0]}/{len(todo)} seed {seed}, {truth['kind']}: {said_of(said)}")
 
-        waiting: list[Future[None]] = [turns.submit(ask, task) for task in todo]
+        waiting: list[Future[None]] = [turns.submit(ask, seed) for seed in todo]
         for one in waiting:
             one.result()
     return done[0]
 
 
-def keep(result: dict[str, Any], place: Path) -> None:
-    """Write a result whole or not at all."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    part = place.with_suffix(".part")
-    part.write_text(json.dumps(result), encoding="utf-8")
-    part.replace(place)
-
-
-def results_of(todo: Sequence[Task], kept: Path = KEPT) -> list[tuple[Case, dict[str, Any]]]:
-    """Results that there are, with their cases, in the order of the tasks."""
-    return [
-        (case, json.loads(place.read_text(encoding="utf-8")))
-        for case, seed in todo
-        if (place := place_of((case, seed), kept)).exists()
-    ]
+def append(result: dict[str, Any], place: Path) -> None:
+    """Append a result as a line; a line that was cut short before it is ended first."""
+    line = json.dumps(result) + "\n"
+    with place.open("ab+") as out:
+        if out.tell():
+            out.seek(-1, os.SEEK_END)
+            if out.read(1) != b"\n":
+                line = "\n" + line
+        out.write(line.encode())
 
 
 def said_of(answer: dict[str, Any]) -> str:

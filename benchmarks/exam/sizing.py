@@ -146,8 +146,9 @@ def misfit(level: Floats) -> Floats:
     the level's rate is off where that rate changes, by :data:`MISFIT` of the change, spread over the samples
     beside it.
     """
-    bend = np.diff(level, n=2, axis=1, prepend=level[:, :1], append=level[:, -1:]) ** 2
-    spread = sum(np.roll(bend, k, axis=1) for k in range(-2, 3)) / 5.0
+    bend = np.pad(np.diff(level, n=2, axis=1) ** 2, ((0, 0), (3, 3)))
+    n = level.shape[1]
+    spread = sum(bend[:, k : k + n] for k in range(5)) / 5.0
     return np.asarray(MISFIT**2 * spread)
 
 
@@ -240,7 +241,7 @@ def follow(grid: "Reference | Stretches", channel: Channel, gate_time: float, ch
     """Level of a channel kept near the true one, less the volume that keeps it there [m], (rows, n)."""
     time, at = grid.season.world.time[grid.at], grid.at
     flow = simulate(
-        channel, time, grid.season.world.inflow[at], grid.season.all_outflow[at], grid.level[:, 0],
+        channel.with_area_slope(changes.area_slope, changes.area_reference), time, grid.season.world.inflow[at], grid.season.all_outflow[at], grid.level[:, 0],
         changes=changes, gate_time=gate_time, observed=grid.level,
     )  # fmt: skip
     free = flow.level.copy()

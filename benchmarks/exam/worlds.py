@@ -198,7 +198,7 @@ class BoxWater(Water):
             bottom=reach.width * np.exp(uneven(0.15)), bank=np.full(BOXES + 1, c.side_slope),
             bankfull=np.full(BOXES + 1, rng.uniform(1.02, 1.3) * depth),
             plain=np.full(BOXES + 1, rng.uniform(0.0, 0.5) * reach.width),
-            manning=c.manning * np.exp(uneven(0.12)),
+            manning=c.manning * np.exp(uneven(0.12)), usual=np.zeros(BOXES + 1), growth=np.zeros(BOXES + 1),
         )  # fmt: skip
         return Box(reach.length, nodes, c.gate_time)
 

@@ -1,31 +1,42 @@
-"""Answers made by hand, as diagnosis.json has them, and a truth to judge them by."""
+"""Answers made by hand, as diagnosis.json has them, and truths to judge them by."""
 
-import datetime as dt
 from typing import Any
 
 
-def effect(
-    name: str, *, tied=(), dates=None, hours=None, parameters=(), breaker=None, events=0
-) -> dict[str, Any]:
+def effect(name: str, *, tied=(), parameters=(), events=0, probability=None) -> dict[str, Any]:
     return {
-        "name": name, "tied_with": list(tied), "breaker": breaker, "events": events,
-        "where": {"dates": dates, "hours": hours, "regime": None},
+        "name": name, "tied_with": list(tied), "events": events, "probability": probability,
         "parameters": [
             dict(zip(("name", "value", "low", "high", "unit"), p, strict=True)) for p in parameters
         ],
     }  # fmt: skip
 
 
-def gap(base=(4.0, 8.0, 20.0), end=(2.0, 4.0, 10.0), steps=()) -> dict[str, Any]:
-    return {"rmse_baseline": list(base), "rmse_augmented": list(end), "steps": list(steps)}
+def gap(base=(4.0, 8.0, 20.0), end=(2.0, 4.0, 10.0), described=None) -> dict[str, Any]:
+    return {"rmse_baseline": list(base), "rmse_augmented": list(end), "rmse_described": described}
 
 
-def answer(*effects, verdict=None, unknown=None, errors=None) -> dict[str, Any]:
+def ranked(*pairs) -> list[dict[str, Any]]:
+    return [{"names": list(names), "probability": p} for names, p in pairs]
+
+
+def answer(*effects, verdict=None, errors=None, ranking=()) -> dict[str, Any]:
     return {
         "verdict": verdict or ("explained" if effects else "no_gap"), "effects": list(effects),
-        "unknown": unknown, "gap": errors or gap(), "reach_response": "saint-venant", "seconds": 1.0,
+        "gap": errors or gap(), "seconds": 1.0, "ranking": list(ranking),
     }  # fmt: skip
 
 
-def truth(*effects, days=60) -> dict[str, Any]:
-    return {"effects": list(effects), "first_day": dt.date(2008, 1, 1).isoformat(), "days": days}
+WORLD = {
+    "water": "box", "operators": "crew", "programme": "peaking", "sample_time_s": 133.0,
+    "gauge_step_m": 0.01, "well_s": 0.0, "length_m": 8200.0, "days": 60, "weather_share": 0.01,
+}  # fmt: skip
+
+
+def truth(*effects, kind=None, times=None, rivals=None, excluded=(), allowed=()) -> dict[str, Any]:
+    return {
+        "seed": 0, "kind": kind or ("one" if len(effects) == 1 else "two" if effects else "nothing"),
+        "effects": list(effects), "times": list(times or [4.0] * len(effects)), "rivals": rivals or {},
+        "excluded": list(excluded), "allowed": list(allowed), "first_day": "2008-01-01", "days": 60,
+        "world": WORLD,
+    }  # fmt: skip

@@ -1,60 +1,86 @@
-"""The page: every row of the design, and numbers that can be counted by hand."""
+"""The page: every row of the targets, and numbers that can be counted by hand."""
 
-from benchmarks.exam.cases import ALLOWED, Case
-from benchmarks.exam.page import by_effect, marked, mistakes, page, targets
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from benchmarks.exam.judging import judge
+from benchmarks.exam.page import by_effect, by_factor, coverage, marked, mistakes, page, reliability, targets
 from benchmarks.exam.rows import ROWS
-from benchmarks.tests.exam.answers import answer, effect, gap, truth
+from benchmarks.tests.exam.answers import answer, effect, gap, ranked, truth
 
-EMPTY = Case("nothing/uneven", "nothing_hydraulic", "uneven", 3)
-LAG = Case("one/outflow_lag/x2", "one_x2", "effects/outflow_lag", 2, ("outflow_lag",), 2.0)
+LAG = {"name": "outflow_lag", "lag": 300.0}
 
 
-def result(case, seed, said, *planted, floor=None):
-    return case, {
-        "case": case.name, "seed": seed, "revision": "abc", "truth": truth(*planted), "answer": said,
+def result(seed, said, *planted, floor=None, **more):
+    return {
+        "seed": seed, "revision": "abc", "truth": truth(*planted, **more) | {"seed": seed}, "answer": said,
         "floor": floor,
     }  # fmt: skip
 
 
-PLANTED = {"name": "outflow_lag", "lag": 300.0}
 RESULTS = [
-    result(EMPTY, 5000, answer(errors=gap(end=(4.0, 8.0, 20.0)))),
-    result(EMPTY, 5001, answer(effect(min(ALLOWED)))),
-    result(EMPTY, 5002, answer(effect("leakage"))),
-    result(LAG, 5000, answer(effect("outflow_lag", parameters=[("lag", 290.0, 250.0, 330.0, "s")])), PLANTED,
+    result(10000, answer(errors=gap(end=(4.0, 8.0, 20.0)))),
+    result(10001, answer(effect("leakage"))),
+    result(10002, answer(effect("outflow_lag", parameters=[("lag", 290.0, 250.0, 330.0, "s")])), LAG,
            floor=[2.0, 4.0, 10.0]),
-    result(LAG, 5001, answer(effect("clock_offset")), PLANTED, floor=[2.0, 4.0, 10.0]),
+    result(10003, answer(effect("clock_offset")), LAG, floor=[2.0, 4.0, 10.0]),
+    result(10004, answer(), LAG, times=[1.5]),
 ]  # fmt: skip
+JUDGED = [j for _, j in marked(RESULTS)]
 
 
-def test_every_row_of_the_design_is_there_even_without_a_season():
+def test_every_row_is_there_even_without_a_season():
     text = page([])
-    assert all(row.title in text for row in ROWS)
-    assert "No season was asked yet." in text
+    assert all(asked.words in text for asked in ROWS)
+    assert "No season has been answered yet." in text
 
 
 def test_shares_are_counted_as_by_hand():
-    text = targets(marked(RESULTS))
-    lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
-    assert "| a false name | <= 0.02 | 3 | 1 | 1/3" in lines["nothing missing, hydraulic truth"]
-    assert "| named first | >= 0.97 | 2 | 1 | 1/2" in lines["one effect, 2x and 4x"]
-    assert "| wrong alone | <= 0.01 | 2 | 1 | 1/2" in text
+    text = targets(JUDGED)
+    assert "| any name | <= 0.01 | 2 | 1 | 1/2" in text
+    assert "| >= 2x, separable: first | >= 0.97 | 2 | 1 | 1/2" in text
+    assert "| >= 2x, separable: wrong | <= 0.01 | 2 | 1 | 1/2" in text
+    assert "| 1x to 2x: found | >= 0.70 | 1 | 0 | 0/1" in text
+    assert "median | >= 0.95 | 2 | - | 1.00 | reached |" in text
+    assert "| intervals cover | 0.92 to 0.97 | 1 | 1 |" in text
 
 
-def test_wrong_and_false_names_are_listed_with_their_seeds():
+def test_mistakes_are_listed_with_their_seeds():
     text = mistakes(marked(RESULTS))
-    assert "| nothing/uneven | 5002 | explained | leakage |" in text
-    assert "| one/outflow_lag/x2 | 5001 | explained | clock_offset |" in text
+    assert "| 10001 | nothing | box | - | explained | leakage |" in text
+    assert "| 10003 | separable | box | outflow_lag (4.0x) | explained | clock_offset |" in text
     assert text.count("\n") == 4
     assert mistakes([]) == "None.\n"
 
 
-def test_effects_are_told_by_size():
-    assert "| outflow_lag | - | 1/2 | - | - | 1/2 | 1/2 | 1.00 |" in by_effect(marked(RESULTS))
+def test_effects_and_factors_have_their_lines():
+    assert "| outflow_lag | 0/1 | - | 1/2 | 1/3 | 1/3 | 0/3 | 1.00 |" in by_effect(marked(RESULTS))
+    text = by_factor(marked(RESULTS))
+    assert "| sample time | 133 to 300 s | 5 | 1/2" in text
+    assert "| size | - | 2 |" in text and "|  | 1x to 2x | 1 |" in text and "|  | 4x to 8x | 2 |" in text
+    assert "| outflow_lag.lag | 0.92 to 0.97 | 1 | 1/1" in coverage(JUDGED)
 
 
-def test_the_whole_page_tells_gap_and_intervals_of_named_cases():
-    text = page(RESULTS)
-    assert "median 1.00 (target 0.90)" in text
-    assert "| outflow_lag.lag | 0.92 to 0.97 | 1 | 1 |" in text
-    assert "Revisions that answered: abc (5)." in text
+@pytest.mark.parametrize(("share", "near"), [(0.75, True), (0.55, False)])
+def test_probabilities_are_reliable_where_so_many_names_are_right(share, near):
+    n = 400
+    right = np.arange(n) < round(share * n)
+    judged = [
+        judge(answer(ranking=ranked((["outflow_lag" if hit else "leakage"], 0.75), ([], 0.25))), truth(LAG))
+        for hit in right
+    ]
+    line = next(line for line in reliability(judged).splitlines() if line.startswith("| 0.7 to 0.8"))
+    assert f"| {n} | 0.75 | {round(share * n)}/{n}" in line
+    assert line.endswith(f"| {'yes' if near else 'no'} |")
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 12), (1, 12), (3, 12), (12, 12)])
+def test_a_share_is_refused_where_chance_would_hardly_give_it(hits, n):
+    named = judge(answer(effect("leakage")), truth())
+    quiet = judge(answer(), truth())
+    judged = [named] * hits + [quiet] * (n - hits)
+    most = 0.01
+    expected = sum(binom.pmf(k, n, most) for k in range(hits, n + 1)) < 0.01
+    assert ROWS[0].refused(judged) == expected
+    assert not ROWS[0].refused([])
