@@ -220,7 +220,7 @@ def diagnose(
     answer, evidence = workflow.diagnose(
         record, responses_of(settings, record), library_of(settings),
         gauge_floor=gauge_floor_of(settings, record), start=start,
-        most=settings.diagnose.most_effects, report=lambda what: report(0.0, what),
+        most=settings.diagnose.most_effects, report=report,
     )  # fmt: skip
     if failed:
         day, why = failed[0]

@@ -1,15 +1,17 @@
 """The result of a study: verdict, named effects, gap, its regimes, and the arrays behind them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.fit import HOURS, DayErrors, Evaluation, day_errors
+from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
+from rivid.diagnosis.events import Event
+from rivid.diagnosis.explanation import Explanation
+from rivid.diagnosis.fit import HOURS, DayErrors, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.result import (
@@ -17,19 +19,17 @@ from rivid.diagnosis.result import (
     Estimate,
     Gap,
     NamedEffect,
+    Ranked,
     Regime,
     Step,
     Unknown,
+    Verdict,
     Where,
     closed_share,
 )
-from rivid.diagnosis.selection import breaker, verdict_of
 from rivid.diagnosis.spectrum import spectrum
 from rivid.effects import Effect
 from rivid.types import Bools, Floats
-
-if TYPE_CHECKING:
-    from rivid.diagnosis.selection import Round, Study
 
 LEAST_RATIO = 3.0
 """Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
@@ -81,7 +81,7 @@ class Evidence:
 
 
 def conclude(
-    study: "Study", classes: dict[str, type[Effect]], floor: Sequence[float] | None
+    study: Study, classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
     """The diagnosis of a study, and its arrays.
 
@@ -93,57 +93,164 @@ def conclude(
     floor : sequence of float, optional
         RMSE at each horizon of the model that knows the truth.
     """
-    named = study.named
-    gap = replace(_gap(study, named, floor), by_regime=regimes(study))
+    gap = replace(_gap(study, floor), by_regime=regimes(study))
     evidence = _evidence(study)
-    unknown = _unknown(study, evidence)
-    effects = _named(study, named, classes)
-    verdict, reason = verdict_of(study, gap, unknown)
-    noise = study.last_evaluation.noise
+    remainder = _unknown(study, evidence)
+    verdict, reason = _verdict(study, gap, remainder)
+    missing = verdict in ("unknown", "partly_explained")
+    noise = study.last.noise
     return (
         Diagnosis(
-            verdict, reason, study.last.reach.name, _estimates(study), effects,
-            unknown if verdict in ("unknown", "partly_explained") else None, gap,
+            verdict, reason, study.last.model.reach.name, _estimates(study), _named(study, classes),
+            remainder or _of_noise(study) if missing else None, gap,
             {f.name: v for f in fields(noise) if (v := getattr(noise, f.name)) is not None}, _notes(study),
-            closed_loop(study),
+            closed_loop(study), _ranking(study), _small(study), _next(study, verdict, classes),
         ),
         evidence,
     )  # fmt: skip
 
 
-def _named(
-    study: "Study", named: tuple["Round", ...], classes: dict[str, type[Effect]]
-) -> tuple[NamedEffect, ...]:
+def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict, str]:
+    """Verdict and its reason in a sentence."""
+    base, end = gap.rmse_baseline[1], (gap.rmse_described or gap.rmse_augmented)[1]
+    shown = f"{base:.3g} {gap.unit} to {end:.3g} {gap.unit} after 4 h"
+    named = study.sure or study.group
+    if not named:
+        nothing = study.chance(lambda names, unknown: not names and not unknown)
+        if study.unknown >= UNKNOWN:
+            what = f": {remainder.drivers[0]}" if remainder is not None else ""
+            return "unknown", (
+                f"Something is missing that no known effect explains, with a probability of "
+                f"{study.unknown:.2f}{what}."
+            )
+        first = ""
+        if study.names:
+            p = study.chance_of(study.names[0])
+            first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
+        return "no_gap", (
+            f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
+        )
+    names = ", ".join(_words(name) for name in named)
+    if study.contradicted:
+        return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
+    if not study.sure:
+        return (
+            "cannot_tell",
+            f"{names.replace(', ', ' or ')}: these data do not separate them. The error: {shown}.",
+        )
+    if study.unknown >= UNKNOWN:
+        what = f" Left: {remainder.drivers[0]}." if remainder is not None else ""
+        return "partly_explained", f"Named: {names}.{what} The error: {shown}."
+    return "explained", f"{names}. On days kept apart the error goes from {shown}."
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+USUAL: dict[str, str] = {
+    "flow": (
+        "Gauge the flow below each dam once during the hours found, and look into the gate books for them."
+    ),
+    "timing": "Compare the clocks of both logs and log one step of each gate with seconds.",
+    "level": "Read the gauge against a staff or a second sensor.",
+}
+"""By family, for effects without a measurement of their own."""
+
+
+def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str | None:
+    """Measurement that separates an effect from those it is tied with; None where nothing is tied."""
+    others = tuple(tied)
+    if not others:
+        return None
+    for other in others:
+        text = effect.confounded_with.get(other.name) or other.confounded_with.get(effect.name)
+        if text:
+            return text
+    return USUAL[effect.family]
+
+
+def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
+    """What to measure next."""
+    if verdict == "unknown":
+        kinds = {one.unknown: p for one, p in reversed(study.ranking) if one.unknown}
+        return USUAL["level" if max(kinds, key=lambda kind: kinds[kind]) == "gauge" else "flow"]
+    if verdict == "cannot_tell":
+        first, *rest = (classes[name] for name in study.group)
+        return breaker(first, rest) or USUAL[first.family]
+    return None
+
+
+def _small(study: Study) -> tuple[str, ...]:
+    """Effects that are sure and immaterial, each in a sentence."""
     found = []
-    tail = study.last_evaluation.shift_errors[len(study.last.reach.parameters) :].tolist()
-    errors = {(i, name, k): e for (i, (name, k), _), e in zip(study.last.slots(), tail, strict=True)}
-    quantile = _quantile(study)
-    index = len(study.last.effects) - sum(not r.proposal.level_noise for r in named)
-    for r in named:
-        proposal = r.proposal
-        if proposal.level_noise:
-            effect, own = proposal.effect, {}
-        else:
-            effect = study.last.effects[index]
-            own = {(name, k): e for (i, name, k), e in errors.items() if i == index}
-            index += 1
+    for name in dict.fromkeys(name for one, _ in study.ranking for name in one.names):
+        p = sum(chance for one, chance in study.ranking if name in one.names)
+        if p < ALONE or study.chance_of(name) >= 1.0 - ALONE:
+            continue
+        one = next(one for one, _ in study.ranking if name in one.names)
+        effect = next(effect for effect in one.effects if effect.name == name)
+        size = next(iter(_parameters(effect, {}, (), 1.0)), None)
+        about = "" if size is None else f", {size.name.replace('_', ' ')} about {size.value:.3g} {size.unit},"
+        found.append(
+            f"{_words(name).capitalize()}{about} is there with a probability of {p:.2f}, and changes the "
+            "error too little to matter."
+        )
+    return tuple(found)
+
+
+def _ranking(study: Study) -> tuple[Ranked, ...]:
+    base = study.score(study.first)
+    found = []
+    for one, p in study.ranking:
+        names, unknown = study.core(one)
+        parts = len(one.names) - len(study.start) + bool(one.unknown)
+        found.append(
+            Ranked(
+                one.names,
+                one.unknown or None,
+                one.model.reach.name,
+                p,
+                study.score(one) - base,
+                parts > 0 and len(names) + bool(unknown) == parts,
+            )
+        )
+    return tuple(found)
+
+
+def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect, ...]:
+    """The effects that are sure; where none is, the first of the group with the others as ties."""
+    if not (study.sure or study.group):
+        return ()
+    tied = () if study.sure else study.group[1:]
+    others = [name for name in study.names if name not in study.sure and name not in tied]
+    runner_up = tied[0] if tied else next(iter(others), None)
+    last, found = study.last, []
+    for step in study.steps:
+        effect = step.added
+        if effect is None or effect.name not in (study.sure or study.group[:1]):
+            continue
+        index = [e.name for e in last.effects].index(effect.name)
+        effect = last.effects[index]
+        events = next((e.events for e in last.events if e.kind.name == effect.name), ())
+        p = study.chance_of(effect.name)
         found.append(
             NamedEffect(
-                name=effect.name, family=effect.family, p_value=proposal.p_value, tied_with=r.tied,
-                runner_up=r.runner_up, margin=r.margin,
-                parameters=_parameters(effect, own, proposal.spreads, quantile),
+                name=effect.name, family=effect.family, p_value=study.p_value(step), tied_with=tied,
+                runner_up=runner_up, margin=None if runner_up is None else p - study.chance_of(runner_up),
+                parameters=_parameters(effect, last.errors_of(index), events, _quantile(study)),
                 where=Where(hours=effect.hours, dates=effect.dates),
-                breaker=breaker(effect, (classes[name] for name in r.tied)), table=effect.to_table(),
-                events=len(proposal.events.events) if proposal.events else 0,
+                breaker=breaker(effect, (classes[name] for name in tied)), table=effect.to_table(),
+                events=len(events), probability=p,
             )
         )  # fmt: skip
     return tuple(found)
 
 
 def _parameters(
-    effect: Effect, errors: dict[tuple[str, int | None], float], spreads: dict[str, float], quantile: float
+    effect: Effect, errors: dict[tuple[str, int | None], float], events: Sequence[Event], quantile: float
 ) -> tuple[Estimate, ...]:
-    """Estimates with intervals of 95 %; `errors` are of fitted values, `spreads` of searched ones."""
+    """Estimates with intervals of 95 %: standard errors of fitted values, or of the sizes of events."""
     found = []
     for name, spec in effect.parameters().items():
         value = getattr(effect, name)
@@ -155,25 +262,29 @@ def _parameters(
             found.append(Estimate(name, mid, spec.unit, low, high))
             continue
         for k, one in enumerate(values):
-            error = errors.get((name, k if isinstance(value, tuple) else None))
-            spread = quantile * (spreads.get(name, np.nan) if error is None else error)
+            error = errors.get((name, k if isinstance(value, tuple) else None), np.nan)
+            if len(events) == len(values) and np.isclose(abs(one), abs(events[k].size)):
+                error = events[k].size_se
             label = f"{name}[{k}]" if len(values) > 1 else name
+            spread = quantile * error
             found.append(Estimate(label, float(one), spec.unit, float(one - spread), float(one + spread)))
     return tuple(found)
 
 
-def _quantile(study: "Study") -> float:
+def _quantile(study: Study) -> float:
     """Standard errors in half an interval of 95 %: Student's, for they come from few blocks."""
     from scipy.stats import t
 
-    blocks = len(np.unique(study.split.block[study.split.fit]))
-    return float(t.ppf(0.975, max(blocks - 1, 1)))
+    return float(t.ppf(0.975, max(len(np.unique(study.split.block[study.opened])) - 1, 1)))
 
 
-def _estimates(study: "Study") -> tuple[Estimate, ...]:
+def _estimates(study: Study) -> tuple[Estimate, ...]:
     found = []
-    errors, quantile = study.last_evaluation.shift_errors, _quantile(study)
-    for free, error in zip(study.last.reach.parameters, errors, strict=False):
+    quantile = _quantile(study)
+    parameters = study.last.model.reach.parameters
+    errors = study.last.standard_errors
+    assert errors is not None
+    for free, error in zip(parameters, errors.tolist(), strict=False):
         low, high = free.value - quantile * error, free.value + quantile * error
         found.append(
             Estimate(free.name, free.natural, free.unit, free.to_natural(low), free.to_natural(high))
@@ -181,43 +292,42 @@ def _estimates(study: "Study") -> tuple[Estimate, ...]:
     return tuple(found)
 
 
-def _gap(study: "Study", named: tuple["Round", ...], floor: Sequence[float] | None) -> Gap:
-    sealed = study.split.sealed
-    record = study.record
-    base = study.first_evaluation.errors.rmse(sealed)
-    end = study.last_evaluation.errors.rmse(sealed)
-    steps, coded = [], np.zeros(record.time.shape)
-    forecast = end
-    for r in named:
-        rmse, described = r.after.errors.rmse(sealed), None
-        if r.proposal.events is not None:
-            coded = coded + r.proposal.events.coded
-            described = tuple(rmse.tolist())
-            rmse = _unforeseen(study, r.after, coded).rmse(sealed)
-            forecast = rmse if r is named[-1] else forecast
-        steps.append(Step(r.proposal.name, tuple(rmse.tolist()), described))
-    if coded.any():
-        forecast = _unforeseen(study, study.last_evaluation, coded).rmse(sealed)
+def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
+    sealed, opened, record = study.split.sealed, study.opened, study.record
+
+    def rmse(one: Explanation, days: Bools, foreseen: bool) -> tuple[float, ...]:
+        assert one.errors is not None
+        errors = one.errors if foreseen or not one.events else _unforeseen(study, one)
+        return tuple(errors.rmse(days)[-len(HOURS) :].tolist())
+
+    steps = tuple(
+        Step(step.added.name, rmse(step, sealed, False), rmse(step, sealed, True) if step.events else None)
+        for step in study.steps
+        if step.added is not None
+    )
+    base, end = rmse(study.first, sealed, True), rmse(study.last, sealed, True)
+    forecast = rmse(study.last, sealed, False)
     closed = closed_forecast = None
     if floor is not None:
         closed, closed_forecast = (_closed(base, errors, floor) for errors in (end, forecast))
     return Gap(
         heldout_dates=tuple(d for d, kept in zip(record.dates, sealed, strict=True) if kept),
-        horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s",
-        rmse_baseline=tuple(base.tolist()), rmse_augmented=tuple(forecast.tolist()),
-        rmse_floor=None if floor is None else tuple(floor), closed=closed, closed_forecast=closed_forecast,
-        steps=tuple(steps), rmse_described=tuple(end.tolist()) if coded.any() else None,
+        horizon_h=HOURS, unit="m" if record.kind == "pool" else "m3/s", rmse_baseline=base,
+        rmse_augmented=forecast, rmse_floor=None if floor is None else tuple(floor), closed=closed,
+        closed_forecast=closed_forecast, steps=steps, rmse_described=end if study.last.events else None,
+        rmse_open_baseline=rmse(study.first, opened, True),
+        rmse_open_augmented=rmse(study.last, opened, False),
     )  # fmt: skip
 
 
-def _unforeseen(study: "Study", after: Evaluation, coded: Floats) -> DayErrors:
+def _unforeseen(study: Study, one: Explanation) -> DayErrors:
     """Errors of forecasts to which the events of the day are unknown."""
-    return day_errors(study.record, after.residual + coded, after.noise)
+    return day_errors(study.record, one.predicted + one.coded, one.noise)
 
 
-def _closed(base: Floats, end: Floats, floor: Sequence[float]) -> float | None:
+def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float]) -> float | None:
     shares = [
-        closed_share(float(b), float(e), float(f))
+        closed_share(b, e, f)
         for b, e, f in zip(base, end, floor, strict=True)
         if b * b - f * f > 0.05 * b * b
     ]
@@ -225,17 +335,28 @@ def _closed(base: Floats, end: Floats, floor: Sequence[float]) -> float | None:
     return float(np.median(kept)) if kept else None
 
 
-def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
+def _of_noise(study: Study) -> Unknown | None:
+    """The size of what is unknown, from the most probable explanation that holds it."""
+    one = next((one for one, _ in study.ranking if one.unknown), None)
+    if one is None:
+        return None
+    size = one.noise.level_sd if study.record.kind == "river" else one.noise.inflow_sd
+    return Unknown(Where(), size, (f"an unlogged flow of {size:.3g} m3/s, without rhythm or place",))
+
+
+def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     """The remainder, if it has a period or a place."""
-    record, last = study.record, study.last_evaluation
-    innovations = last.noise.whiten(np.where(record.used, last.residual, np.nan))
+    record, last = study.record, study.last
+    seen = np.where(record.used, last.residual, np.nan)
+    innovations = last.noise.whiten(seen, activity=record.activity)
     period, ratio, limit, _ = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # with fewer no place is certain
         place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
     found = []
-    known = any(0.7 < period / other < 1.4 for other in study.swings())
+    swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
+    known = any(0.7 < period / float(other) < 1.4 for other in swings)
     rhythm = ratio > max(limit, LEAST_RATIO) and not known
     if rhythm:
         found.append(f"a swing with a period of {period / 60:.0f} min")
@@ -248,11 +369,13 @@ def _unknown(study: "Study", evidence: Evidence) -> Unknown | None:
     return Unknown(Where(dates=dates), size, tuple(found), period if rhythm else None)
 
 
-def _evidence(study: "Study") -> Evidence:
+def _evidence(study: Study) -> Evidence:
     record = study.record
-    first, last = study.first_evaluation, study.last_evaluation
-    smooth = [e.noise.smooth(np.where(record.used, e.residual, np.nan)) for e in (first, last)]
-    runs = [m.reach.simulate(record, m.changes(record)) for m in (study.first, study.last)]
+    first, last = study.first, study.last
+    smooth = [
+        e.noise.smooth(np.where(record.used, e.residual, np.nan), record.activity) for e in (first, last)
+    ]
+    runs = [m.reach.simulate(record, m.changes(record)) for m in (first.whole, last.whole)]
     start = np.argmax(record.used, axis=1)
     rows = np.arange(record.days)
     runs = [run + (record.output[rows, start] - run[rows, start])[:, None] for run in runs]
@@ -262,21 +385,21 @@ def _evidence(study: "Study") -> Evidence:
     )  # fmt: skip
 
 
-def _notes(study: "Study") -> tuple[str, ...]:
+def _notes(study: Study) -> tuple[str, ...]:
     notes = list(study.notes)
     at_limit = [
-        f.name for f in study.last.reach.parameters
+        f.name for f in study.last.model.reach.parameters
         if f.value >= f.high or f.value <= f.low < f.mean  # a gauge without a well has no lag
     ]  # fmt: skip
     if at_limit:
         notes.append(f"calibrated values at their limits: {', '.join(at_limit)}")
-    light = int((study.last_evaluation.weights[study.split.fit] < 0.3).sum())
+    light = int((study.last.weights[study.opened] < 0.3).sum())
     if light:
-        notes.append(f"{light} fitting days are far noisier than most and count little")
+        notes.append(f"{light} open days are far noisier than most and count little")
     return tuple(notes)
 
 
-def regimes(study: "Study") -> tuple[Regime, ...]:
+def regimes(study: Study) -> tuple[Regime, ...]:
     """The gap on the sealed days by the state of the reach in which a forecast ends.
 
     Parameters
@@ -290,16 +413,12 @@ def regimes(study: "Study") -> tuple[Regime, ...]:
         state that is always or never there is left out. Events of the day itself are unknown, as in the gap.
     """
     record = study.record
-    first, last = study.first_evaluation, study.last_evaluation
-    coded = np.zeros(record.time.shape)
-    for turn in study.named:
-        if turn.proposal.events is not None:
-            coded = coded + turn.proposal.events.coded
+    first, last = study.first, study.last
     found, sealed = [], study.split.sealed
     for name, words, samples in states(record):
         part = replace(record, used=record.used & samples)
-        before = day_errors(part, first.residual, first.noise)
-        after = day_errors(part, last.residual + coded, last.noise)
+        before = day_errors(part, first.predicted, first.noise)
+        after = day_errors(part, last.predicted + last.coded, last.noise)
         rmse = [tuple(errors.rmse(sealed).tolist()) for errors in (before, after)]
         counts = before.counts[:, sealed].sum(axis=1)
         found.append(Regime(name, words, rmse[0], rmse[1], tuple(int(c) for c in counts)))

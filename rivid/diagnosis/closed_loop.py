@@ -24,8 +24,8 @@ from rivid.reach.operators import quantise
 from rivid.types import Floats
 
 if TYPE_CHECKING:
+    from rivid.diagnosis.decision import Study
     from rivid.diagnosis.fit import Model
-    from rivid.diagnosis.selection import Study
 
 
 TURNS = 6
@@ -201,7 +201,7 @@ def closed_loop(study: "Study") -> ClosedLoop | None:
             f"outflow: expected {100 * LEAST_R2:.0f} % or more to put the operators into the loop.",
         )
     rows = np.flatnonzero(study.split.sealed & record.used.any(axis=1))
-    models = (study.first, study.last)
+    models = (study.first.whole, study.last.whole)
     changes = [cut(model.changes(record), record.time.shape, rows) for model in models]
     sealed = record.take(rows)
     runs = np.full((2, sealed.days, 2, sealed.time.shape[1]), np.nan)

@@ -44,6 +44,8 @@ class Record:
     sample_time : float
         T_s [s].
     kind : {"pool", "river"}
+    activity : ndarray, shape (days, n), or None
+        Of the flows, see :func:`activity` [m2 or (m3/s)2]; None before a response is known.
     """
 
     dates: tuple[dt.date, ...]
@@ -55,6 +57,7 @@ class Record:
     lead: int
     sample_time: float
     kind: Kind = "pool"
+    activity: Floats | None = None
 
     @property
     def days(self) -> int:
@@ -96,7 +99,42 @@ class Record:
         return replace(
             self, dates=tuple(self.dates[i] for i in kept), time=self.time[kept], inflow=self.inflow[kept],
             outflow=self.outflow[kept], output=self.output[kept], used=self.used[kept],
+            activity=None if self.activity is None else self.activity[kept],
         )  # fmt: skip
+
+
+NEAR = 0.25
+"""Share of the delay by which a front may be early or late: twice the few percent of the geometry, squared in
+the celerity, and the shape of a front as long as that."""
+
+
+def activity(record: Record, up: Floats, down: Floats) -> Floats:
+    """What changes of the flows have just changed the output's rate by, squared, shape (days, n).
+
+    A response is least right where the flows have moved: a front that is early or late by a share of a sample
+    changes the output by that share of the change of its rate. The place of a front is uncertain by some
+    samples, so that the squares are means over :data:`NEAR` of the delay to either side.
+
+    Parameters
+    ----------
+    record : Record
+    up, down : ndarray, shape (n,)
+        Output after a unit step of the inflow and of the outflow [m per m3/s, or -].
+    """
+    n = record.time.shape[1]
+    order = 2 if record.kind == "pool" else 1
+    total = np.zeros(record.time.shape)
+    for flow, kernel in ((record.inflow, up), (record.outflow, down)):
+        rate = np.diff(kernel, n=order, prepend=np.zeros(order))
+        moves = np.diff(flow, axis=1, prepend=flow[:, :1])
+        size = 2 * n
+        spectrum = np.fft.rfft(moves, size, axis=1) * np.fft.rfft(rate[:n], size)
+        total += np.fft.irfft(spectrum, size, axis=1)[:, :n] ** 2
+    sizes = np.abs(np.diff(up, n=order, prepend=np.zeros(order)))
+    delay = float(np.arange(len(sizes)) @ sizes / max(sizes.sum(), 1e-300))
+    half = max(round(NEAR * delay), 1)
+    sums = np.cumsum(np.pad(total, ((0, 0), (half + 1, half)), mode="edge"), axis=1)
+    return np.asarray(np.maximum(sums[:, 2 * half + 1 :] - sums[:, : -2 * half - 1], 0.0) / (2 * half + 1))
 
 
 def as_record(

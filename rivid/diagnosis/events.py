@@ -24,11 +24,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rivid.diagnosis.candidates import Proposal, compared
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.fit import Evaluation, Linear, evaluate
-from rivid.diagnosis.noise.model import WALK_LIMIT
-from rivid.diagnosis.seiche import seiche
 from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
@@ -569,48 +565,6 @@ SCHEDULED = 0.002
 """p of a timetable from which events are taken as operated, not natural."""
 MOST_PULSE, MOST_RAIN = 3.0, 10.0
 """Largest size over the median: of an event cut off by midnight only the start is observed."""
-LEAST_WIND = 0.005
-"""[m]."""
-
-
-def event_proposals(
-    model: Linear,
-    before: Evaluation,
-    classes: dict[str, type[Effect]],
-    kernels: dict[str, Floats],
-    names: tuple[str, ...] = (),
-    coded: bool = False,
-) -> list[Proposal]:
-    """Events and noises that might be missing, by gain on the selecting days.
-
-    Parameters
-    ----------
-    model : Linear
-    before : Evaluation
-    classes : dict
-        Effects that may be named.
-    kernels : dict of str to ndarray, shape (n,)
-        Step responses of an inflow in the middle ("middle") and of a release at the lower dam ("down").
-    names : tuple of str
-        Effects that are in the model already.
-    coded : bool
-        Whether pulses at the lower dam are among them.
-    """
-    record = model.record
-    found = []
-    for name, effect in classes.items():
-        if record.kind == "river" and not effect.acts_on_river:
-            continue
-        taken = coded if effect.repeatable else name in names
-        if effect.found_as in ("recession", "pulse") and not taken:
-            found.append(_of_events(model, before, kind_of(effect, kernels), effect))
-        elif effect.found_as == "jump" and not taken:
-            found.append(_of_jumps(model, before, kind_of(effect, kernels), effect))
-        elif effect.found_as == "swing" and not taken:
-            found.append(seiche(model, before, effect))
-        elif effect.found_as == "level noise" and not model.level_noise:
-            found.append(_of_wind(model, before, effect))
-    return sorted((f for f in found if f is not None), key=lambda f: -f.gain_select)
 
 
 def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
@@ -620,38 +574,6 @@ def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
     if effect.found_as == "recession":
         return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
     return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
-
-
-def search(model: Linear, before: Evaluation, kind: Kind, price: float | None = None) -> Events:
-    """Events of a kind in the residual of all days."""
-    record = model.record
-    follows = np.append(False, np.diff(record.day_number) == 1)
-    return find_events(
-        model.used(before.residual), before.noise.whiten, kind, record.sample_time, lead=record.lead,
-        follows=follows, weights=before.weights, price=price,
-    )  # fmt: skip
-
-
-def _of_events(model: Linear, before: Evaluation, kind: Kind, effect: type[Effect]) -> Proposal | None:
-    events = search(model, before, kind)
-    if len(events.events) < FEWEST:
-        return None
-    if kind.shape == "pulse" and size_variation(events.events) > ALIKE:
-        return None
-    if kind.shape == "recession":
-        p_value, share = timetable(_storms(events.events))
-        if p_value <= SCHEDULED and share > 0.5:
-            return None  # rain follows no timetable
-    record = model.record
-    made = as_effect(effect, events, record)
-    price = PRICE * np.bincount([e.day for e in events.events], minlength=record.days).astype(float)
-    after = evaluate(model.less(events.coded))
-    active = np.abs(events.coded).max(axis=1)
-    fit, select, t, better, blocks = compared(model, before, after, price, active)
-    return Proposal(
-        kind.name, f"{len(events.events)} events", made, (), (None, None), _chance(fit), after,
-        events.coded[None], fit, select, t, better, blocks, events=events,
-    )  # fmt: skip
 
 
 def _storms(events: Sequence[Event]) -> list[Event]:
@@ -666,11 +588,6 @@ def _storms(events: Sequence[Event]) -> list[Event]:
     return found
 
 
-def _chance(gain: float) -> float:
-    """p of events priced by the logarithm of their possible number; half the gain, for safety."""
-    return float(np.exp(-max(gain, 0.0) / 2.0))
-
-
 def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     """The effect with its events, as hours since the first day's midnight."""
     number = record.day_number
@@ -683,40 +600,13 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     return effect.from_events(starts, size, events.events[0].duration_s / HOUR)
 
 
-def _of_jumps(model: Linear, before: Evaluation, kind: Kind, effect: type[Effect]) -> Proposal | None:
-    """Jumps of the gauge, up and down."""
-    events = search(model, before, kind)
-    if not events.events:
-        return None
-    made = as_effect(effect, events, model.record)
-    after = evaluate(model.less(events.coded))
-    days = sorted({e.day for e in events.events})
-    gain = after.likelihood - before.likelihood
-    total = float(gain[model.split.fit | model.split.select].sum()) - events.price * len(events.events)
-    return Proposal(
-        effect.name, f"{len(events.events)} jumps", made, (), (None, None), _chance(total), after,
-        events.coded[None], total, total, float(np.sqrt(max(total, 0.0))),
-        1.0 - after.errors.rmse(days) / before.errors.rmse(days), len(days),
-    )  # fmt: skip
-
-
-def _of_wind(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
-    """A level noise with a memory of hours.
-
-    A random walk of the level is nearly the same within a day, and would absorb it: both models have a small
-    one only.
-    """
-    plain = replace(model, noise=before.noise)
-    after = evaluate(plain, level_noise=True)
-    before = evaluate(plain, walk_limit=WALK_LIMIT)
-    noise = after.noise
-    if not (LEAST_WIND < noise.level_sd < 1.0 and 0.3 * HOUR < noise.level_memory < 24.0 * HOUR):
-        return None
-    quiet = np.zeros(model.record.days)
-    fit, select, t, better, blocks = compared(model, before, after, quiet, quiet + 1.0)
-    made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})
-    return Proposal(
-        effect.name, "level noise", made, (), (None, None), _chance(fit), after,
-        np.empty((0, *model.record.time.shape)), fit, select, t, better, blocks, level_noise=True,
-        gains=after.likelihood - before.likelihood,
-    )  # fmt: skip
+def plausible(found: Events) -> bool:
+    """Whether events look like their kind: releases are alike, and rain follows no timetable."""
+    if found.kind.shape == "jump":
+        return bool(found.events)
+    if len(found.events) < FEWEST:
+        return False
+    if found.kind.shape == "pulse":
+        return not size_variation(found.events) > ALIKE
+    p_value, share = timetable(_storms(found.events))
+    return not (p_value <= SCHEDULED and share > 0.5)

@@ -6,13 +6,12 @@ the fitting days by Whittle's likelihood and confirmed on the selecting days.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
 
-from rivid.diagnosis.candidates import Proposal, compared
-from rivid.diagnosis.fit import Evaluation, Linear
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects import Effect
 from rivid.types import Bools, Floats
@@ -148,40 +147,33 @@ def _highest(mean: Floats, periods: Floats, shortest: float, longest: float) -> 
     return float(periods[able[top]]), len(able)
 
 
-def seiche(model: Linear, before: Evaluation, effect: type[Effect]) -> Proposal | None:
-    """The seiche as a proposal; None where it is small, too wide, or too steady.
+def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Effect, Floats, int] | None:
+    """The seiche in what an explanation leaves, its gain on each day (days,) [nats], and the periods
+    searched.
 
-    An oscillation of the outflow looks the same where the gauge is at the dam, but that of a governor is
-    either regular, and refused here, or ends when the gates are held.
+    None where it is small, too wide, or too steady: an oscillation of the outflow looks the same where the
+    gauge is at the dam, but that of a governor is either regular, or ends when the gates are held.
     """
-    record = model.record
+    noise = base.model.noise
+    assert noise is not None
     day = slice(record.lead, None)
-    innovations = before.noise.whiten(model.used(before.residual))[:, day]
+    seen = np.where(record.used, base.residual, np.nan)
+    innovations = noise.whiten(seen, activity=record.activity)[:, day]
     used = record.used[:, day]
     n = innovations.shape[1]
     whole = used.mean(axis=1) > 0.5
+    opened = base.weights > 0.0
+    if not (opened & whole).any():
+        return None
     power = periodograms(innovations, used)
-    gain = through_filter(before.noise, n)
-    split = model.split
-    made, spreads, gains, tried, contrast = fit_seiche(
-        power, gain, split.fit & whole, effect, record.sample_time, n
-    )
+    gain = through_filter(noise, n)
+    made, _, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
     period, damping, amplitude = (float(getattr(made, name)) for name in FITTED)
     if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
         return None
     if amplitude < SMALLEST or contrast < LEAST_CONTRAST:
         return None
     gains = np.where(whole, gains, 0.0)
-    if (gains[whole & (split.fit | split.select)] > 0.0).mean() < PRESENT:
+    if (gains[whole & opened] > 0.0).mean() < PRESENT:
         return None  # a temporary fault of a clock or a gate gives oscillations as well
-    after = replace(before, likelihood=before.likelihood + gains)
-    quiet = np.zeros(record.days)
-    fit, select, t, _, blocks = compared(model, before, after, quiet, quiet + 1.0)
-    chance = min(tried * float(np.exp(-max(fit, 0.0))), 1.0)
-    return Proposal(
-        effect.name, "swing", made, (), (None, None), chance, after, np.empty((0, *record.time.shape)), fit,
-        select, t, np.zeros(len(before.errors.squares)), blocks, level_noise=True, gains=gains,
-        spreads={
-            name: float(getattr(made, name) * spread) for name, spread in zip(FITTED, spreads, strict=True)
-        },
-    )  # fmt: skip
+    return made, gains, tried

@@ -4,9 +4,10 @@ The state is (x, w, s): level error, unknown inflow, level-type noise. A sample 
 
     x_{k+1} = x_k + c w_k + v_k,    w_{k+1} = phi w_k + ...,    s_{k+1} = psi s_k + ...,
 
-w and s stationary from the first sample on. x starts diffuse, exactly: the first sample that is there sets
-x = z - s - e, counts nothing, and its innovation is 0 (Durbin and Koopman, Time series analysis by state
-space methods, ch. 5).
+w and s stationary from the first sample on. The variance of v is that of the walk and, as large as the flows
+have just moved, that of the response's misfit; a river reach has no x, and s takes the misfit. x starts
+diffuse, exactly: the first sample that is there sets x = z - s - e, counts nothing, and its innovation is 0
+(Durbin and Koopman, Time series analysis by state space methods, ch. 5).
 
 A sample depends on the one before it, a day on no other. So the innermost loops of all that is compiled here
 go over days or columns. Arrays that they go along have a row for each sample: (n, days). Importing this
@@ -26,7 +27,8 @@ from rivid.types import Bools, Floats
 class System(NamedTuple):
     """The matrices' entries: c [s/m2], memories phi and psi a sample, variances of v, w, s and e.
 
-    `diffuse`: whether x is unknown at the start.
+    `misfit` is the variance of v over the activity of the flows; `diffuse`: whether x is unknown at the
+    start.
     """
 
     c: float
@@ -36,6 +38,7 @@ class System(NamedTuple):
     inflow: float
     level: float
     gauge: float
+    misfit: float
     diffuse: bool
 
 
@@ -52,8 +55,8 @@ def gather(residual: ArrayLike) -> tuple[Floats, Bools]:
 
 
 @njit(cache=True, error_model="numpy")
-def gains(there: Bools, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
-    """Gains of each day; `there` (n, days) is true where a sample is present.
+def gains(there: Bools, activity: Floats, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
+    """Gains of each day; `there` (n, days) is true where a sample is present, `activity` (n, days) [m2].
 
     Returns
     -------
@@ -67,6 +70,7 @@ def gains(there: Bools, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
     n, days = there.shape
     c, phi, psi, gauge = m.c, m.phi, m.psi, m.gauge
     new_w, new_s = (1.0 - phi * phi) * m.inflow, (1.0 - psi * psi) * m.level
+    of_x, of_s = (m.misfit, 0.0) if m.diffuse else (0.0, m.misfit)
     xx, xw, xs, ws = np.zeros(days), np.zeros(days), np.zeros(days), np.zeros(days)
     ww, ss, started = np.full(days, m.inflow), np.full(days, m.level), np.full(days, not m.diffuse)
     K, S, kept = np.empty((3, n, days)), np.empty((n, days)), np.empty((6, n if keep else 0, days))
@@ -92,12 +96,12 @@ def gains(there: Bools, m: System, keep: bool) -> tuple[Floats, Floats, Floats]:
                 kept[3, k, i], kept[4, k, i], kept[5, k, i] = e, f, g
             started[i] = started[i] or here
             # F P F' + Q, F = [[1, c, 0], [0, phi, 0], [0, 0, psi]]
-            xx[i] = a + c * (2.0 * b + c * e) + m.walk
+            xx[i] = a + c * (2.0 * b + c * e) + m.walk + of_x * activity[k, i]
             xw[i] = phi * (b + c * e)
             xs[i] = psi * (d + c * f)
             ww[i] = phi * phi * e + new_w
             ws[i] = phi * psi * f
-            ss[i] = psi * psi * g + new_s
+            ss[i] = psi * psi * g + new_s + of_s * activity[k, i]
     return K, S, kept
 
 
@@ -107,10 +111,10 @@ FACTORS = 8
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
-def log_likelihoods(values: Floats, systems: Floats, diffuse: bool) -> Floats:
+def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: bool) -> Floats:
     """Log-likelihood of each system and day, shape (q, days), without the sample that sets a day's start.
 
-    `values` (n, days) is NaN where a sample is missing; `systems` has the shape (q, 7): the first seven
+    `values` (n, days) is NaN where a sample is missing; `systems` has the shape (q, 8): the first eight
     numbers of a :class:`System` each. Gains and states go together through one loop over the days, which
     compiles to vector instructions: nothing is stored for each sample.
     """
@@ -122,13 +126,14 @@ def log_likelihoods(values: Floats, systems: Floats, diffuse: bool) -> Floats:
     x, w, s, started = np.empty(days), np.empty(days), np.empty(days), np.empty(days)
     total, size, count = np.empty(days), np.empty(days), np.empty(days)
     for i in range(len(systems)):
-        c, phi, psi, walk, inflow, level, gauge = systems[i]
+        c, phi, psi, walk, inflow, level, gauge, misfit = systems[i]
+        of_x, of_s = (misfit, 0.0) if diffuse else (0.0, misfit)
         new_w, new_s, scale = (1.0 - phi * phi) * inflow, (1.0 - psi * psi) * level, 1.0 / gauge
         xx[:], xw[:], xs[:], ww[:], ws[:], ss[:] = 0.0, 0.0, 0.0, inflow, 0.0, level
         x[:], w[:], s[:], started[:] = 0.0, 0.0, 0.0, 0.0 if diffuse else 1.0
         total[:], size[:], count[:] = 0.0, 1.0, 0.0
         for k in range(n):
-            z = values[k]
+            z, moved = values[k], activity[k]
             for d in range(days):
                 seen = 1.0 if z[d] == z[d] else 0.0
                 read = z[d] if seen > 0.0 else 0.0
@@ -148,12 +153,12 @@ def log_likelihoods(values: Floats, systems: Floats, diffuse: bool) -> Floats:
                 x[d] += (f * h0 + start) * v + c * flow
                 w[d] = phi * flow
                 s[d] = psi * (s[d] + f * h2 * v)
-                xx[d] = a + c * (2.0 * b + c * e) + walk
+                xx[d] = a + c * (2.0 * b + c * e) + walk + of_x * moved[d]
                 xw[d] = phi * (b + c * e)
                 xs[d] = psi * (g + c * j)
                 ww[d] = phi * phi * e + new_w
                 ws[d] = phi * psi * j
-                ss[d] = psi * psi * t + new_s
+                ss[d] = psi * psi * t + new_s + of_s * moved[d]
             if k % FACTORS == FACTORS - 1 or k == n - 1:
                 for d in range(days):
                     total[d] += np.log(size[d])
@@ -164,14 +169,14 @@ def log_likelihoods(values: Floats, systems: Floats, diffuse: bool) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def innovations(columns: Floats, there: Bools, m: System) -> tuple[Floats, bool]:
+def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> tuple[Floats, bool]:
     """Innovations over their standard deviation, 0 where a sample is missing or only sets the start.
 
-    `columns` (p, days, n) may hold anything where a sample is missing; `there` (n, days). Also whether all
-    samples that are present are finite.
+    `columns` (p, days, n) may hold anything where a sample is missing; `there` and `activity` (n, days). Also
+    whether all samples that are present are finite.
     """
     p, days, n = columns.shape
-    K, S, _ = gains(there, m, False)
+    K, S, _ = gains(there, activity, m, False)
     c, phi, psi = m.c, m.phi, m.psi
     K0, K1, K2, root, here = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.bool_)
     out = np.empty(columns.shape)

@@ -5,12 +5,16 @@ The residual is z = measured level - simulated level. Each day is a fresh start,
     z_k = x_k + s_k + e_k,    x_{k+1} = x_k + (T_s / A) w_k + v_k,
 
 w an unknown inflow and s a noise of the level (wind), both first-order autoregressive, v the walk of the
-level error, e white gauge noise; x_0 is unknown. For a river reach, with a discharge as output, there is no
+level error, e white gauge noise; x_0 is unknown. No response is exact: the variance of v is walk_sd^2 +
+misfit^2 a_k, where the activity a_k [m2] is what the flows have just changed the level's rate by (see
+:func:`rivid.diagnosis.data.activity`). For a river reach, with a discharge as output, there is no
 A, no x and no w: z_k = s_k + e_k, and s is the unknown inflow as it arrives; its mean is 0, so that a
 constant inflow remains to be found. The fit starts from several models: one start can end in a local optimum.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -52,6 +56,9 @@ class NoiseModel:
         T_s [s].
     surface_area : float or None
         A [m2]; None for a river reach.
+    misfit : float
+        Error of the response over what the flows have just changed: of a front, by how many samples it is
+        early or late [-].
 
     Raises
     ------
@@ -67,6 +74,7 @@ class NoiseModel:
     level_memory: float
     sample_time: float
     surface_area: float | None
+    misfit: float = 0.0
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -85,7 +93,9 @@ class NoiseModel:
                 "a river reach, which has neither; use level_sd or give surface_area"
             )
 
-    def whiten(self, columns: ArrayLike, like: ArrayLike | None = None) -> Floats:
+    def whiten(
+        self, columns: ArrayLike, like: ArrayLike | None = None, activity: ArrayLike | None = None
+    ) -> Floats:
         """Innovations over their standard deviations: white and of variance 1 if the columns are this noise.
 
         Parameters
@@ -94,6 +104,8 @@ class NoiseModel:
             Residuals or effect columns [m]; the filter is the same linear one for all.
         like : array_like, shape (days, n), optional
             NaN here is a missing sample. Default: a sample that any of the columns lacks.
+        activity : array_like, shape (days, n), optional
+            Of the flows [m2]. Default: 0.
 
         Returns
         -------
@@ -116,14 +128,15 @@ class NoiseModel:
             raise RividError(
                 f"columns have shape {given.shape}: expected (..., days, n) = (..., {there.shape})"
             )
-        white, finite = innovations(stack, np.ascontiguousarray(there.T), self.system())
+        here = np.ascontiguousarray(there.T)
+        white, finite = innovations(stack, here, _moved(activity, there.shape), self.system())
         if not finite:
             raise RividError(
                 "a column is not finite where the residual is: simulate it on every sample that is read"
             )
         return np.asarray(white).reshape(given.shape)
 
-    def log_likelihood(self, residual: ArrayLike) -> Floats:
+    def log_likelihood(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Floats:
         """Log-likelihood of each day, shape (days,), of a residual (days, n) [m]; NaN is missing.
 
         For a pool it is that of the differences from the day's first sample, since nothing is known of x_0.
@@ -133,13 +146,23 @@ class NoiseModel:
         z = np.asarray(residual, float)
         *numbers, diffuse = self.system()
         if z.ndim == 2 and z.size:
-            found = np.asarray(log_likelihoods(np.ascontiguousarray(z.T), np.array([numbers]), diffuse)[0])
+            moved = _moved(activity, z.shape)
+            found = np.asarray(
+                log_likelihoods(np.ascontiguousarray(z.T), moved, np.array([numbers]), diffuse)[0]
+            )
             if np.isfinite(found).all():
                 return found
         gather(z)  # refuses what is infinite, or of another shape
         raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
 
-    def forecast_errors(self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30) -> Floats:
+    def forecast_errors(
+        self,
+        residual: ArrayLike,
+        horizon: int,
+        every: int = 27,
+        first: int = 30,
+        activity: ArrayLike | None = None,
+    ) -> Floats:
         """Residual at origin + horizon less its forecast from what is known at the origin [m].
 
         Parameters
@@ -150,6 +173,7 @@ class NoiseModel:
             [samples]; w and s decay over it by their memories.
         every, first : int
             Origins are the samples first, first + every, ... with a target in the row.
+        activity : array_like, shape (days, n), optional
 
         Returns
         -------
@@ -166,7 +190,7 @@ class NoiseModel:
                 "use a shorter horizon or longer rows"
             )
         m = self.system()
-        K, _, _ = gains(np.ascontiguousarray(there.T), m, False)
+        K, _, _ = gains(np.ascontiguousarray(there.T), _moved(activity, there.shape), m, False)
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
@@ -175,13 +199,13 @@ class NoiseModel:
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
         return np.where(known, values[:, origin + horizon] - forecast, np.nan)
 
-    def smooth(self, residual: ArrayLike) -> Smoothed:
+    def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
         """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
         from rivid.diagnosis.noise.kalman import filtered, gains, gather, smoothed
 
         (values, there), m = gather(residual), self.system()
         there = np.ascontiguousarray(there.T)
-        K, S, P = gains(there, m, True)
+        K, S, P = gains(there, _moved(activity, values.shape), m, True)
         states, v = filtered(values, K, m)
         mean, variance = smoothed(states, v, there, K, S, P, m)
         x, w, s = np.moveaxis(mean, -1, 0)
@@ -213,11 +237,25 @@ class NoiseModel:
             self.walk_sd, self.inflow_sd, self.level_sd, self.gauge_sd
         ))  # fmt: skip
         c = 0.0 if A is None else T / A
-        return System(c, float(phi), float(psi), walk, inflow, level, gauge, A is not None)
+        return System(c, float(phi), float(psi), walk, inflow, level, gauge, self.misfit**2, A is not None)
+
+
+def _moved(activity: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
+    """Activity as the filter takes it, shape (n, days); zeros where there is none."""
+    if activity is None:
+        return np.zeros(shape[::-1])
+    moved = np.asarray(activity, float)
+    if moved.shape != shape or not (np.isfinite(moved) & (moved >= 0.0)).all():
+        raise RividError(f"activity has shape {moved.shape}: expected {shape}, finite numbers of 0 or more")
+    return np.ascontiguousarray(moved.T)
 
 
 WALK_LIMIT = 1e-3
 """Largest random walk with a level-type noise [m per sample]: a larger one absorbs the wind."""
+
+
+MOST_MISFIT = 2.0
+"""Largest misfit: fronts that are two samples early or late."""
 
 
 class Limits(NamedTuple):
@@ -241,25 +279,31 @@ def limits_of(
     A: float | None,
     level: bool,
     gauge_floor: float,
-    walk_limit: float | None,
-    memory_floor: float | None,
+    misfit: bool,
+    within: Mapping[str, tuple[float, float]],
 ) -> Limits:
     """Limits from the usual change of a sample; arguments as of the fit."""
     n = values.shape[1]
     both = there[:, 1:] & there[:, :-1]
     scale = float(np.sqrt(np.mean(np.diff(values, axis=1)[both] ** 2) / 2.0))
     longest = 10.0 * n * T  # a longer memory is infinite within a day
-    most_walk = min(10.0 * scale, walk_limit or (WALK_LIMIT if level else np.inf))
+    most_walk = min(10.0 * scale, WALK_LIMIT if level else np.inf)
     bounds = {"gauge_sd": (max(gauge_floor, 1e-3 * scale), max(2.0 * gauge_floor, 10.0 * scale))}
     if A is not None:
         bounds["walk_sd"] = (1e-4 * most_walk, most_walk)
         bounds["inflow_sd"] = (1e-5 * scale * A / T, 10.0 * scale * A / T)
-        bounds["inflow_memory"] = (memory_floor or 10.0 * T, longest)
+        bounds["inflow_memory"] = (10.0 * T, longest)
     if A is None or level:
         bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
         bounds["level_memory"] = (3.0 * T, longest)
+    if misfit:
+        bounds["misfit"] = (1e-3, MOST_MISFIT)
+    for name, (least, most) in within.items():
+        if name in bounds:
+            low, high = max(least, min(bounds[name][0], most)), min(most, max(bounds[name][1], least))
+            bounds[name] = (low, high)
     low, high = np.array(list(bounds.values())).T
-    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, 0.0, 100.0 * T, T, A)
+    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, 0.0, 100.0 * T, T, A, 0.1 if misfit else 0.0)
     return Limits(rest, tuple(bounds), low, high, scale)
 
 
@@ -357,8 +401,8 @@ def fit_noise(
     weights: ArrayLike | None = None,
     level: bool = False,
     gauge_floor: float = 0.0,
-    walk_limit: float | None = None,
-    memory_floor: float | None = None,
+    activity: ArrayLike | None = None,
+    within: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     starts: tuple[NoiseModel, ...] = (),
     alone: bool = False,
 ) -> NoiseModel:
@@ -379,10 +423,10 @@ def fit_noise(
         Whether a pool has the level-type noise s (a river reach always has).
     gauge_floor : float
         Lower limit of gauge_sd [m]: the reading's step / sqrt(12).
-    walk_limit : float, optional
-        Upper limit of walk_sd [m per sample]; default none, or :data:`WALK_LIMIT` with `level`.
-    memory_floor : float, optional
-        Lower limit of w's memory [s]; default ten samples.
+    activity : array_like, shape (days, n), optional
+        Of the flows [m2]: the noise has a misfit then.
+    within : mapping of str to (float, float)
+        Narrower limits of fields.
     starts : tuple of NoiseModel
         Further starts.
     alone : bool
@@ -399,20 +443,28 @@ def fit_noise(
     both = there[:, 1:] & there[:, :-1]
     if not np.diff(values, axis=1)[both].any():
         raise RividError("residual has no day that moves: expected a residual that varies; check the logs")
-    limits = limits_of(values, there, sample_time, surface_area, level, gauge_floor, walk_limit, memory_floor)
+    limits = limits_of(
+        values, there, sample_time, surface_area, level, gauge_floor, activity is not None, within
+    )
+    moved = _moved(activity, there.shape)
     usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
     if weights is not None:
         given = np.asarray(weights, float)
         if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
             raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(values, there, given, usual + starts, limits)
-    model = _climb(values, there, np.ones(len(values)), usual + starts, limits)
-    w = day_weights(model.whiten(residual))
-    return model if (w == 1.0).all() else _climb(values, there, w, (model,), limits)
+        return _climb(values, there, moved, given, usual + starts, limits)
+    model = _climb(values, there, moved, np.ones(len(values)), usual + starts, limits)
+    w = day_weights(model.whiten(residual, activity=activity))
+    return model if (w == 1.0).all() else _climb(values, there, moved, w, (model,), limits)
 
 
 def _climb(
-    values: Floats, there: Bools, weights: Floats, starts: tuple[NoiseModel, ...], limits: Limits
+    values: Floats,
+    there: Bools,
+    moved: Floats,
+    weights: Floats,
+    starts: tuple[NoiseModel, ...],
+    limits: Limits,
 ) -> NoiseModel:
     """The model of greatest likelihood from all starts."""
     from scipy.optimize import minimize
@@ -422,12 +474,13 @@ def _climb(
     used = weights > 0.0
     w = weights[used] / (weights @ there.sum(1))  # a mean a sample: one tolerance fits all
     z = np.ascontiguousarray(np.where(there, values, np.nan)[used].T)
+    moved = np.ascontiguousarray(moved[:, used])
     around = STEP * np.concatenate([np.zeros((1, len(limits.free))), np.eye(len(limits.free))])
 
     def cost(p: Floats) -> tuple[float, Floats]:
         """Less the mean log-likelihood of a sample, and its slopes by differences."""
         systems = [limits.at(point).system() for point in p + around]
-        days = log_likelihoods(z, np.array([m[:-1] for m in systems]), systems[0].diffuse)
+        days = log_likelihoods(z, moved, np.array([m[:-1] for m in systems]), systems[0].diffuse)
         at, *near = -(days @ w)
         return float(at), (np.array(near) - at) / STEP
 

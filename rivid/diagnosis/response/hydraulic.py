@@ -58,7 +58,11 @@ def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
     return output
 
 
-SHAPE = ("length", "width", "depth", "fall", "manning")
+SHAPE = ("length", "width", "depth", "fall", "manning", "bank")
+BANKS = 1.0, 1.0, 4.0
+"""Run of the banks for each metre up, its uncertainty and limit [-]: walls to meadows."""
+NARROWEST = 0.1
+"""Least width of the bed over that of the surface."""
 GATE_LAGS = (1, 2, 3)
 """Lags of the outflow that may be corrected [samples]: what the last cell and the gate make of a step."""
 ARRIVAL_LAGS = (-1, 0, 1, 2, 3)
@@ -131,7 +135,7 @@ class HydraulicResponse:
         depth_sd: float = 0.15,
         manning_sd: float = 0.25,
         width_modes: int = 3,
-        bed_modes: int = 2,
+        bed_modes: int = 3,
         corrections: bool = True,
         cells: int = 32,
         gate_time: float = 30.0,
@@ -178,10 +182,11 @@ class HydraulicResponse:
             FreeParameter.positive("depth", "m", depth, depth_sd),
             FreeParameter("fall", "m", fall, fall, 0.2 * depth, 0.0, 2.0 * depth),
             FreeParameter.positive("manning", "s/m^(1/3)", manning, manning_sd),
+            FreeParameter("bank", "-", BANKS[0], *BANKS[:2], 0.0, BANKS[2]),
         ]
         for j in range(1, width_modes + 1):
             shape.append(FreeParameter(f"width_mode_{j}", "-", 0.0, 0.0, 0.15, -0.5, 0.5))
-        for j in range(1, bed_modes + 1):
+        for j in range(2, bed_modes + 1):  # the first is nearly the fall
             shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
         made = cls(
             (*shape, gauge_lag()), level, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
@@ -197,12 +202,14 @@ class HydraulicResponse:
     @cached_property
     def channel(self) -> Channel:
         """The channel of the parameters."""
-        length, width, depth, fall, manning = (p.natural for p in self.parameters[: len(SHAPE)])
+        length, width, depth, fall, manning, bank = (p.natural for p in self.parameters[: len(SHAPE)])
         modes = [p.natural for p in self.parameters[len(SHAPE) : self._shape_count]]
-        bed_modes = modes[self.width_modes :]
+        bed_modes = [0.0, *modes[self.width_modes :]]
         end_wave = sum(mode * (-1) ** j for j, mode in enumerate(bed_modes, start=1))
+        bed = max(width - 2.0 * bank * (depth - 0.5 * fall), NARROWEST * width)
         return Channel.smooth(
-            length, width, fall / length, manning, self.cells, end_bed=self.level - depth - end_wave,
+            length, bed, fall / length, manning, self.cells, side_slope=bank,
+            end_bed=self.level - depth - end_wave,
             width_modes=modes[: self.width_modes], bed_modes=bed_modes,
         )  # fmt: skip
 
@@ -261,7 +268,7 @@ class HydraulicResponse:
 
     @property
     def _shape_count(self) -> int:
-        return len(SHAPE) + self.width_modes + self.bed_modes
+        return len(SHAPE) + self.width_modes + max(self.bed_modes - 1, 0)
 
     def _run(self, record: Record, changes: Changes, gauge: Floats, nudged: bool) -> Flow:
         water = record.output - gauge

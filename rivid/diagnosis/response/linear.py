@@ -82,7 +82,7 @@ class LinearPool:
         delay: float,
         area_sd: float = 0.2,
         delay_sd: float = 0.2,
-        gain_sd: float = 0.1,
+        gain_sd: float = 0.002,
     ) -> "LinearPool":
         """From the configured geometry.
 
@@ -94,7 +94,7 @@ class LinearPool:
         surface_area, delay : float
             A [m2] and tau [s].
         area_sd, delay_sd, gain_sd : float
-            Relative uncertainties of these and of the gain 1.
+            Relative uncertainties of these and of the gain 1; more of it is an effect, the error of a meter.
 
         Raises
         ------

@@ -1,0 +1,245 @@
+"""From scores to a verdict: probabilities of the explanations, and what they change in the error.
+
+Three numbers are set by hand: the probability to name alone, that of a group of names, and the least share of
+the squared error that counts.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rivid.diagnosis.blocks import Split
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.explanation import Explanation, Unknown
+from rivid.diagnosis.predictive import probabilities
+from rivid.effects import Effect
+from rivid.types import Bools, Floats, Ints
+
+ALONE = 0.95
+"""Probability from which one explanation is named alone."""
+TOGETHER = 0.95
+"""Probability that the smallest group of names reaches together."""
+MATERIAL = 0.10
+"""Least share of the squared error, at one horizon, that an effect removes to be named."""
+TEMPER = 0.05
+"""Exponent of the scores."""
+DOUBT = 0.05
+"""Chance at which the scatter of blocks is no longer an excuse."""
+DRAWS = 2000
+"""Of the bootstrap: a chance of 5 % to half a percent."""
+
+
+def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
+    """Sums over the chosen days of each block; (..., days) to (..., blocks)."""
+    label = np.unique(blocks[chosen], return_inverse=True)[1]
+    out = np.zeros((*days.shape[:-1], int(label.max(initial=-1)) + 1))
+    np.add.at(np.moveaxis(out, -1, 0), label, np.moveaxis(days[..., chosen], -1, 0))
+    return out
+
+
+def scores_of(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
+    """Log densities of the blocks of chosen days, shape (explanations, blocks)."""
+    return np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
+
+
+def _density(one: Explanation) -> Floats:
+    assert one.density is not None
+    return one.density
+
+
+def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
+    """Probability of each explanation, shape (explanations,)."""
+    return probabilities(
+        scores_of(pool, chosen, blocks), [one.log_prior for one in pool], temper=TEMPER, draws=DRAWS
+    )
+
+
+def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
+    """Share of the squared error of `other` that `one` removes, (horizons,), and bootstrap draws of it."""
+    assert one.errors is not None and other.errors is not None
+    with_, without = (block_sums(e.squares, chosen, blocks) for e in (one.errors, other.errors))
+    count = with_.shape[1]
+    weights = np.random.default_rng(0).dirichlet(np.ones(count), DRAWS)
+
+    def share(a: Floats, b: Floats) -> Floats:
+        return np.asarray(1.0 - a / np.where(b > 0.0, b, np.inf))
+
+    return share(with_.sum(axis=1), without.sum(axis=1)), share(weights @ with_.T, weights @ without.T)
+
+
+def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
+    """Whether an explanation removes enough of another one's error, and makes no horizon worse.
+
+    Enough is :data:`MATERIAL` at one horizon, and more than nothing there in all but :data:`DOUBT` of the
+    draws; worse is an error of an hour or more ahead that grows in all but as many.
+    """
+    share, draws = shares(one, other, chosen, blocks)
+    sure = np.quantile(draws, DOUBT, axis=0) > 0.0
+    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0
+    return bool(((share >= MATERIAL) & sure).any() and not worse.any())
+
+
+def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
+    """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter."""
+    gain = block_sums(_density(one) - _density(other), chosen, blocks)
+    weights = np.random.default_rng(0).dirichlet(np.ones(len(gain)), DRAWS)
+    unlikely = np.quantile(weights @ gain, 1.0 - DOUBT) < 0.0
+    _, draws = shares(one, other, chosen, blocks)
+    return bool(unlikely or (np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0).any())
+
+
+UNKNOWN = 0.5
+"""Probability of something unknown from which it is the verdict: more likely than all names together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything a diagnosis found, for its report."""
+
+    record: Record
+    split: Split
+    pool: tuple[Explanation, ...]  # all explanations, scored
+    first: Explanation  # the best one without a further effect
+    kernels: dict[str, Floats]  # step responses; see :func:`rivid.diagnosis.response.base.kernels_of`
+    notes: tuple[str, ...]
+    start: tuple[Effect, ...] = ()  # effects known from the start
+
+    @cached_property
+    def opened(self) -> Bools:
+        """Days that fit and score, shape (days,)."""
+        return np.asarray(self.split.fit | self.split.select)
+
+    @cached_property
+    def ranking(self) -> tuple[tuple[Explanation, float], ...]:
+        """Explanations that count, the best of each kind, and their probabilities, most probable first."""
+        pool = leading(self._counting, self.opened)
+        chances = ranked(pool, self.opened, self.split.block).tolist()
+        return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
+
+    @cached_property
+    def _counting(self) -> tuple[Explanation, ...]:
+        """All but unknown dynamics that do not simulate materially better than the best of the others.
+
+        A response with many coefficients is always likelier than equations, for what no equation holds of a
+        front: it stands for an unknown only where it takes a material share from the error.
+        """
+        known = [one for one in self.pool if one.unknown != "dynamics"]
+        flexible = [one for one in self.pool if one.unknown == "dynamics"]
+        if not flexible or not known:
+            return self.pool
+        pool = leading(known, self.opened)
+        best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
+        return (*known, *(one for one in flexible if self._material(one, best, self.opened)))
+
+    def _material(self, one: Explanation, other: Explanation, days: Bools) -> bool:
+        return is_material(one, other, self.opened & days, self.split.block)
+
+    @cached_property
+    def _cores(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
+        """Of each ranked explanation, by its identity: names that are material, and what is unknown."""
+        return {id(one): self.core(one) for one, _ in self.ranking}
+
+    def core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
+        """Names of an explanation that are material given those before them, and what is unknown if it is."""
+        parent = one.parent
+        if parent is None:
+            return (), one.unknown
+        names, unknown = self.core(parent)
+        if one.added is None and not one.unknown or one.unknown == parent.unknown and one.added is None:
+            return names, unknown
+        if not self._material(one, parent, one.active(self.record)):
+            return names, unknown
+        return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
+
+    def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
+        """Probability of the explanations with material names, and an unknown, that `holds` accepts."""
+        total = 0.0
+        for one, p in self.ranking:
+            if holds(*self._cores[id(one)]):
+                total += p
+        return min(total, 1.0)
+
+    def chance_of(self, name: str) -> float:
+        """Probability that an effect acts and is material."""
+        return self.chance(lambda names, _: name in names)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """All names of material effects, the most probable first."""
+        found = {name for names, _ in self._cores.values() for name in names}
+        return tuple(sorted(found, key=lambda name: -self.chance_of(name)))
+
+    @cached_property
+    def sure(self) -> tuple[str, ...]:
+        """Names that are probable enough alone."""
+        return tuple(name for name in self.names if self.chance_of(name) >= ALONE)
+
+    @cached_property
+    def group(self) -> tuple[str, ...]:
+        """The fewest names that are probable enough together; empty where all names are not."""
+        found: list[str] = []
+        for name in self.names:
+            found.append(name)
+            if self.chance(lambda names, _: not set(names).isdisjoint(found)) >= TOGETHER:
+                return tuple(found)
+        return ()
+
+    @cached_property
+    def last(self) -> Explanation:
+        """The most probable explanation with the names that are sure, or else with the first of the group."""
+        wanted = set(self.sure or self.group[:1])
+        if not wanted:
+            return self.first
+        for one, _ in self.ranking:
+            names, unknown = self._cores[id(one)]
+            if set(names) == wanted and not unknown:
+                return one
+        able = [one for one, _ in self.ranking if wanted <= set(self._cores[id(one)][0])]
+        return able[0]
+
+    @cached_property
+    def steps(self) -> tuple[Explanation, ...]:
+        """The way from the first to the last explanation, an effect at a time; without the first."""
+        way, one = [], self.last
+        while one.parent is not None:
+            way.append(one)
+            one = one.parent
+        return tuple(reversed(way))
+
+    @cached_property
+    def unknown(self) -> float:
+        """Probability that something unknown is missing."""
+        return self.chance(lambda _, unknown: bool(unknown))
+
+    def score(self, one: Explanation) -> float:
+        """Log density of the open days, each predicted without its block [nats]."""
+        return float(_density(one)[self.opened].sum())
+
+    def p_value(self, one: Explanation) -> float:
+        """p of an explanation's gain over what it extends, by Student's t over blocks."""
+        from scipy.stats import t
+
+        assert one.parent is not None
+        gain = block_sums(_density(one) - _density(one.parent), self.opened, self.split.block)
+        spread = float(gain.std(ddof=1)) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
+        return float(t.sf(float(gain.mean()) / max(spread, 1e-300), max(len(gain) - 1, 1)))
+
+    @cached_property
+    def contradicted(self) -> bool:
+        """Whether the sealed days contradict what is named."""
+        return self.last is not self.first and worse_on(
+            self.last, self.first, self.split.sealed, self.split.block
+        )
+
+
+def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
+    """The best explanation of each kind: of the same names and the same unknown."""
+    best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
+    for one in pool:
+        key = tuple(sorted(one.names)), one.unknown
+        score = TEMPER * float(_density(one)[opened].sum()) + one.log_prior
+        if key not in best or score > best[key][0]:
+            best[key] = score, one
+    return [one for _, one in best.values()]

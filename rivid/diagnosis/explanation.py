@@ -1,0 +1,318 @@
+"""An explanation of the logs: a response, effects and a noise, fitted together, and its score on held-out
+days.
+
+The fit takes Levenberg-Marquardt steps on the posterior of the parameters of response and effects; noise and
+day weights are refitted between steps. The score of a day is the log density of its samples, predicted by
+the fit without the day's block (:mod:`rivid.diagnosis.predictive`), less the price of its events.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.events import Events
+from rivid.diagnosis.fit import ENOUGH, HOURS, NEAR, TRIES, WIDE, DayErrors, Model, day_errors, residual_of
+from rivid.diagnosis.noise.model import NoiseModel, day_weights
+from rivid.diagnosis.predictive import day_densities, held_out
+from rivid.diagnosis.response.base import vector_of
+from rivid.effects import LEVEL_NOISES, Effect
+from rivid.errors import RividError
+from rivid.types import Bools, Floats, Ints
+
+Unknown = Literal["", "flow", "gauge", "dynamics"]
+HORIZONS = (NEAR, *HOURS)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A fitted explanation; arrays have a row for each day of the record."""
+
+    model: Model
+    unknown: Unknown
+    log_prior: float  # of its names and windows [nats]
+    residual: Floats  # (days, n): measured less simulated and coded, NaN where nothing was measured
+    # (k, days, n): change of the simulated output for one unit of each free parameter, of response, effects
+    # and
+    # further linear columns; their prior standard deviations (k,), and present values less the prior's means.
+    columns: Floats
+    sd: Floats
+    deviation: Floats
+    weights: Floats  # (days,): of the fit; 0 on sealed days
+    # Effects that the simulator does not hold: events, coded day by day, and noises; with the events.
+    others: tuple[Effect, ...] = ()
+    events: tuple[Events, ...] = ()
+    bonus: Floats | None = None  # (days,): log density that a noise outside the filter gains [nats]
+    parent: "Explanation | None" = None  # what it extends by its last effect, or by something unknown
+    density: Floats | None = None  # (days,): log density of each day, predicted by the fit without its block
+    errors: DayErrors | None = None  # of forecasts by that fit, at HORIZONS
+    change: Floats | None = None  # (days, k): of the parameters, to the fit without the block of each day
+    standard_errors: Floats | None = None  # (k,): of the parameters, the scatter of blocks included
+
+    @property
+    def noise(self) -> NoiseModel:
+        """The fitted noise."""
+        assert self.model.noise is not None
+        return self.model.noise
+
+    @property
+    def predicted(self) -> Floats:
+        """Residual of each day by the fit without its block, shape (days, n)."""
+        assert self.change is not None
+        return np.asarray(self.residual - np.einsum("dk,kdn->dn", self.change, self.columns, optimize=True))
+
+    @property
+    def whole(self) -> Model:
+        """The model with the events in the simulator."""
+        events = tuple(e for e in self.others if e.found_as not in LEVEL_NOISES)
+        model = self.model
+        return replace(model, effects=(*model.effects, *events), free=(*model.free, *((),) * len(events)))
+
+    def errors_of(self, index: int) -> dict[tuple[str, int | None], float]:
+        """Standard errors of the free numbers of an effect, by name and place in it."""
+        assert self.standard_errors is not None
+        own = self.standard_errors[len(self.model.reach.parameters) :].tolist()
+        slots = self.model.slots()
+        return {key: error for (i, key, _), error in zip(slots, own, strict=False) if i == index}
+
+    @property
+    def added(self) -> Effect | None:
+        """The effect that it has more than its parent."""
+        before = (0, 0) if self.parent is None else self.parent.count
+        if self.count[0] > before[0]:
+            return self.model.effects[-1]
+        return self.others[-1] if self.count[1] > before[1] else None
+
+    @property
+    def count(self) -> tuple[int, int]:
+        """Effects in the simulator and outside it."""
+        return len(self.model.effects), len(self.others)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Its effects."""
+        return (*self.model.effects, *self.others)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its effects."""
+        return tuple(effect.name for effect in self.effects)
+
+    def active(self, record: Record) -> Bools:
+        """Days on which the effect acts that it has more than its parent, shape (days,)."""
+        last = self.added
+        if last is None or last.found_as in LEVEL_NOISES:
+            return np.ones(record.days, bool)
+        if self.others and last is self.others[-1]:
+            return np.asarray(self.events[-1].coded.any(axis=1))
+        if last.dates is None:
+            return np.ones(record.days, bool)
+        return np.array([last.dates[0] <= day <= last.dates[1] for day in record.dates])
+
+    @property
+    def coded(self) -> Floats:
+        """Output of the events, shape (days, n)."""
+        return sum((found.coded for found in self.events), np.zeros(self.residual.shape))
+
+    @property
+    def price(self) -> Floats:
+        """Of the events that begin on each day, shape (days,) [nats]."""
+        days = len(self.residual)
+        price = np.zeros(days)
+        for found in self.events:
+            price += found.price * np.bincount([e.day for e in found.events], minlength=days)
+        return price
+
+
+def fitted(
+    model: Model,
+    record: Record,
+    open_days: Bools,
+    *,
+    unknown: Unknown = "",
+    log_prior: float = 0.0,
+    start: Explanation | None = None,
+    extra: Floats | None = None,
+    parent: Explanation | None = None,
+    others: tuple[Effect, ...] = (),
+    events: tuple[Events, ...] = (),
+    steps: int = 6,
+    fresh: int = 0,
+) -> Explanation:
+    """Fit a model and its noise to the open days.
+
+    Parameters
+    ----------
+    model : Model
+        Start of the fit.
+    record : Record
+    open_days : ndarray of bool, shape (days,)
+    unknown : str
+    log_prior : float
+    start : Explanation, optional
+        A fit near by: its columns of the response's parameters and, for the first steps, its noise and
+        weights are used. By default columns are computed, and the noise fitted, at the start.
+    extra : ndarray, shape (q, days, n), optional
+        Further linear columns of unknown flows, in m3/s; each has the standard deviation of the noise's
+        inflow.
+    parent : Explanation, optional
+        What this one extends.
+    others, events : tuple
+        Events and noises outside the simulator.
+    steps : int
+        Most steps.
+    fresh : int
+        How many times the columns are computed anew once the steps with the old ones gain nothing.
+    """
+    p = len(model.reach.parameters)
+    sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
+    middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
+
+    def left(of: Model) -> Floats:
+        z = residual_of(record, of.baseline(record))
+        return np.asarray(z - coded)
+
+    def at(of: Model) -> Floats:
+        return np.concatenate([vector_of(of.reach), of.values()])
+
+    coded = sum((found.coded for found in events), np.zeros(record.time.shape))
+    z = left(model)
+    J = _columns(model, record, None if start is None else start.columns[:p])
+    more = np.zeros((0, *z.shape)) if extra is None else extra
+    linear = np.zeros(len(more))  # values of the further columns
+    damping, weights = 1e-3, None
+    for step in range(steps):
+        seen = np.where(record.used, z - np.tensordot(linear, more, 1), np.nan)
+        if (
+            start is not None and step < 2 and start.model.noise_kind == model.noise_kind
+        ):  # far from the fit the noise would take what the steps should
+            noise, weights = start.model.noise, start.weights
+            assert noise is not None
+        else:
+            noise, weights = _noise(model, record, seen, open_days, weights, alone=model.noise is not None)
+        model = replace(model, noise=noise)
+        white = noise.whiten(seen, activity=record.activity)
+        root = np.sqrt(weights)[:, None]
+        scale = np.concatenate([sd, np.full(len(more), max(noise.inflow_sd, noise.level_sd))])
+        X = noise.whiten(np.concatenate([J, more]), like=seen, activity=record.activity)
+        X = (X[:, open_days] * root[open_days]).reshape(len(scale), -1) * scale[:, None]
+        r = (white * root)[open_days].ravel()
+        here = np.concatenate([at(model), linear])
+        prior = np.concatenate([middle, np.zeros(len(more))])
+        off = (here - prior) / scale
+        G, g = X @ X.T + np.eye(len(scale)), X @ r - off
+        cost, fell = 0.5 * float(r @ r + off @ off), 0.0
+        for _ in range(TRIES):
+            move = np.zeros(len(g))
+            inside = np.flatnonzero(~_held(model, g))
+            part = G[np.ix_(inside, inside)]
+            move[inside] = np.linalg.solve(part + damping * np.diag(np.diag(part)), g[inside])
+            move[:p] = np.clip(move[:p], -2.0, 2.0)
+            there = here + move * scale
+            try:
+                other = replace(model, reach=model.reach.with_parameters(there[:p]))
+                other = other.with_values(there[p : len(sd)])
+                z_other = left(other)
+                w = noise.whiten(
+                    np.where(record.used, z_other - np.tensordot(there[len(sd) :], more, 1), np.nan),
+                    activity=record.activity,
+                )
+            except RividError:  # an impossible flow: a shorter step
+                damping = max(8.0 * damping, 1e-2)
+                continue
+            off = (np.concatenate([at(other), there[len(sd) :]]) - prior) / scale
+            now = 0.5 * float(((w * root)[open_days] ** 2).sum() + off @ off)
+            if now < cost:
+                fell, model, z, linear = cost - now, other, z_other, there[len(sd) :]
+                damping = max(damping / 8.0, 1e-4)
+                break
+            damping = max(8.0 * damping, 1e-2)
+        damping = min(damping, 1.0)
+        if fell < ENOUGH and fresh <= 0:
+            break
+        if fresh > 0:
+            fresh -= 1
+            J = _columns(model, record, None)
+    residual = z - np.tensordot(linear, more, 1)
+    seen = np.where(record.used, residual, np.nan)
+    noise, weights = _noise(model, record, seen, open_days, weights, alone=False)
+    model = replace(model, noise=noise)
+    scale = np.concatenate([sd, np.full(len(more), max(noise.inflow_sd, noise.level_sd))])
+    deviation = np.concatenate([at(model) - middle, linear])
+    return Explanation(
+        model,
+        unknown,
+        log_prior,
+        residual,
+        np.concatenate([J, more]),
+        scale,
+        deviation,
+        weights,
+        others,
+        events,
+        parent=parent,
+    )
+
+
+def _held(model: Model, slope: Floats) -> Bools:
+    """Parameters of the response at a limit that the fit would cross; shape of `slope`."""
+    held = np.zeros(len(slope), bool)
+    for i, free in enumerate(model.reach.parameters):
+        held[i] = (free.value <= free.low and slope[i] < 0.0) or (free.value >= free.high and slope[i] > 0.0)
+    return held
+
+
+def _columns(model: Model, record: Record, given: Floats | None) -> Floats:
+    """Columns of all free parameters; those of the response may be given."""
+    if given is None:
+        return model.jacobian(record)[1]
+    return np.concatenate([given, model.effect_columns(record)])
+
+
+def _noise(
+    model: Model, record: Record, seen: Floats, open_days: Bools, weights: Floats | None, alone: bool
+) -> tuple[NoiseModel, Floats]:
+    """Noise of the open days, and the weights of all days with it; 0 on the sealed ones."""
+    few = record.take(open_days)
+    noise = model.fit_noise(seen[open_days], few, None if weights is None else weights[open_days], alone)
+    found = np.zeros(len(seen))
+    found[open_days] = day_weights(noise.whiten(seen, activity=record.activity)[open_days])
+    return noise, found
+
+
+def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
+    """The explanation with its score: density and errors of each day, predicted without its block.
+
+    Parameters
+    ----------
+    one : Explanation
+    record : Record
+    blocks : ndarray of int, shape (days,)
+    tails : float
+        Degrees of freedom of the days' common size.
+    """
+    noise = one.noise
+    seen = np.where(record.used, one.residual, np.nan)
+    r = noise.whiten(seen, activity=record.activity)
+    X = noise.whiten(one.columns, like=seen, activity=record.activity)
+    squares, log_det, change, errors = held_out(r, X, one.sd**-2.0, blocks, one.weights)
+    plain = noise.log_likelihood(seen, record.activity) + 0.5 * (r * r).sum(axis=1)
+    density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
+    density = density - one.price + (0.0 if one.bonus is None else one.bonus)
+    one = replace(one, density=density, change=change, standard_errors=errors)
+    return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
+
+
+TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)
+"""Degrees of freedom that are tried."""
+
+
+def tails_of(one: Explanation, record: Record) -> float:
+    """The degrees of freedom of greatest likelihood of the open days' common sizes."""
+    seen = np.where(record.used, one.residual, np.nan)
+    r = one.noise.whiten(seen, activity=record.activity)
+    chosen = (one.weights > 0.0) & (r != 0.0).any(axis=1)
+    squares, counts = (r * r).sum(axis=1)[chosen], (r != 0.0).sum(axis=1)[chosen]
+    nothing = np.zeros(len(squares))
+    return max(TAILS, key=lambda t: float(day_densities(squares, nothing, nothing, counts, t).sum()))

@@ -1,0 +1,105 @@
+"""How well an explanation predicts days that it was not fitted to, and the probability that this gives it.
+
+Near the fit of an explanation the whitened residual of day d is r_d - X_d x, x the change of its parameters.
+At the fit, the sum of X'r over days balances the prior, of the diagonal precision P. Without block b, x has
+the precision G - G_b, G = X'X + P summed over days, and the mean -(G - G_b)^-1 g_b, g_b = X'r of the block:
+one Gauss-Newton step from the full fit. The days of b are then predicted with innovations r_d - X_d x and the
+covariance I + X_d V X_d'. A day may be noisier than the others as a whole: its innovations are a multivariate
+t.
+
+The score of an explanation is the sum over blocks of these log densities. Blocks are resampled (Bayesian
+bootstrap), so that a score that rests on a few of them is not sure: pseudo-BMA+ of Yao, Vehtari, Simpson and
+Gelman (2018, Bayesian Analysis 13, 917-1007, section 3.4).
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaln
+
+from rivid.types import Floats
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+def held_out(
+    r: ArrayLike, X: ArrayLike, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Squared innovations and log-determinant of each day, predicted by the fit without its block.
+
+    Parameters
+    ----------
+    r : array_like, shape (days, n)
+        Whitened residual of the full fit, 0 where a sample is missing.
+    X : array_like, shape (p, days, n)
+        Whitened columns: what one unit of each parameter takes from the residual.
+    precision : array_like, shape (p,)
+        Of the parameters, a priori.
+    blocks : array_like of int, shape (days,)
+    weights : array_like, shape (days,)
+        Of the days in the fit; a day with the weight 0 is predicted by all others.
+
+    Returns
+    -------
+    squares, log_det : ndarray, shape (days,)
+        e' C^-1 e and log |C| of the innovations e of each day, C their covariance.
+    change : ndarray, shape (days, p)
+        Change of the parameters from the full fit to the fit without the block of each day.
+    errors : ndarray, shape (p,)
+        Standard errors of the parameters: those of the posterior, or of the jackknife over blocks with weight
+        where these are larger, as where a response does not fit in the same way in all blocks.
+    """
+    r, X, w = np.asarray(r, float), np.asarray(X, float), np.asarray(weights, float)
+    label, p = np.asarray(blocks), len(X)
+    scale = np.sqrt(np.asarray(precision, float))  # one unit is a prior standard deviation
+    per_day = np.ascontiguousarray(X.transpose(1, 0, 2)) / scale[:, None]
+    G_day = per_day @ per_day.transpose(0, 2, 1)
+    g_day = np.einsum("dpn,dn->dp", per_day, r)
+    r_day = np.einsum("dn,dn->d", r, r)
+    G = np.tensordot(w, G_day, 1) + np.eye(p)
+    squares, log_det, change = np.empty(len(r)), np.empty(len(r)), np.empty((len(r), p))
+    jackknife = []
+    for b in np.unique(label):
+        days = np.flatnonzero(label == b)
+        rest = G - np.tensordot(w[days], G_day[days], 1)
+        x = -np.linalg.solve(rest, w[days] @ g_day[days])
+        size = np.linalg.slogdet(rest)[1]
+        if w[days].any():
+            jackknife.append(x)
+        for d in days:
+            u = g_day[d] - G_day[d] @ x
+            both = rest + G_day[d]
+            squares[d] = r_day[d] - 2.0 * x @ g_day[d] + x @ G_day[d] @ x - u @ np.linalg.solve(both, u)
+            log_det[d] = np.linalg.slogdet(both)[1] - size
+            change[d] = x / scale
+    many = len(jackknife)
+    scatter = np.var(jackknife, axis=0) * (many - 1) if many > 1 else np.zeros(p)
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(G)), scatter)) / scale
+    return squares, log_det, change, errors
+
+
+def day_densities(squares: Floats, log_det: Floats, scale: Floats, counts: Floats, tails: float) -> Floats:
+    """Log density of each day [nats], shape (days,).
+
+    `scale` is the Gaussian log density of innovations of 0 before the parameters' part of the covariance, and
+    `counts` the innovations of each day; `tails` are the degrees of freedom of the days' common size.
+    """
+    half = 0.5 * counts
+    gauss = scale + half * LOG_2PI - 0.5 * log_det
+    t = gammaln(0.5 * tails + half) - gammaln(0.5 * tails) - half * np.log(tails * np.pi)
+    return np.asarray(gauss + t - (0.5 * tails + half) * np.log1p(squares / tails))
+
+
+def probabilities(
+    scores: ArrayLike, log_prior: ArrayLike, *, temper: float = 1.0, draws: int = 4000, seed: int = 0
+) -> Floats:
+    """Probability of each explanation, shape (k,), from the log densities of blocks (k, blocks).
+
+    Each draw weighs the blocks by a Dirichlet distribution of ones, times their number; the score of an
+    explanation is tempered, its prior is not.
+    """
+    s = np.asarray(scores, float)
+    weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.ones(s.shape[1]), draws)
+    total = temper * (weights @ (s - s.max(axis=0)).T) + np.asarray(log_prior, float)
+    total -= total.max(axis=1, keepdims=True)
+    chance = np.exp(total)
+    return np.asarray((chance / chance.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -1,0 +1,411 @@
+"""Candidates: every effect of the library, in its best window, about a fitted explanation.
+
+The columns of all trials are computed once for a response, and whitened with the noise of the explanation.
+For a window W of days, with the whitened column w of a candidate, the residual r of the explanation and the
+columns X of its parameters (priors in G = X'X + P),
+
+    gain = s' Q^-1 s / 2,    s = sum_W w'r,    Q = sum_W w'w - (sum_W X'w)' G^-1 (sum_W X'w),
+
+sums over days, so that cumulative sums give all windows. A window inside the season pays for the choice of
+its ends: each of its kind is as likely as the others, and the whole season as likely as all of them together.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rivid.diagnosis.data import Record
+from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
+from rivid.diagnosis.explanation import Explanation, fitted
+from rivid.diagnosis.fit import Model, residual_of
+from rivid.diagnosis.response.base import kernels_of, vector_of
+from rivid.diagnosis.seiche import seiche
+from rivid.effects import Dates, Effect, Trial, changes_of
+from rivid.errors import RividError
+from rivid.types import DAY, HOUR, Floats, Ints
+
+HOURS_A_DAY = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect that might be missing, with its window and a first estimate of its size."""
+
+    effect: Effect
+    free: tuple[str, ...]
+    gain: float  # of the likelihood, linear, with the noise as it is [nats]
+    log_prior: float  # of its window [nats]
+    shift: Floats  # (k,): change of the explanation's own parameters with it
+    make: Callable[[float], Effect]  # the effect at a share of its size
+
+    @property
+    def worth(self) -> float:
+        """Gain less the price of its window [nats]."""
+        return self.gain + self.log_prior
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """The columns of all trials about a model."""
+
+    trials: tuple[Trial, ...]
+    columns: tuple[Floats, ...]  # (k, days, n) each; of an hourly trial the key of its kernel in `hourly`
+    kernels: dict[str, Floats]  # step responses by place
+
+    @classmethod
+    def of(cls, model: Model, record: Record, classes: dict[str, type[Effect]]) -> "Library":
+        """Columns of the effects that are possible in a record's reach."""
+        able = (e for e in classes.values() if record.kind == "pool" or e.acts_on_river)
+        kernels = kernels_of(model.reach, record)
+        base = model.baseline(record)
+        hourly: dict[str, Floats] = {}
+        trials, columns = [], []
+        world = record.world(model.level, model.flow)
+        for effect in able:
+            for trial in effect.trials(record.sample_time):
+                try:
+                    if trial.hourly:
+                        if trial.hourly not in hourly:
+                            hourly[trial.hourly] = hour_columns(record, kernels[trial.hourly])
+                        found = hourly[trial.hourly]
+                    else:
+                        found = np.stack(
+                            [
+                                (
+                                    model.reach.baseline(record, changes_of((*model.effects, one), world))
+                                    - base
+                                )
+                                / size
+                                for one, size in zip(trial.effects, trial.sizes, strict=True)
+                            ]
+                        )
+                except RividError:  # the reach runs dry with this effect
+                    continue
+                trials.append(trial)
+                columns.append(found)
+        return cls(tuple(trials), tuple(columns), kernels)
+
+
+def hour_columns(record: Record, kernel: Floats) -> Floats:
+    """Output for 1 m3/s in each hour of the day, shape (24, days, n), by convolution with a step response.
+
+    `kernel` (n,) is the output at each sample after 1 m3/s sets in; the reach is linear here, and findings
+    are fitted in the simulator afterwards.
+    """
+    days, n = record.time.shape
+    pulse = np.diff(kernel, prepend=0.0)
+    columns = np.empty((HOURS_A_DAY, days, n))
+    hour = np.mod(record.time, DAY) / 3600.0
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.fft.rfft(pulse, size)
+    for h in range(HOURS_A_DAY):
+        on = ((hour >= h) & (hour < h + 1)).astype(float)
+        columns[h] = np.fft.irfft(np.fft.rfft(on, size, axis=1) * spectrum, size, axis=1)[:, :n]
+    return columns
+
+
+def screened(base: Explanation, library: Library, record: Record, best: int = 2) -> list[Candidate]:
+    """The best candidates of each name about an explanation, best first."""
+    noise = base.model.noise
+    assert noise is not None
+    open_days = np.flatnonzero(base.weights > 0.0)
+    seen = np.where(record.used, base.residual, np.nan)
+    root = np.sqrt(base.weights[open_days])[:, None]
+
+    def white(columns: Floats) -> Floats:
+        found = noise.whiten(columns, like=seen, activity=record.activity)[:, open_days]
+        return np.asarray(found * root)
+
+    r = white(seen[None])[0]
+    X = white(base.columns) * base.sd[:, None, None]
+    flat = X.reshape(len(X), -1)
+    G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
+    found: list[Candidate] = []
+    for trial, columns in zip(library.trials, library.columns, strict=True):
+        w = white(columns)
+        if not w.any():
+            continue
+        s = np.einsum("kdn,dn->kd", w, r)
+        q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
+        c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
+        found += _windows(trial, s, q, c, np.asarray(G, float), base.sd, record, open_days)
+    by_name: dict[str, list[Candidate]] = {}
+    for one in sorted(found, key=lambda one: -one.worth):
+        kept = by_name.setdefault(one.effect.name, [])
+        if len(kept) < best:
+            kept.append(one)
+    return sorted((one for kept in by_name.values() for one in kept), key=lambda one: -one.worth)
+
+
+def _windows(
+    trial: Trial,
+    s: Floats,
+    q: Floats,
+    c: Floats,
+    G: Floats,
+    sd: Floats,
+    record: Record,
+    open_days: Ints,
+) -> list[Candidate]:
+    """A trial in the whole season and in its best window of dates (and hours)."""
+    days = s.shape[1]
+    if trial.hourly:
+        return _hourly(trial, s, q, record, open_days, np.zeros(len(sd)))
+    first, end, prior = _spans(trial.dates, days)
+
+    def up_to(a: Floats) -> Floats:
+        sums = np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(a, axis=-1)], axis=-1)
+        return np.moveaxis(sums[..., end] - sums[..., first], -1, 0)
+
+    S, Q, C = up_to(s), up_to(q), up_to(c)
+    left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
+    size = np.einsum("wkk->wk", Q)
+    solid = np.einsum("wkk->wk", left) > LEAST_LEFT * size
+    left = left + 1e-9 * size.max(axis=1)[:, None, None] * np.eye(len(s)) + 1e-300 * np.eye(len(s))
+    b = np.linalg.solve(left, S[..., None])[..., 0]
+    gain = 0.5 * np.einsum("wk,wk->w", S, b)
+    gain[~solid.all(axis=1)] = 0.0
+    if trial.sign:
+        gain[trial.sign * b[:, 0] <= 0.0] = 0.0
+    found = []
+    for rows in (np.arange(len(first)) == 0, np.arange(len(first)) > 0):
+        able = np.flatnonzero(rows)
+        if not len(able):
+            continue
+        i = able[int(np.argmax(gain[able] + prior[able]))]
+        if gain[i] <= 0.0:
+            continue
+        window = {} if i == 0 else {"dates": _dates(record, open_days, int(first[i]), int(end[i]))}
+        shift = -G @ (C[i] @ b[i]) * sd
+        found.append(_candidate(trial, b[i], window, float(gain[i]), float(prior[i]), shift))
+    return found
+
+
+def _candidate(
+    trial: Trial, b: Floats, window: dict[str, Any], gain: float, log_prior: float, shift: Floats
+) -> Candidate:
+    whole = replace(trial.make(b), **window)
+    key = trial.free[0]
+
+    def make(share: float) -> Effect:
+        return whole.with_values(**{key: trial_size(whole, key, share)})
+
+    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make)
+
+
+def trial_size(effect: Effect, key: str, share: float) -> Any:
+    """A share of a parameter's value, within its limits."""
+    value = getattr(effect, key)
+    if isinstance(value, tuple):
+        return tuple(effect.clipped(key, share * one) for one in value)
+    return effect.clipped(key, share * value)
+
+
+LEAST_LEFT = 0.02
+"""Share of a column's information that the response's parameters must leave for it to be estimated."""
+FEWEST = 4
+"""Open days of the shortest window of dates: one block and a neighbour."""
+
+
+def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
+    """First day, end and log prior of the windows of a kind; the whole season is the first of them."""
+    first, end = np.triu_indices(days + 1, FEWEST)
+    kinds = {"all": first < 0, "from": end == days, "until": first == 0, "between": first >= 0}
+    inside = kinds[dates] & ((first > 0) | (end < days))
+    a, b = first[inside], end[inside]
+    one_end = (a == 0) | (b == days)
+    prior = np.empty(len(a))
+    both = bool((~one_end).any())
+    for group in (one_end, ~one_end):  # windows with one end inside are as likely together as those with two
+        prior[group] = -np.log(2.0 * (2.0 if both else 1.0) * max(int(group.sum()), 1))
+    whole = 0.0 if not len(a) else -float(np.log(2.0))
+    return (
+        np.concatenate([[0], a]), np.concatenate([[days], b]), np.concatenate([[whole], prior]),
+    )  # fmt: skip
+
+
+def _dates(record: Record, open_days: Ints, first: int, end: int):  # type: ignore[no-untyped-def]
+    """Dates of a window of open days, extended to the season's ends, and over sealed days half-way."""
+    a = 0 if first == 0 else int(open_days[first])
+    b = record.days - 1 if end == len(open_days) else int(open_days[end - 1])
+    return record.dates[a], record.dates[b]
+
+
+def _hourly(
+    trial: Trial, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats
+) -> list[Candidate]:
+    """A release in a run of hours: in the whole season, and in its best window of dates."""
+    days = s.shape[1]
+    found = []
+    first, end, prior = _spans(trial.dates, days)
+    runs = HOURS_A_DAY * (HOURS_A_DAY - 1)
+    best: list[tuple[float, float, int, int, int, int, float]] = []
+    for windowed in (False, True):
+        a, b = 0, days
+        value: tuple[float, float, int, int, int, int, float] | None = None
+        for _ in range(6):  # the hours sharpen the dates, and the dates the hours
+            start, length, gain, size = _best_hours(
+                s[:, a:b].sum(axis=1), q[:, :, a:b].sum(axis=2), trial.sign
+            )
+            hours = (start + np.arange(length)) % HOURS_A_DAY
+            sums = np.concatenate([[0.0], np.cumsum(s[hours].sum(axis=0))])
+            info = np.concatenate([[0.0], np.cumsum(q[np.ix_(hours, hours)].sum(axis=(0, 1)))])
+            chosen = slice(1, None) if windowed else slice(0, 1)
+            S, Q = sums[end[chosen]] - sums[first[chosen]], info[end[chosen]] - info[first[chosen]]
+            if not len(S):
+                break
+            gains = _gain(S, Q, trial.sign) + prior[chosen]
+            i = int(np.argmax(gains))
+            a, b = int(first[chosen][i]), int(end[chosen][i])
+            now = (
+                float(gains[i]),
+                float(prior[chosen][i]),
+                start,
+                length,
+                a,
+                b,
+                float(S[i] / max(Q[i], 1e-300)),
+            )
+            if value is not None and now[0] <= value[0] + 1e-9:
+                break
+            value = now
+        if value is not None and value[3] < HOURS_A_DAY:
+            best.append(value)
+    for total, log_prior, start, length, a, b, size in best:
+        window: dict[str, Any] = {
+            "hours": (float(start), float((start + length) % HOURS_A_DAY or HOURS_A_DAY))
+        }
+        if (a, b) != (0, days):
+            window["dates"] = _dates(record, open_days, a, b)
+        prior_ = log_prior - float(np.log(runs))
+        found.append(_candidate(trial, np.array([size]), window, total - log_prior, prior_, shift))
+    return found
+
+
+def _best_hours(score: Floats, information: Floats, sign: int) -> tuple[int, int, float, float]:
+    """Start, length, gain and size of the best run of hours."""
+    n = len(score)
+    best = (0, n, -np.inf, 0.0)
+    twice = np.concatenate([np.arange(n), np.arange(n)])
+    for start in range(n):
+        order = twice[start : start + n - 1]
+        s = np.cumsum(score[order])
+        part = information[np.ix_(order, order)]
+        q = np.cumsum(np.cumsum(part, axis=0), axis=1).diagonal()
+        gains = _gain(s, q, sign)
+        i = int(np.argmax(gains))
+        if gains[i] > best[2]:
+            best = (start, i + 1, float(gains[i]), float(s[i] / max(q[i], 1e-300)))
+    return best
+
+
+def _gain(score: Floats, information: Floats, sign: int) -> Floats:
+    s = np.maximum(sign * score, 0.0) if sign else score
+    safe = np.where(information > 0, information, np.inf)
+    return np.asarray(0.5 * s * s / safe)
+
+
+SHARES = (1.0, 0.3, 0.1)
+"""Shares of a candidate's size at which its fit may begin."""
+CODINGS = 3
+"""Most searches for events: each fits the noise to what the events of the one before leave."""
+
+
+def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
+    """An explanation with one more effect in the simulator, all fitted together.
+
+    Raises
+    ------
+    RividError
+        Where the reach cannot carry the flows with it.
+    """
+    model, noise = parent.model, parent.model.noise
+    assert noise is not None
+    p = len(model.reach.parameters)
+    opened = parent.weights > 0.0
+    root = np.sqrt(parent.weights)[:, None]
+    best: tuple[float, Model] | None = None
+    for share in SHARES:  # the columns hold near the fit: a large effect is begun with a part of it
+        try:
+            reach = model.reach.with_parameters(vector_of(model.reach) + share * candidate.shift[:p])
+            larger = replace(
+                model, reach=reach, effects=(*model.effects, candidate.make(share)),
+                free=(*model.free, candidate.free),
+            )  # fmt: skip
+            left = residual_of(record, larger.baseline(record)) - parent.coded
+            white = noise.whiten(np.where(record.used, left, np.nan), activity=record.activity)
+        except RividError:
+            continue
+        cost = float(((white * root)[opened] ** 2).sum())
+        if best is not None and cost >= best[0]:
+            break
+        best = cost, larger
+    if best is None:
+        raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
+    larger = best[1]
+    return fitted(
+        larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
+    )  # fmt: skip
+
+
+def with_events(
+    parent: Explanation, effect: type[Effect], kernels: dict[str, Floats], record: Record, log_prior: float
+) -> Explanation | None:
+    """An explanation with events of a kind, found one by one in what it leaves; None where there are none."""
+    kind = kind_of(effect, kernels)
+    seen = np.where(record.used, parent.residual, np.nan)
+    opened = parent.weights > 0.0
+    follows = np.append(False, np.diff(record.day_number) == 1)
+    plain = replace(record.take(opened), activity=None)
+    found: Events | None = None
+    for _ in range(CODINGS):
+        left = seen if found is None else seen - found.coded
+        noise = replace(parent.model, noise=None).fit_noise(left[opened], plain, None)
+        more = find_events(seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows)
+        if not more.events:
+            return None
+        same = found is not None and len(more.events) == len(found.events)
+        found = more
+        if same:
+            break
+    assert found is not None
+    if not plausible(found):
+        return None
+    return fitted(
+        parent.model, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),
+        events=(*parent.events, found),
+    )  # fmt: skip
+
+
+def with_noise(
+    parent: Explanation, effect: type[Effect], record: Record, log_prior: float
+) -> Explanation | None:
+    """An explanation with a noise of the level: wind in the filter, or a seiche outside it."""
+    model, opened = parent.model, parent.weights > 0.0
+    if effect.found_as == "swing":
+        swing = seiche(record, parent, effect)
+        if swing is None:
+            return None
+        made, gains, tried = swing
+        bonus = gains if parent.bonus is None else gains + parent.bonus
+        return replace(
+            parent,
+            parent=parent,
+            others=(*parent.others, made),
+            bonus=bonus,
+            log_prior=log_prior - float(np.log(tried)),
+        )
+    if model.noise_kind != "plain":
+        return None
+    windy = fitted(
+        replace(model, noise_kind="wind"), record, opened, start=parent, parent=parent,
+        unknown=parent.unknown, log_prior=log_prior, others=parent.others, events=parent.events, steps=3,
+    )  # fmt: skip
+    noise = windy.model.noise
+    assert noise is not None
+    made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})
+    return replace(windy, others=(*windy.others, made))
