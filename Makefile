@@ -78,7 +78,7 @@ glen-canyon-page: setup  ## the measured river beside what is known of it, writt
 hydraulic-page: setup  ## travel times and Table VI on the hydraulic truth, written to docs/hydraulic.md
 	$(BIN)/python -m benchmarks.hydraulic
 
-exam: setup  ## 1200 simulated seasons, each in its own world, written to docs/exam.md; goes on where it was stopped
+exam: setup  ## 1500 simulated seasons, each in its own world, written to docs/exam.md; goes on where it was stopped
 	$(BIN)/python -m benchmarks.exam
 
 exam-quick: setup  ## a few dozen short seasons, in minutes; fails where a share is far from its target

@@ -21,8 +21,8 @@ from benchmarks.exam.rows import ROWS
 from benchmarks.exam.running import KEPT, outstanding, results_of, run, short
 from benchmarks.exam.worlds import FIRST_PROOF
 
-PROOF = range(FIRST_PROOF, FIRST_PROOF + 1200)
-"""Seeds of `make exam`."""
+PROOF = range(FIRST_PROOF, FIRST_PROOF + 1500)
+"""Seeds of `make exam`: of the 420 with nothing missing, none named has an upper limit of 0.009."""
 QUICK = range(5000, 5040)
 """Seeds of `quick`: of development, they are seen at every change."""
 QUICK_DAYS = 30

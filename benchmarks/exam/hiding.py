@@ -39,8 +39,14 @@ from rivid.reach.gauge import stilled
 from rivid.simulation.season import Season
 from rivid.types import Floats
 
-TYPES = {"nothing": 0.2, "operators": 0.06, "one": 0.46, "two": 0.14, "outside": 0.07, "removed": 0.07}
-"""Shares of what is hidden."""
+TYPES = {
+    "nothing": 0.22, "operators": 0.06, "one": 0.34, "twin": 0.1, "two": 0.12, "outside": 0.08, "removed": 0.08,
+}  # fmt: skip
+"""Shares of what is hidden. A twin is one effect too, of :data:`TWINS`."""
+TWINS = (
+    "inflow_gain_error", "outflow_gain_error", "lateral_inflow", "sensor_drift", "unlogged_upstream_release",
+)  # fmt: skip
+"""Effects that often have a rival: hidden more often than others."""
 MOST_TIMES = 16.0
 TRIES = 40
 """Worlds that a seed draws at most; about every fourth is one whose operators do not hold its level."""
@@ -99,8 +105,8 @@ def plant(seed: int, longest: int = 1000) -> Planted:
     """The season of a seed.
 
     The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
-    1x, for each), `units` (1x of each), `by` (what asks for it), `rivals` (of one effect: by how many nats it
-    is ahead of each effect that is confounded with it), `allowed` (names that are true of the water itself),
+    1x, for each), `units` (1x of each), `by` (what asks for it), `rivals` (of one effect or two: by how many
+    nats they are ahead of each effect that is confounded with one of them), `allowed` (names that are true of the water itself),
     `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its factors).
 
     Parameters
@@ -144,8 +150,8 @@ def _planted(world: World, attempt: int) -> Planted:
             units.append(one)
             times.append(times_one)
             tables.append(resized(one.table, times_one))
-        if kind == "one":
-            rivals = rivals_of(ref, tables[0], catalogue, rng)
+        if kind in ("one", "twin", "two"):
+            rivals = rivals_of(ref, tables, catalogue, rng)
         near = (REMOVED if kind == "removed" else OUTSIDERS).get(tables[0]["name"], ())
         if kind in ("removed", "outside"):
             excluded = tuple(n for n in (tables[0]["name"], *near) if n in catalogue)
@@ -158,7 +164,7 @@ def _planted(world: World, attempt: int) -> Planted:
     if kind == "operators":
         logs = two_crews(logs, world, rng)
     truth = {
-        "seed": world.seed, "attempt": attempt, "kind": kind, "effects": tables, "times": times,
+        "seed": world.seed, "attempt": attempt, "kind": "one" if kind == "twin" else kind, "effects": tables, "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
         "rivals": rivals, "allowed": [] if world.kind == "linear" else list(BANKED),
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
@@ -185,7 +191,8 @@ def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
 
 def names_of(kind: str, rng: np.random.Generator, catalogue: tuple[str, ...]) -> tuple[str, ...]:
     """Names of what is hidden, for a kind of :data:`TYPES` that hides something."""
-    pool = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS)}.get(kind, tuple(DRAWN))
+    pools = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS), "twin": TWINS}
+    pool = pools.get(kind, tuple(DRAWN))
     known = [name for name in pool if name in catalogue or kind == "outside"]
     return tuple(str(n) for n in rng.choice(known, 2 if kind == "two" else 1, replace=False))
 
@@ -207,33 +214,59 @@ def _sized(
 
 
 def rivals_of(
-    ref: Reference, table: Table, catalogue: dict[str, type[Effect]], rng: np.random.Generator
+    ref: Reference, tables: Sequence[Table], catalogue: dict[str, type[Effect]], rng: np.random.Generator
 ) -> dict[str, float]:
-    """By how many nats an effect is ahead of each of the catalogue that is confounded with it.
+    """By how many nats effects are ahead of those of the catalogue that are confounded with them.
 
-    The rival has the same dates, and a size of its own; it stands beside all that a calibration moves.
+    A rival has the same dates, and a size of its own; it stands beside all that a calibration moves and, of
+    two effects, beside the other one, which alone counts as a rival too. Effects that are noise have none.
     """
-    name = table["name"]
-    mine = catalogue[name]
-    z = ref.change(changes_of((mine.from_table(table),), ref.season.world))
-    found = {}
-    for other, one in catalogue.items():
-        near = {*one.confounded_with, *one.twins}
-        if other == name or (name not in near and other not in {*mine.confounded_with, *mine.twins}):
+    made = [catalogue[table["name"]].from_table(table) for table in tables]
+    changes = [ref.change(changes_of((effect,), ref.season.world)) for effect in made]
+    found: dict[str, float] = {}
+
+    def ahead(name: str, z: Floats, *others: Floats) -> None:
+        nats = round(0.5 * beyond(ref, z, *others)[1], 1)
+        found[name] = min(found.get(name, np.inf), nats)
+
+    for k, (effect, z) in enumerate(zip(made, changes, strict=True)):
+        rest = [column for j, column in enumerate(changes) if j != k and made[j].name not in NOISES]
+        if effect.name in NOISES:
             continue
-        if other in EVENTS or other in NOISES or other not in DRAWN:
-            continue
-        trial = table_of(other, ref.world, rng)
-        kept = {key: value for key, value in trial.items() if key not in ("dates", "hours")}
-        if "dates" in table and one.windowed:
-            kept["dates"] = table["dates"]
-        try:
-            column = ref.change(changes_of((one.from_table(kept),), ref.season.world))
-        except RividError:
-            continue
-        if np.abs(column).max() > 0.0:
-            found[other] = round(0.5 * beyond(ref, z, column)[1], 1)
+        if rest:
+            ahead(made[1 - k].name, z, *rest)
+        for other in sorted(near_of(effect, catalogue) - {one.name for one in made}):
+            column = _rival(ref, effect, other, catalogue, rng)
+            if column is not None:
+                ahead(other, z, column, *rest)
     return found
+
+
+def near_of(effect: Effect, catalogue: dict[str, type[Effect]]) -> set[str]:
+    """Names that one of the two classes declares confounded with an effect, of those that have a course."""
+    mine = {*effect.confounded_with, *effect.twins}
+    return {
+        name
+        for name, one in catalogue.items()
+        if (name in mine or effect.name in {*one.confounded_with, *one.twins})
+        and name in DRAWN
+        and name not in EVENTS
+        and name not in NOISES
+    }
+
+
+def _rival(
+    ref: Reference, effect: Effect, name: str, catalogue: dict[str, type[Effect]], rng: np.random.Generator
+) -> Floats | None:
+    """What a rival with the dates of an effect does to the level; None where it does nothing."""
+    table = {key: v for key, v in table_of(name, ref.world, rng).items() if key not in ("dates", "hours")}
+    if effect.dates is not None and catalogue[name].windowed:
+        table["dates"] = list(effect.dates)
+    try:
+        column = ref.change(changes_of((catalogue[name].from_table(table),), ref.season.world))
+    except RividError:
+        return None
+    return column if np.abs(column).max() > 0.0 else None
 
 
 def table_of_units(seeds: Sequence[int], each: int = 9) -> str:
@@ -377,7 +410,9 @@ DRAWN: dict[str, Maker] = {
         "peak": _flow(w, 0.1), "per_month": float(r.uniform(3.0, 10.0)), "rise": float(r.uniform(0.3, 3.0)),
         "recession": log_uniform(r, 3.0, 24.0),
     },
-    "unlogged_upstream_release": lambda w, r: {"size": _flow(w, 0.05)} | _hours(r) | _dates(w, r, 0.2),
+    "unlogged_upstream_release": lambda w, r: (
+        {"size": _flow(w, 0.05)} | (_hours(r) if r.random() < 0.8 else {}) | _dates(w, r, 0.2)
+    ),
     "unlogged_downstream_release": lambda w, r: {
         "size": _flow(w, 0.05), "per_day": log_uniform(r, 0.5, 12.0), "duration": log_uniform(r, 0.2, 4.0),
     },

@@ -14,10 +14,9 @@ EXCESS = 0.1
 """A gap is there where the truth would take away this share of the squared error."""
 LEAST = 0.01
 """Least probability of a name that the reliability diagram counts: below it are all names of the catalogue."""
-AHEAD, NEAR = 16.0, 3.0
-"""Nats: an effect that is ahead of each rival by the first can be told apart (0.95 needs log 19 = 3, and what
-is won scatters by sqrt(2 x 16) = 6, of which 3 + 2 x 6 = 15 leaves room for two); below the second no answer
-should name it alone."""
+AHEAD = 16.0
+"""Nats by which an effect is ahead of each rival where it can be told apart: a probability of 0.95 needs log 19 = 3,
+and what is won scatters by sqrt(2 x 16) = 6, of which 3 + 2 x 6 = 15 leaves room for two."""
 
 Table = dict[str, Any]
 
@@ -29,8 +28,8 @@ class Judged:
     Attributes
     ----------
     kind : str
-        `nothing`, `operators`, `separable`, `hardly` (a rival is near), `confounded`, `two`, `outside`,
-        `removed`.
+        `nothing`, `operators`, `separable`, `confounded`, `two`, `two_close` (one of them is confounded),
+        `outside`, `removed`.
     times : float or None
         Size of the smallest effect, in units of 1x.
     names : tuple of str
@@ -85,11 +84,11 @@ class Judged:
 
 
 def kind_of(truth: Table) -> str:
-    """The kind of a truth; one effect by how far its nearest rival is."""
-    if truth["kind"] != "one":
-        return str(truth["kind"])
-    nearest = min(truth["rivals"].values(), default=np.inf)
-    return "separable" if nearest >= AHEAD else "confounded" if nearest < NEAR else "hardly"
+    """The kind of a truth; one effect or two by how far the nearest rival is."""
+    near = min(truth["rivals"].values(), default=np.inf) < AHEAD
+    if truth["kind"] == "one":
+        return "confounded" if near else "separable"
+    return "two_close" if near and truth["kind"] == "two" else str(truth["kind"])
 
 
 def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> Judged:

@@ -81,14 +81,13 @@ ROWS: tuple[Asked, ...] = (
     Asked(ONE, ">= 2x, separable: wrong", _of("separable", lambda j: j.wrong, 2.0), Target(most=0.01)),
     Asked(ONE, "1x to 2x: found", _of("separable", lambda j: j.found, 1.0, 2.0), Target(least=0.70)),
     Asked(ONE, "1x to 2x: wrong", _of("separable", lambda j: j.wrong, 1.0, 2.0), Target(most=0.01)),
-    Asked(ONE, ">= 2x, a rival is near: held", _of("hardly", lambda j: j.held, 2.0)),
-    Asked(ONE, ">= 2x, a rival is near: wrong", _of("hardly", lambda j: j.wrong, 2.0)),
     Asked(GROUP, ">= 2x: the group holds it", _of("confounded", lambda j: j.held, 2.0), Target(least=0.98)),
     Asked(
         GROUP, ">= 2x: not larger than its twins",
         lambda j: j.close if j.kind == "confounded" and j.held and (j.times or 0.0) >= 2.0 else None,
         Target(least=0.90),
     ),
+    Asked(GROUP, ">= 2x: wrong", _of("confounded", lambda j: j.wrong, 2.0)),
     Asked(GROUP, "1x to 2x: the group holds it", _of("confounded", lambda j: j.held, 1.0, 2.0)),
     Asked(OUT, "named all the same", _of("outside removed", _named), Target(most=0.05)),
     Asked(OUT, ">= 2x: unknown", _of("outside removed", lambda j: j.unknown, 2.0), Target(least=0.90)),
@@ -96,6 +95,7 @@ ROWS: tuple[Asked, ...] = (
     Asked(TWO, "both >= 2x: both", _of("two", lambda j: j.every, 2.0), Target(least=0.90)),
     Asked(TWO, "both >= 2x: a third", _of("two", lambda j: j.extra, 2.0), Target(most=0.03)),
     Asked(TWO, "the smaller 1x to 2x: both", _of("two", lambda j: j.every, 1.0, 2.0)),
+    Asked(TWO, "one of them confounded: both held", _of("two_close", lambda j: j.held, 2.0)),
     Asked("all", "a horizon worse by > 1 %", _worse, Target(most=0.03)),
     Asked("all", "failed", lambda j: j.verdict == "error"),
 )  # fmt: skip

@@ -12,6 +12,7 @@ from benchmarks.exam.hiding import (
     FOREIGN,
     LARGEST,
     REMOVED,
+    TWINS,
     TYPES,
     names_of,
     plant,
@@ -85,7 +86,12 @@ def test_shares_of_what_is_hidden_are_those_that_are_drawn():
     assert set(DRAWN) <= set(CATALOGUE)
     assert set(DRAWN) | set(FOREIGN) == set(SIZE_OF) == set(LARGEST)
     rng = np.random.default_rng(1)
-    for kind, pool in (("one", set(DRAWN)), ("removed", set(REMOVED)), ("outside", set(FOREIGN))):
+    for kind, pool in (
+        ("one", set(DRAWN)),
+        ("twin", set(TWINS)),
+        ("removed", set(REMOVED)),
+        ("outside", set(FOREIGN)),
+    ):
         names = Counter(names_of(kind, rng, tuple(CATALOGUE))[0] for _ in range(400))
         assert set(names) == pool
     assert all(len(set(names_of("two", rng, tuple(CATALOGUE)))) == 2 for _ in range(50))
