@@ -87,7 +87,7 @@ class Planted:
     def told(self) -> list[Table] | None:
         """The effects with their draws given; None where the season has one that no model can be told of."""
         hidden = self.season.effects
-        if any(e.name not in CATALOGUE or e.name in NOISES for e in hidden) or not hidden:
+        if any(e.name not in CATALOGUE or e.found_as == "swing" for e in hidden) or not hidden:
             return None
         found = []
         for effect, world in zip(hidden, worlds_of(hidden, self.season.world), strict=True):

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
-from benchmarks.exam.__main__ import QUICK, QUICK_DAYS, seeds_of
+from benchmarks.exam.__main__ import QUICK_DAYS, quick_seeds, seeds_of
 from benchmarks.exam.answering import Logs, answer
 from benchmarks.exam.naive import named_by_regression
 from benchmarks.exam.page import marked
@@ -28,8 +28,8 @@ WORKFLOW = "rivid.diagnosis.workflow.diagnose"
 """Is replaced by the regression."""
 MATERIAL = "rivid.diagnosis.decision.is_material"
 """Says whether an explanation matters: (one, other, ...) to bool."""
-LATENT = "rivid.diagnosis.workflow.latents"
-"""Gives the explanations without a name that compete; without them every name has nothing but others beside it."""
+LATENT = "rivid.diagnosis.workflow._Search._with_unknown"
+"""Adds what competes without a name, a flow and an error of the gauge, to the explanations: (search, parent) to parent."""
 BLOCKS = "rivid.diagnosis.blocks.split"
 """Deals days in blocks: (days, block_days) to Split; it is patched wherever it was imported to."""
 Mutation = Callable[[], contextlib.AbstractContextManager[Any]]
@@ -52,7 +52,7 @@ def all_material() -> contextlib.AbstractContextManager[Any]:
 
 def no_latent() -> contextlib.AbstractContextManager[Any]:
     """Names compete with nothing unknown."""
-    return patch(LATENT, lambda *_, **__: [])
+    return patch(LATENT, lambda _, parent: parent)
 
 
 @contextlib.contextmanager
@@ -146,10 +146,10 @@ def main(words: Sequence[str] | None = None) -> None:
     """Answer the short seasons under each mutation, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exam.mutations", description=__doc__)
     parser.add_argument("--only", nargs="*", default=[], help="mutations whose name holds this")
-    parser.add_argument("--seeds", type=seeds_of, default=QUICK, help="A:B")
+    parser.add_argument("--seeds", type=seeds_of, help="A:B; those of `quick` unless given")
     said = parser.parse_args(words)
     chosen = [m for m in MUTATIONS if not said.only or any(part in m for part in said.only)]
-    found = {mutation: failing(mutation, said.seeds) for mutation in chosen}
+    found = {mutation: failing(mutation, said.seeds or quick_seeds()) for mutation in chosen}
     print(told(found))
     if not noticed(found):
         raise SystemExit(1)

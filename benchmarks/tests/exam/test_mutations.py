@@ -1,11 +1,13 @@
 """The mutations: each takes out what it says, and puts it back."""
 
+import pkgutil
+
 import numpy as np
 import pytest
 
 from benchmarks.exam.answering import record_of
 from benchmarks.exam.hiding import plant
-from benchmarks.exam.mutations import BLOCKS, MUTATIONS, importers, noticed, told
+from benchmarks.exam.mutations import BLOCKS, LATENT, MATERIAL, MUTATIONS, importers, noticed, told
 from benchmarks.exam.naive import named_by_regression
 from rivid.diagnosis import blocks, workflow
 from rivid.effects import CATALOGUE
@@ -16,6 +18,18 @@ def test_the_regression_takes_the_place_of_the_workflow_and_leaves_it():
     with MUTATIONS["naive regression of the differenced level"]():
         assert workflow.diagnose is named_by_regression
     assert workflow.diagnose is before
+
+
+@pytest.mark.parametrize(
+    ("mutation", "target"), [("no materiality", MATERIAL), ("no latent explanation", LATENT)]
+)
+def test_what_is_taken_out_is_there_and_comes_back(mutation, target):
+    module, _, name = target.rpartition(".")
+    holder = pkgutil.resolve_name(module)
+    before = getattr(holder, name)
+    with MUTATIONS[mutation]():
+        assert getattr(holder, name) is not before
+    assert getattr(holder, name) is before
 
 
 def test_days_instead_of_blocks_deals_single_days_wherever_blocks_are_dealt():
