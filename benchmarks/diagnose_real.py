@@ -8,6 +8,7 @@ import datetime as dt
 import shutil
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,14 @@ from rivid.config import Config, load_config
 from rivid.diagnosis.answer import conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of
-from rivid.diagnosis.data import Floats, Record, read_record
-from rivid.diagnosis.fit import Model, calibrate, evaluate
+from rivid.diagnosis.data import Record, read_record
+from rivid.diagnosis.decision import Study
+from rivid.diagnosis.explanation import Explanation, fitted, scored, tails_of
+from rivid.diagnosis.fit import HOURS, Model
 from rivid.diagnosis.result import closed_share
-from rivid.diagnosis.selection import Study
-from rivid.diagnosis.workflow import TRIM, find_effects
+from rivid.diagnosis.workflow import COARSE, find_effects
 from rivid.report.diagnosis import write_diagnosis
+from rivid.types import Bools, Floats
 
 ROOT = Path(__file__).parent.parent
 LOGS = ROOT / "sample_data" / "glen_canyon"
@@ -45,19 +48,23 @@ def studied(config: Config, record: Record) -> Study:
 
 
 def floor_of(config: Config, record: Record) -> Floats:
-    """Errors on the sealed days of the model that is told all of the release."""
+    """Errors on the sealed days of the model that knows all of the release, fitted to the same open days."""
     dealt = split(record.dates)
+    opened = dealt.fit | dealt.select
     model = Model(
-        response_of(config, record),
-        None,
-        record.usual_output,
-        record.usual_flow,
+        response_of(config, record), None, record.usual_output, record.usual_flow,
         gauge_floor_of(config, record),
-    )
-    fit = np.flatnonzero(dealt.fit)
-    model = calibrate(model, record.take(fit[::3]), trim=TRIM["river"])
-    model = calibrate(model, record.take(fit), trim=TRIM["river"])
-    return evaluate(model.linear(record, dealt)).errors.rmse(dealt.sealed)
+    )  # fmt: skip
+    part = record.take(np.flatnonzero(opened)[::COARSE])
+    rough = fitted(model, part, np.ones(part.days, bool), steps=8, fresh=8).model
+    one = fitted(replace(rough, noise=None), record, opened, steps=8, fresh=2)
+    return errors_of(scored(one, record, dealt.block, tails_of(one, record)), dealt.sealed)
+
+
+def errors_of(one: Explanation, days: Bools) -> Floats:
+    """RMSE of some days at 1, 4 and 24 h."""
+    assert one.errors is not None
+    return one.errors.rmse(days)[-len(HOURS) :]
 
 
 def main() -> None:
@@ -74,7 +81,7 @@ def main() -> None:
     took = time.perf_counter() - begin
 
     bypass = whole.inflow - record.inflow
-    model = study.last
+    model = study.last.model
     carried = model.reach.baseline(whole, model.changes(whole)) - model.reach.baseline(
         record, model.changes(record)
     )
@@ -91,8 +98,7 @@ def main() -> None:
         assert e.where.dates is not None
         found |= np.array([e.where.dates[0] <= d <= e.where.dates[1] for d in record.dates])
     overlap = float((found & days).sum() / (found | days).sum())
-    end = study.last_evaluation.errors.rmse(study.split.sealed)
-    base = study.first_evaluation.errors.rmse(study.split.sealed)
+    base, end = (errors_of(one, study.split.sealed) for one in (study.first, study.last))
     closed = [closed_share(*map(float, x)) for x in zip(base, end, floor, strict=True)]
 
     quiet = read_record(LOGS, seen, last=QUIET)[0]

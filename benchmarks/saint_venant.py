@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam.answering import Logs, answer, record_of, responses
+from benchmarks.exam.answering import Logs, answer, record_of
 from benchmarks.measure import PYTHON, functions_in_turn, machine, median, table
-from rivid.diagnosis.candidates import trials_of
+from rivid.diagnosis.choice import response_of
 from rivid.diagnosis.noise.model import NoiseModel, fit_noise
 from rivid.diagnosis.response.base import sensitivities
 from rivid.effects import changes_of, effect_classes
@@ -107,9 +107,9 @@ def shared() -> str:
     season = closed(plain.model_copy(update={"days": days}), 1)
     logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
     record = record_of(logs)
-    response = responses(logs, record)[0]
+    response = response_of(logs.settings, record)
     world = record.world(record.usual_output, record.usual_flow)
-    trials = trials_of(effect_classes(None), record)
+    trials = [one for effect in effect_classes(None).values() for one in effect.trials(T_S)]
     effects = [effect for trial in trials if not trial.hourly for effect in trial.effects][:30]
 
     def nudged() -> None:
@@ -159,7 +159,8 @@ import time
 import numpy as np
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
-from benchmarks.exam.answering import Logs, record_of, responses
+from benchmarks.exam.answering import Logs, record_of
+from rivid.diagnosis.choice import response_of
 from benchmarks.saint_venant import REACH, ROOT
 from rivid.diagnosis.noise.model import fit_noise
 began = time.perf_counter()
@@ -168,7 +169,7 @@ season = simulate(s, 1)
 water = time.perf_counter()
 logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
 record = record_of(logs)
-responses(logs, record)[0].baseline(record)
+response_of(logs.settings, record).baseline(record)
 days = time.perf_counter()
 fit_noise(np.random.default_rng(0).normal(size=(4, 650)).cumsum(axis=1) * 1e-3, 133.0, 6.7e5)
 print(water - began, days - water, time.perf_counter() - days)

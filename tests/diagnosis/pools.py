@@ -1,4 +1,4 @@
-"""Seasons of the linear pool as records, its response, and a calibrated model: quick, and exact."""
+"""Seasons of the linear pool as records, its response, and a fitted model: quick, and exact."""
 
 import datetime as dt
 from functools import cache
@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.candidates import Proposal
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.fit import Model, calibrate, evaluate
+from rivid.diagnosis.explanation import fitted
+from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.linear import LinearPool
-from rivid.effects import CATALOGUE
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
@@ -20,13 +19,17 @@ GAUGE_FLOOR = 0.01 / np.sqrt(12.0)
 
 
 @cache
-def season(seed, days=40, effects=()):
+def season(seed, days=25, effects=(), T_s=300.0):
     """A season of the linear pool as a record."""
     scenario = LINEAR.model_copy(
-        update={"days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1)}
+        update={
+            "days": days, "missing_days": 0, "first_day": dt.date(2008, 4, 1),
+            "reach": LINEAR.reach.model_copy(update={"sample_time": T_s}),
+        }
     )  # fmt: skip
     s = simulate(scenario, seed, effects=effects)
-    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, delay=7)
+    delay = round(950.0 / T_s)
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=T_s, delay=delay)
 
 
 def nominal(record, fronts="none", **others):
@@ -34,30 +37,20 @@ def nominal(record, fronts="none", **others):
     return LinearPool.nominal(record, fronts, surface_area=6.7e5, delay=950.0, **others)
 
 
-def fresh(record, response, effects=()):
-    """A model that is not calibrated."""
+def model_of(record, response=None, effects=()):
+    """A model that is not fitted."""
     return Model(
-        response, None, record.usual_output, record.usual_flow, GAUGE_FLOOR, tuple(effects),
-        ((),) * len(effects),
+        response or nominal(record), None, record.usual_output, record.usual_flow, GAUGE_FLOOR,
+        tuple(effects), ((),) * len(effects),
     )  # fmt: skip
+
+
+def opened(record):
+    """Days that fit and score."""
+    return ~split(record.dates).sealed
 
 
 @cache
-def fitted(record):
-    """The model calibrated on the fitting days, about it and what it leaves."""
-    dealt = split(record.dates)
-    model = calibrate(fresh(record, nominal(record)), record.take(dealt.fit))
-    linear = model.linear(record, dealt)
-    return model, linear, evaluate(linear)
-
-
-def made(name, fit, select, p=1e-6, t=3.0, improvement=0.2, **others):
-    """A proposal by hand."""
-    record = season(1, days=20)
-    _, _, evaluation = fitted(record)
-    window = others.pop("window", (None, None))
-    column = np.ones((1, *record.time.shape))
-    better = np.full(3, improvement)
-    return Proposal(
-        name, name, CATALOGUE[name](), (), window, p, evaluation, column, fit, select, t, better, 4, **others
-    )  # fmt: skip
+def explained(record):
+    """The explanation by the response alone."""
+    return fitted(model_of(record), record, opened(record), steps=4, fresh=1)

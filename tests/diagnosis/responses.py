@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.data import as_record
+from rivid.diagnosis.response.base import vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.effects import CATALOGUE
 from rivid.simulation import simulate
@@ -36,10 +37,17 @@ def season(seed, days=6, effects=(), gauge=GAUGE, lag=0.0):
 
 def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells=32, **others):
     """The response that made the seasons, or one off it."""
-    return HydraulicResponse.nominal(
+    made = HydraulicResponse.nominal(
         length, width, depth, PLAIN.level.set_point, sample_time=record.sample_time, flow=record.usual_flow,
         slope=slope, cells=cells, **others,
     )  # fmt: skip
+    return walls(made).settled(record)
+
+
+def walls(response):
+    """The same reach with vertical banks."""
+    steep = [p.name != "bank" for p in response.parameters]
+    return response.with_parameters(vector_of(response) * steep)
 
 
 def few(record, **others):

@@ -1,65 +1,58 @@
-"""The choice of a response by the days that select."""
+"""Responses, library and gauge floor of a configured reach."""
 
+import numpy as np
 import pytest
 
-from rivid.diagnosis.blocks import split
-from rivid.diagnosis.choice import as_candidates, calibrated
-from rivid.diagnosis.response.linear import LinearPool
-from rivid.diagnosis.workflow import find_effects
+from rivid.config import Config
+from rivid.diagnosis.choice import gauge_floor_of, library_of, response_of, responses_of
 from rivid.effects import CATALOGUE
-from rivid.errors import RividError
-from tests.diagnosis.pools import GAUGE_FLOOR, fresh, nominal, season
+from rivid.errors import ConfigError
+from tests.diagnosis.answers import record_of
+
+POOL = {"name": "pool", "length": 8200, "width": 81.6, "bed_level": 125.0, "sample_time": 900.0}
+RIVER = {"name": "river", "kind": "river", "length": 25_000, "width": 100, "depth": 5, "sample_time": 900.0}
 
 
-class Broken:
-    """A response that cannot be run."""
-
-    name = "broken"
-    parameters = ()
-    surface_area = 1.0
-
-    def settled(self, record):
-        raise RividError("no water")
+def config(reach=None, **diagnose):
+    return Config.model_validate({"reach": reach or POOL, "diagnose": diagnose})
 
 
-def choice(record, responses):
-    return calibrated(record, split(record.dates), [fresh(record, r) for r in responses], 0.0)
+def natural(response):
+    return {p.name: p.natural for p in response.parameters}
 
 
-def test_of_responses_that_predict_alike_the_first_is_enough():
-    record = season(1, days=12)
-    (first,), refused = choice(record, [nominal(record, fronts) for fronts in ("none", "zero", "fir")])
-    assert first.model.reach.name == "integrator-delay" and first.acceptable() and not refused
-    assert first.evaluation.likelihood.shape == (12,)
+def test_of_a_pool_equations_an_integrator_and_coefficients_compete():
+    record = record_of()
+    found = responses_of(config(), record)
+    assert [r.name for r in found] == ["saint-venant", "integrator-delay", "fir"]
+    equations, integrator, _ = map(natural, found)
+    assert equations["length"] == pytest.approx(8200.0) and equations["width"] == pytest.approx(81.6)
+    assert equations["depth"] == pytest.approx(record.usual_output - 125.0)
+    assert integrator["surface_area"] == pytest.approx(8200 * 81.6, rel=0.01)
+    speed = 8200.0 / integrator["delay"]
+    assert 5.0 < speed < 12.0  # of a gravity wave: the flow's and sqrt(g h)
 
 
-def test_a_response_that_cannot_follow_is_behind():
-    """A pool of a tenth of the surface, thought to be known within a hundredth."""
-    record = season(4, days=12)
-    known = {"area_sd": 0.01, "delay_sd": 0.01}
-    small = LinearPool.nominal(record, "zero", surface_area=6e4, delay=4000.0, **known)
-    (poor, good), _ = choice(record, [small, nominal(record)])
-    assert not poor.acceptable() and poor.shortfall > 100.0 and good.deficit == 0.0
-    days = split(record.dates).select
-    gap = (good.evaluation.likelihood - poor.evaluation.likelihood)[days].sum()
-    assert poor.deficit == pytest.approx(gap)
+def test_of_a_river_a_diffusive_wave_between_gravity_and_kinematic_speed():
+    record = record_of(kind="river")
+    (response,) = responses_of(config(RIVER), record)
+    assert response.surface_area is None
+    velocity = record.usual_flow / 500.0
+    delay = natural(response)["delay"]
+    assert 25_000 / (velocity + np.sqrt(9.81 * 5)) < delay < 25_000 / velocity
 
 
-def test_a_candidate_that_cannot_be_run_is_skipped_or_raised_if_it_is_the_only_one():
-    record = season(5, days=12)
-    one = nominal(record)
-    assert as_candidates(one) == (one,) and as_candidates([one, one]) == (one, one)
-    (only,), refused = choice(record, [Broken(), nominal(record)])
-    assert only.model.reach.name == "integrator-delay" and refused == ("no water",)
-    for candidates in ([Broken()], [Broken(), Broken()]):
-        with pytest.raises(RividError, match="no water"):
-            choice(record, candidates)
+def test_a_bed_above_the_water_and_names_that_are_none_are_refused():
+    with pytest.raises(ConfigError, match="expected less than the usual level"):
+        response_of(config(POOL | {"bed_level": 200.0}), record_of())
+    with pytest.raises(ConfigError, match="no effect is called 'leek'"):
+        library_of(config(exclude=["leek"]))
+    assert set(CATALOGUE) - set(library_of(config(exclude=["leakage", "seiche"]))) == {"leakage", "seiche"}
 
 
-def test_a_response_that_lacks_an_effect_is_not_left_for_more_coefficients():
-    """A lag of ten minutes: a FIR follows it, the integrator does not, and the lag is what is missing."""
-    record = season(6, days=24, effects=(CATALOGUE["outflow_lag"](lag=900.0),))
-    classes = {"outflow_lag": CATALOGUE["outflow_lag"]}
-    study = find_effects(record, [nominal(record), nominal(record, "fir")], classes, gauge_floor=GAUGE_FLOOR)
-    assert study.first.reach.name == "integrator-delay"
-    assert [r.proposal.name for r in study.named] == ["outflow_lag"]
+def test_the_gauge_floor_is_that_of_a_reading_of_whole_steps():
+    record = record_of()
+    step = 0.01
+    record.output[:] = step * np.round(record.output / step)
+    assert gauge_floor_of(config(), record) == pytest.approx(step / np.sqrt(12.0))
+    assert gauge_floor_of(config(gauge_step=0.05), record) == pytest.approx(0.05 / np.sqrt(12.0))

@@ -23,6 +23,7 @@ from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, AddedFlow, Changes, Gate, Leak, Pond
 from tests.diagnosis import sizes
 from tests.diagnosis.loops import ALIKE, operators_by_hand, record_of, season
+from tests.diagnosis.responses import walls
 
 CASES = [
     ("basse_isere", 1, {}),
@@ -190,11 +191,12 @@ def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
 def channel(s, record):
     """The response that is the truth of a plain hydraulic season."""
     bed, reach = s.scenario.channel, s.scenario.reach
-    return HydraulicResponse.nominal(
+    made = HydraulicResponse.nominal(
         reach.length, reach.width, s.scenario.level.set_point - bed.bed_level, s.scenario.level.set_point,
         sample_time=record.sample_time, flow=record.usual_flow, slope=bed.slope, manning=bed.manning,
         width_modes=0, bed_modes=0,
     )  # fmt: skip
+    return walls(made)
 
 
 PROMPT = {"look": (1.0, 2.0), "notice": 0.0, "dead_band": 0.0}
@@ -261,7 +263,8 @@ def test_changes_are_cut_with_all_their_parts():
 
 def study_of(record, reach, effects=(), after=()):
     def model(more):
-        return Model(reach, None, 130.0, record.usual_flow, 0.003, more, ((),) * len(more))
+        whole = Model(reach, None, 130.0, record.usual_flow, 0.003, more, ((),) * len(more))
+        return SimpleNamespace(whole=whole)
 
     return SimpleNamespace(
         record=record, split=split(record.dates), first=model(tuple(effects)), last=model(tuple(after))

@@ -19,7 +19,10 @@ MODELS = {
     "windy pool": dataclasses.replace(POOL, level_sd=0.02, level_memory=1500.0),
     "pool without walk": dataclasses.replace(POOL, walk_sd=0.0, inflow_memory=1e6),
     "river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None),
+    "misfit pool": dataclasses.replace(POOL, misfit=0.4, level_sd=0.01, level_memory=1500.0),
+    "misfit river": NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 2000.0, 133.0, None, 0.3),
 }
+PLAIN = [model for model in MODELS.values() if not model.misfit]
 GAPS = {
     "none": [],
     "inside": [5, 6, 7, 20, 33],
@@ -31,6 +34,13 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 every_gap = pytest.mark.parametrize("gap", GAPS.values(), ids=GAPS)
 
 
+def activity_of(model):
+    """Flows that move now and then: a day's activity, shape (1, N)."""
+    rng = np.random.default_rng(11)
+    size = 1e-4 if model.surface_area else 400.0
+    return rng.exponential(size, (1, N)) * (rng.random((1, N)) < 0.4)
+
+
 def day_of(model, gap, seed=0):
     z = model.simulate(1, N, np.random.default_rng(seed))[0] + (0.7 if model.surface_area else 0.0)
     z[gap] = np.nan
@@ -38,18 +48,27 @@ def day_of(model, gap, seed=0):
 
 
 def dense(model):
-    """Covariance of (x - x_0, w, s, e) over a day, shape (4 N, 4 N)."""
+    """Covariance of (x - x_0, w, s, e) over a day, shape (4 N, 4 N); a river's misfit enters s."""
     T = model.sample_time
     memory = lambda sd, t: sd**2 * toeplitz(np.exp(-T * np.arange(N) / t))  # noqa: E731
     w = memory(model.inflow_sd, model.inflow_memory)
     before = np.tril(np.ones((N, N)), -1)
     to_x = before * (T / model.surface_area if model.surface_area else 0.0)
     zero = np.zeros((N, N))
+    misfit = model.misfit**2 * activity_of(model)[0]
+    s = memory(model.level_sd, model.level_memory)
+    walk = np.full(N, model.walk_sd**2)
+    if model.surface_area:
+        walk = walk + misfit
+    else:  # what enters at a sample is there from the next one on
+        decay = np.exp(-T / model.level_memory)
+        late = np.array([[decay ** (i - j - 1) if i > j else 0.0 for j in range(N)] for i in range(N)])
+        s = s + late * misfit @ late.T
     return np.block(
         [
-            [to_x @ w @ to_x.T + model.walk_sd**2 * before @ before.T, to_x @ w, zero, zero],
+            [to_x @ w @ to_x.T + before * walk @ before.T, to_x @ w, zero, zero],
             [w @ to_x.T, w, zero, zero],
-            [zero, zero, memory(model.level_sd, model.level_memory), zero],
+            [zero, zero, s, zero],
             [zero, zero, zero, model.gauge_sd**2 * np.eye(N)],
         ]
     )
@@ -74,12 +93,13 @@ def test_likelihood_and_whitening_are_those_of_the_dense_covariance(model, gap):
     B, data, place, _, _ = reading(model, z)
     V = B @ dense(model) @ B.T
     expected = multivariate_normal(np.zeros(len(data)), V).logpdf(data)
-    assert model.log_likelihood(z[None])[0] == pytest.approx(expected, abs=1e-7)
+    moved = activity_of(model)
+    assert model.log_likelihood(z[None], moved)[0] == pytest.approx(expected, abs=1e-7)
     column = np.random.default_rng(1).normal(size=N)  # has no gaps of its own
     for given in (z, column):
         expected = np.zeros(N)
         expected[place] = np.linalg.solve(np.linalg.cholesky(V), reading(model, given + 0.0 * z)[1])
-        assert np.allclose(model.whiten(given[None], like=z[None])[0], expected, atol=1e-8)
+        assert np.allclose(model.whiten(given[None], like=z[None], activity=moved)[0], expected, atol=1e-8)
 
 
 @every_model
@@ -90,7 +110,7 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
     S = dense(model)
     gain = S @ B.T @ np.linalg.inv(B @ S @ B.T)
     mean, cov = gain @ data, S - gain @ B @ S
-    got = model.smooth(z[None])
+    got = model.smooth(z[None], activity_of(model))
     x, w, s, _ = mean.reshape(4, N)
     sd = np.sqrt(np.diag(cov)).reshape(4, N)
     if model.surface_area is None:
@@ -108,7 +128,7 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
 @pytest.mark.parametrize("horizon", [1, 9])
 def test_a_forecast_is_conditioning_on_what_is_known_at_its_origin(model, gap, horizon):
     z = day_of(model, gap, seed=3)
-    got = model.forecast_errors(z[None], horizon, every=5, first=6)[0]
+    got = model.forecast_errors(z[None], horizon, every=5, first=6, activity=activity_of(model))[0]
     origins = range(6, N - horizon, 5)
     assert len(got) == len(origins)
     S = dense(model)
@@ -131,22 +151,26 @@ def test_days_and_columns_side_by_side_are_what_each_is_alone(model):
     z[4:][rng.random((7, N)) < 0.3] = np.nan
     z[10] = np.nan
     columns = rng.normal(size=(3, 11, N))
-    together, likely = model.whiten(columns, like=z), model.log_likelihood(z)
+    moved = rng.exponential(activity_of(model).mean(), z.shape)
+    together, likely = model.whiten(columns, like=z, activity=moved), model.log_likelihood(z, moved)
     for day in range(11):
-        assert likely[day] == model.log_likelihood(z[day : day + 1])[0]
+        one = moved[day : day + 1]
+        assert likely[day] == model.log_likelihood(z[day : day + 1], one)[0]
         for column, white in zip(columns, together, strict=True):
-            assert (model.whiten(column[day : day + 1], like=z[day : day + 1])[0] == white[day]).all()
+            alone = model.whiten(column[day : day + 1], like=z[day : day + 1], activity=one)[0]
+            assert (alone == white[day]).all()
 
 
 def test_many_models_at_once_are_as_likely_as_each_alone():
     z = POOL.simulate(9, N, np.random.default_rng(8))
     z[3:5, 10:20] = np.nan
     values, there = gather(z)
-    limits = limits_of(values, there, 133.0, 6.7e5, True, 1e-3, None, None)
-    points = np.random.default_rng(9).uniform(np.log(limits.low), np.log(limits.high), (5, 6))
+    limits = limits_of(values, there, 133.0, 6.7e5, True, 1e-3, True, {})
+    points = np.random.default_rng(9).uniform(np.log(limits.low), np.log(limits.high), (5, 7))
+    moved = np.random.default_rng(10).exponential(1e-4, z.shape)
     systems = np.array([limits.at(point).system()[:-1] for point in points])
-    for point, likely in zip(points, log_likelihoods(z.T.copy(), systems, True), strict=True):
-        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z), rtol=1e-12)
+    for point, likely in zip(points, log_likelihoods(z.T.copy(), moved.T.copy(), systems, True), strict=True):
+        np.testing.assert_allclose(likely, limits.at(point).log_likelihood(z, moved), rtol=1e-12)
 
 
 def test_a_constant_error_has_no_information_in_a_pool_and_some_in_a_river():
@@ -163,7 +187,7 @@ def test_a_day_without_samples_has_no_likelihood():
     assert np.isnan(POOL.forecast_errors(z, 3, first=5)[1]).all()
 
 
-@every_model
+@pytest.mark.parametrize("model", PLAIN)
 def test_simulated_noise_has_the_dense_covariance(model):
     z = model.simulate(20_000, N, np.random.default_rng(6))
     expected = READ @ dense(model) @ READ.T
@@ -218,7 +242,11 @@ def test_the_fit_keeps_the_floors_of_gauge_noise_and_memory():
     z = nearly_white.simulate(20, 200, np.random.default_rng(0))
     fit = fit_noise(z, 133.0, 6.7e5, gauge_floor=2.9e-3)
     assert fit.gauge_sd >= 2.9e-3 * (1 - 1e-9) and fit.inflow_memory >= 1330.0 * (1 - 1e-9)
-    assert fit_noise(z, 133.0, 6.7e5, memory_floor=5000.0).inflow_memory >= 5000.0 * (1 - 1e-9)
+    narrow = {"inflow_memory": (5000.0, 9000.0), "inflow_sd": (0.0, 0.5), "walk_sd": (0.0, 1e-5)}
+    within = fit_noise(z, 133.0, 6.7e5, within=narrow)
+    for name, (low, high) in narrow.items():
+        assert low * (1 - 1e-9) <= getattr(within, name) <= high * (1 + 1e-9)
+    assert within.gauge_sd > fit.gauge_sd
 
 
 def test_a_few_wild_days_do_not_set_the_noise():
@@ -242,6 +270,27 @@ def test_missing_samples_do_not_count_in_the_weights_of_days():
     assert weights[5] == 0.0 and (np.delete(weights, 5) == 1.0).all()
     doubled = r * np.where(np.arange(30) == 7, 2.0, 1.0)[:, None]
     assert day_weights(doubled)[7] == pytest.approx(1.3 / 4, rel=0.2)
+
+
+@sizes("seeds", 3, 12)
+def test_a_misfit_is_fitted_where_the_flows_move_and_is_none_where_it_is_none(seeds):
+    found = {0.0: [], 0.3: []}
+    for seed in range(seeds):
+        rng = np.random.default_rng([seed, 3])
+        moved = rng.exponential(1e-4, (20, 200)) * (rng.random((20, 200)) < 0.1)
+        quiet = TRUE.simulate(20, 200, rng)
+        step = np.sqrt(moved) * rng.standard_normal(moved.shape)
+        for misfit, values in found.items():
+            z = quiet + misfit * np.cumsum(np.pad(step, ((0, 0), (1, 0)))[:, :-1], axis=1)
+            values.append(fit_noise(z, 133.0, 6.7e5, activity=moved).misfit)
+    assert np.mean(found[0.3]) == pytest.approx(0.3, abs=0.05)
+    assert max(found[0.0]) < 0.12
+
+
+def test_activity_that_does_not_fit_is_refused():
+    for moved in (np.zeros((2, N)), np.full((3, N), -1.0), np.full((3, N), np.nan)):
+        with pytest.raises(RividError, match="activity has shape"):
+            POOL.log_likelihood(np.zeros((3, N)), moved)
 
 
 def test_impossible_noises_and_columns_that_do_not_fit_are_refused():

@@ -7,8 +7,8 @@ import pytest
 import rivid
 from rivid.cli import cli
 from rivid.config import load_config
-from rivid.diagnosis.candidates import columns_of, trials_of
-from rivid.diagnosis.selection import breaker
+from rivid.diagnosis.answer import breaker
+from rivid.diagnosis.search import Library
 from rivid.effects import CATALOGUE, build, effect_classes
 from rivid.errors import ConfigError
 from tests.diagnosis import pools
@@ -71,12 +71,12 @@ def test_one_class_in_one_file_is_listed_simulated_and_a_candidate_of_the_diagno
     config = tmp_path / "reach.toml"
     config.write_text('[diagnose]\neffects_file = "mine.py"\n')
     classes = effect_classes(load_config(config).diagnose.effects_file)
-    record = pools.season(3, days=20, effects=(build({**planted, "flow": 6.0}, classes),))
-    (trial,) = (t for t in trials_of(classes, record) if t.name == "fish_ladder")
-    model, linear, evaluation = pools.fitted(record)
-    column = columns_of(trial, lambda more: model.baseline(record, more), model.baseline(record))
-    assert (column[0, :, -1] < -0.01).all()
-    assert trials_of({"fish_ladder": classes["fish_ladder"]}, replace(record, kind="river")) == []
+    record = pools.season(3, days=4, effects=(build({**planted, "flow": 6.0}, classes),))
+    ladder = {"fish_ladder": classes["fish_ladder"]}
+    library = Library.of(pools.model_of(record), record, ladder)
+    assert [trial.name for trial in library.trials] == ["fish_ladder"]
+    assert (library.columns[0][0, :, -1] < -0.01).all()
+    assert Library.of(pools.model_of(record), replace(record, kind="river"), ladder).trials == ()
     assert breaker(classes["leakage"], (classes["fish_ladder"],)) == "Close the ladder for a day."
 
 
