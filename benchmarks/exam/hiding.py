@@ -135,6 +135,8 @@ def plant(seed: int, longest: int = 1000) -> Planted:
 def _planted(world: World, attempt: int) -> Planted:
     rng = np.random.default_rng([world.seed, 42, attempt])
     kind = str(rng.choice(list(TYPES), p=list(TYPES.values())))
+    if kind == "operators" and world.kind == "river":
+        kind = "nothing"  # nobody holds a river
     season, late = season_of(world), None
     tables: list[Table] = []
     units: list[Unit] = []
@@ -145,7 +147,7 @@ def _planted(world: World, attempt: int) -> Planted:
     classes = catalogue | outside.classes()
     if kind not in ("nothing", "operators"):
         ref = reference(world, season)
-        for name in names_of(kind, rng, tuple(catalogue)):
+        for name in names_of(kind, rng, possible(world, classes)):
             one, times_one = _sized(name, ref, classes, rng)
             units.append(one)
             times.append(times_one)
@@ -166,7 +168,7 @@ def _planted(world: World, attempt: int) -> Planted:
     truth = {
         "seed": world.seed, "attempt": attempt, "kind": "one" if kind == "twin" else kind, "effects": tables, "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
-        "rivals": rivals, "allowed": [] if world.kind == "linear" else list(BANKED),
+        "rivals": rivals, "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
         "days": (season.dates[-1] - season.dates[0]).days + 1,
     }  # fmt: skip
@@ -189,11 +191,18 @@ def record_of_seed(seed: int) -> tuple[Record, Config, Table]:
     return record_of(planted.logs), planted.logs.settings, planted.truth
 
 
-def names_of(kind: str, rng: np.random.Generator, catalogue: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of what is hidden, for a kind of :data:`TYPES` that hides something."""
+def possible(world: World, classes: dict[str, type[Effect]]) -> tuple[str, ...]:
+    """Effects and outsiders that a world can have."""
+    if world.kind == "river":
+        return tuple(n for n, one in classes.items() if one.acts_on_river and n != "hunting_governor")
+    return (*classes, "silting_well")
+
+
+def names_of(kind: str, rng: np.random.Generator, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of what is hidden, of those that are possible, for a kind of :data:`TYPES` that hides something."""
     pools = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS), "twin": TWINS}
     pool = pools.get(kind, tuple(DRAWN))
-    known = [name for name in pool if name in catalogue or kind == "outside"]
+    known = [name for name in pool if name in names]
     return tuple(str(n) for n in rng.choice(known, 2 if kind == "two" else 1, replace=False))
 
 
@@ -235,7 +244,8 @@ def rivals_of(
             continue
         if rest:
             ahead(made[1 - k].name, z, *rest)
-        for other in sorted(near_of(effect, catalogue) - {one.name for one in made}):
+        near = near_of(effect, catalogue) & set(possible(ref.world, catalogue))
+        for other in sorted(near - {one.name for one in made}):
             column = _rival(ref, effect, other, catalogue, rng)
             if column is not None:
                 ahead(other, z, column, *rest)

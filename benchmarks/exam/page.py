@@ -140,7 +140,10 @@ def coverage(judged: Sequence[Judged]) -> str:
 
 def _binned(key: str, edges: Sequence[float], unit: str, digits: str = "g") -> Callable[[Result], str]:
     def label(r: Result) -> str:
-        value = float(r["truth"]["world"][key])
+        world = r["truth"]["world"]
+        if world["water"] == "river" and unit == "m":  # its gauge has a discharge, and it is longer
+            return "river"
+        value = float(world[key])
         k = int(np.searchsorted(edges, value, side="right"))
         if k == 0:
             return f"below {edges[0]:{digits}} {unit}"

@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from benchmarks.exam.river import RiverWater
 from benchmarks.exam.worlds import Table, World
 from rivid.effects import Effect, changes_of
-from rivid.effects.flow import StorageAreaSlope
-from rivid.effects.timing import FlowDependentDelay, WaveAttenuation
+from rivid.effects.flow import InflowGainError, StorageAreaSlope
+from rivid.effects.timing import ClockOffset, FlowDependentDelay, WaveAttenuation
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gauge import stilled
@@ -113,15 +114,27 @@ def filtered(
 
     x_{k+1} = x_k + c w_k + v_k with the variance walk[row, k] of v, w_{k+1} = phi w_k + ..., z_k = x_k + e_k;
     `inflow` and `gauge` are the variances of w and e. x is unknown at a row's start.
+
+    Of a river c is 0, and z_k = w_k + v_k + e_k: what enters arrives, and nothing is stored.
     """
+    river = c == 0.0
     p, rows, n = columns.shape
     white, level, flow = np.zeros(columns.shape), np.empty(columns.shape), np.empty(columns.shape)
     x, w = np.empty(p), np.empty(p)
     for r in range(rows):
-        x[:], w[:] = columns[:, r, 0], 0.0
+        w[:] = 0.0
+        x[:] = 0.0 if river else 1.0
+        x *= columns[:, r, 0]
         xx, xw, ww = gauge, 0.0, inflow
         for k in range(n):
-            if k > 0:
+            if river:
+                V = ww + walk[r, k] + gauge
+                for i in range(p):
+                    v = columns[i, r, k] - w[i]
+                    white[i, r, k] = v / np.sqrt(V)
+                    w[i] += ww / V * v
+                ww -= ww * ww / V
+            elif k > 0:
                 V = xx + gauge
                 g0, g1 = xx / V, xw / V
                 for i in range(p):
@@ -182,6 +195,12 @@ class Reference:
     unknown: Floats
 
     @property
+    def rise(self) -> float:
+        """Of the output in a sample by an inflow that enters [m per m3/s]; 0 of a river, which stores nothing."""
+        reach = self.world.scenario.reach
+        return 0.0 if self.world.kind == "river" else reach.sample_time / reach.surface_area
+
+    @property
     def days_each(self) -> float:
         """Days of the season for each stretch."""
         return len(self.season.dates) / len(self.at)
@@ -192,13 +211,16 @@ class Reference:
         T = s.reach.sample_time
         gauge = s.level.noise**2 + s.level.quantum**2 / 12.0
         return filtered(
-            columns, self.walk, T / s.reach.surface_area, float(np.exp(-T / s.weather.memory)),
+            columns, self.walk, self.rise, float(np.exp(-T / s.weather.memory)),
             s.weather.inflow**2, gauge,
         )  # fmt: skip
 
     def change(self, changes: Changes) -> Floats:
         """What changes on the season's grid do to the level as read [m], shape (rows, n)."""
         part = cut(changes, self.season.world.time.shape, self.at)
+        if self.world.kind == "river":
+            moved = routed(self.world, self.season, changes)[self.at] - self.base
+            return np.asarray(moved + part.gauge)
         channel, gate_time = channel_of(self.world)
         return follow(self, channel, gate_time, part) - self.base + part.gauge
 
@@ -249,6 +271,12 @@ def follow(grid: "Reference | Stretches", channel: Channel, gate_time: float, ch
     return np.asarray(free)
 
 
+def routed(world: World, season: Season, changes: Changes) -> Floats:
+    """Discharge of a river with changes and without weather [m3/s], shape of the season's grid."""
+    water, grid = RiverWater(world.scenario), season.world
+    return water.run(grid.time, grid.inflow, season.all_outflow, grid.inflow, changes, 0.0)[0]
+
+
 @dataclass(frozen=True, eq=False)
 class Stretches:
     """Pairs of days that follow each other, and the true level there."""
@@ -282,6 +310,8 @@ def reference(world: World, season: Season) -> Reference:
         Where the smooth channel cannot carry the flows.
     """
     grid = stretches(season)
+    if world.kind == "river":
+        return _of_river(world, season, grid)
     channel, gate_time = channel_of(world)
     base = follow(grid, channel, gate_time, NO_CHANGES)
     moves = {name: 1.0 + NUDGED * sd for name, sd in KNOWN.items()}
@@ -312,6 +342,27 @@ def reference(world: World, season: Season) -> Reference:
         )
     ]  # fmt: skip
     return replace(bare, unknown=np.array(more))
+
+
+RIVER = {"delay": 0.3, "spread": 0.25, "held": 1.0, "exponent": 0.2, "gain": 0.03}
+"""What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held, the
+exponent of the delay, and the gain; standard deviations as of the diagnosis's response."""
+
+
+def _of_river(world: World, season: Season, grid: Stretches) -> Reference:
+    """The same of a river: the reference is the river itself, without weather."""
+    base = routed(world, season, NO_CHANGES)[grid.at]
+    bare = Reference(world, season, grid.at, grid.level, base, misfit(base), base[None][:0], base[None][:0])
+    moved = NUDGED * world.travel
+    nudges = (
+        (ClockOffset(offset=moved * RIVER["delay"]), NUDGED),
+        (WaveAttenuation(spread=RIVER["spread"] * world.travel), 1.0),
+        (WaveAttenuation(spread=RIVER["held"] * world.travel), 1.0),
+        (FlowDependentDelay(delay=-moved * RIVER["exponent"] / world.scenario.flow.mean), NUDGED),
+        (InflowGainError(error=RIVER["gain"]), 1.0),
+    )
+    columns = [bare.change(changes_of((effect,), season.world)) / size for effect, size in nudges]
+    return replace(bare, columns=np.array(columns))
 
 
 @dataclass(frozen=True)
@@ -390,7 +441,7 @@ def factor_of(ref: Reference, z: Floats, *, noise: bool, price: float) -> tuple[
     material, by = np.inf, ""
     for hours in HOURS:
         h = max(round(3600.0 * hours / T), 1)
-        grows = T / s.reach.surface_area * (1.0 - phi**h) / (1.0 - phi)
+        grows = phi**h if ref.rise == 0.0 else ref.rise * (1.0 - phi**h) / (1.0 - phi)
         k = np.arange(round(3600.0 / T) + 2, z.shape[1] - h)  # an hour for the filter to settle
         error = both[:, :, k + h] - level[:, :, k] - grows * flow[:, :, k]
         mine, other = (error[:, acts] ** 2).sum(axis=(1, 2))
@@ -410,8 +461,11 @@ def _drawn(ref: Reference) -> Floats:
     steps[1:] *= np.sqrt(1.0 - phi * phi)
     for k in range(1, n):
         steps[k] += phi * steps[k - 1]
-    rises = T / s.reach.surface_area * steps.T + np.sqrt(ref.walk) * rng.standard_normal((rows, n))
+    off = np.sqrt(ref.walk) * rng.standard_normal((rows, n))
+    rises = ref.rise * steps.T + off
     x = np.concatenate([np.zeros((rows, 1)), np.cumsum(rises[:, :-1], axis=1)], axis=1)
+    if ref.rise == 0.0:
+        x = steps.T + off
     return np.asarray(
         x + np.hypot(s.level.noise, s.level.quantum / np.sqrt(12.0)) * rng.standard_normal((rows, n))
     )

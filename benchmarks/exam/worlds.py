@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.exam.answering import Logs
 from benchmarks.exam.box import Box, Nodes
+from benchmarks.exam.river import RiverWater
 from rivid.core.hydraulics import GRAVITY
 from rivid.effects import Effect
 from rivid.errors import RividError
@@ -27,6 +28,8 @@ Table = dict[str, Any]
 FIRST_PROOF = 10_000
 KINDS = ("linear", "saint_venant", "box")
 """A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other sections."""
+RIVERS = 0.08
+"""Share of the worlds that are no pool but a free river."""
 BOXES = 24
 """Of the box scheme: in the longest reach a wave of half an hour has 20 boxes or more."""
 WIDEST = 0.35
@@ -46,7 +49,7 @@ class World:
     ----------
     seed : int
     kind : str
-        One of :data:`KINDS`.
+        One of :data:`KINDS`, or `river`.
     operators, programme : str
         `crew`, `automatic` or `schedule`; `peaking`, `run_of_river` or `flood`.
     scenario : Scenario
@@ -64,9 +67,11 @@ class World:
 
     @cached_property
     def travel(self) -> float:
-        """Travel time of a small wave at the mean flow [s]."""
+        """Travel time of a wave at the mean flow [s]."""
         reach = self.scenario.reach
         velocity = self.scenario.flow.mean * reach.length / (reach.surface_area * reach.depth)
+        if self.kind == "river":  # the kinematic wave's
+            return float(reach.length / (velocity * 5.0 / 3.0))
         return float(reach.length / (velocity + np.sqrt(GRAVITY * reach.depth)))
 
     def factors(self) -> Table:
@@ -92,6 +97,8 @@ def draw(seed: int, attempt: int = 0) -> World:
     attempt : int
         Another draw, for where the water of the first cannot be held by its operators.
     """
+    if np.random.default_rng([seed, 45]).random() < RIVERS:
+        return _river(seed, attempt)
     rng = np.random.default_rng([seed, 40, attempt])
     kind = str(rng.choice(KINDS))
     operators = str(rng.choice(["crew", "crew", "automatic", "schedule"]))
@@ -145,6 +152,42 @@ def draw(seed: int, attempt: int = 0) -> World:
         name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.04), ("depth", 0.06))
     }
     return World(seed, kind, operators, programme, Scenario.model_validate(table), off)
+
+
+def _river(seed: int, attempt: int) -> World:
+    """A free river below a dam; its gauge has a discharge, to some thousandths of the mean flow."""
+    rng = np.random.default_rng([seed, 46, attempt])
+    programme = str(rng.choice(["peaking", "run_of_river", "flood"]))
+    while True:  # a wave that takes between 4 and 40 samples
+        length, width = log_uniform(rng, 1e4, 6e4), log_uniform(rng, 30.0, 150.0)
+        depth, step = rng.uniform(1.5, 5.0), float(rng.choice([300.0, 600.0, 900.0]))
+        velocity = rng.uniform(0.6, 1.6)
+        if 4.0 * step < length / (velocity * 5.0 / 3.0) < 40.0 * step:
+            break
+    mean, days = velocity * width * depth, int(rng.integers(30, 121))
+    table: Table = {
+        "name": f"world-{seed}", "days": days, "seed": seed,
+        "missing_days": int(rng.integers(0, 1 + days // 15)),
+        "first_day": dt.date(2015, 1, 1) + dt.timedelta(days=int(rng.integers(0, 365))),
+        "reach": {
+            "length": length, "width": width, "depth": depth, "surface_area": length * width,
+            "discharge_range": (0.3 * mean, 2.5 * mean), "sample_time": step, "wave_depth": depth,
+        },
+        **_flows(rng, programme, "automatic", mean, step),
+        "level": {
+            "set_point": mean, "noise": log_uniform(rng, 0.001, 0.01) * mean,
+            "quantum": float(f"{rng.uniform(0.001, 0.004) * mean:.1g}"),
+        },
+        "weather": {
+            "inflow": log_uniform(rng, 0.003, 0.02) * mean, "memory": log_uniform(rng, 3600.0, 43200.0),
+            "place": rng.uniform(),
+        },
+    }  # fmt: skip
+    table["operators"] |= {"level_gain": -1e-3, "look": (step, step)}  # they hold nothing
+    off = {
+        name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.06), ("depth", 0.1))
+    }
+    return World(seed, "river", "none", programme, Scenario.model_validate(table), off)
 
 
 def _flows(
@@ -218,9 +261,9 @@ def season_of(world: World, effects: tuple[Effect, ...] = ()) -> Season:
     RividError
         Where no operators can hold the level, or the water cannot follow them.
     """
-    water = BoxWater if world.kind == "box" else Water
+    water = {"box": BoxWater, "river": RiverWater}.get(world.kind, Water)
     season = simulate(world.scenario, world.seed, effects=effects, water=water)
-    if np.ptp(season.true_level) > WIDEST * world.scenario.reach.depth:
+    if world.kind != "river" and np.ptp(season.true_level) > WIDEST * world.scenario.reach.depth:
         raise RividError(
             f"the level moves by {np.ptp(season.true_level):.2f} m: its operators do not hold it"
         )
@@ -249,12 +292,16 @@ def logs_of(world: World, season: Season, late: Floats | None = None, without: t
             ("length", reach.length), ("width", reach.surface_area / reach.length), ("depth", reach.depth),
         )
     }  # fmt: skip
+    pool = world.kind != "river"
+    kind = {"surface_area": told["length"] * told["width"]} if pool else {"kind": "river"}
     settings = {
         "reach": told
+        | kind
         | {
-            "name": "reach", "surface_area": told["length"] * told["width"], "sample_time": reach.sample_time,
+            "name": "reach", "sample_time": reach.sample_time,
             "discharge_range": [float(f"{q:.2g}") for q in reach.discharge_range],
         },
         "diagnose": {"exclude": list(without)},
     }  # fmt: skip
-    return Logs(season.dates, season.seconds, season.inflow, season.outflow, level, settings)
+    outflow = season.outflow if pool else None
+    return Logs(season.dates, season.seconds, season.inflow, outflow, level, settings)

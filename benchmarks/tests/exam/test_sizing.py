@@ -27,6 +27,15 @@ def test_the_filter_with_an_even_walk_is_that_of_the_diagnosis(seed):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+def test_of_a_river_what_enters_arrives(seed):
+    rng = np.random.default_rng(seed)
+    noise = NoiseModel(1.5, 0.0, 0.0, 3600.0, 4.0, 7200.0, 900.0, None)
+    columns = rng.normal(0.0, 3.0, (3, 4, 200))
+    white, _, _ = filtered(columns, np.zeros((4, 200)), 0.0, float(np.exp(-900.0 / 7200.0)), 16.0, 2.25)
+    np.testing.assert_allclose(white, noise.whiten(columns), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_likelihood_of_the_filter_is_that_of_the_whole_covariance(seed):
     rng = np.random.default_rng(seed)
     n, c, phi, inflow, gauge = 12, 0.3, 0.8, 0.5, 0.2

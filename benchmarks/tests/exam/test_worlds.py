@@ -16,6 +16,7 @@ from benchmarks.exam.hiding import (
     TYPES,
     names_of,
     plant,
+    possible,
     record_of_seed,
     sealed,
 )
@@ -23,7 +24,8 @@ from benchmarks.exam.sizing import SIZE_OF, size_of
 from benchmarks.exam.worlds import KINDS, draw
 from rivid.effects import CATALOGUE
 
-SEEDS = (2, 4, 9, 10, 11)
+SEEDS = (2, 4, 9, 21, 11)
+CLASSES = dict(CATALOGUE) | hiding.outside.classes()
 DAYS = 20
 
 
@@ -41,9 +43,20 @@ def test_the_same_seed_plants_the_same_and_another_one_does_not(planted, seed):
     assert len({p.truth["world"]["length_m"] for p in planted.values()}) == len(SEEDS)
 
 
+def pool_and_river():
+    worlds = [draw(seed) for seed in range(12)]
+    return tuple(next(w for w in worlds if (w.kind == "river") == river) for river in (False, True))
+
+
+def test_a_river_hides_nothing_that_needs_a_pool():
+    pool, river = (set(possible(world, CLASSES)) for world in pool_and_river())
+    assert river < pool and {"leakage", "outflow_gain_error", "seiche", "silting_well"} <= pool - river
+    assert {"unlogged_upstream_release", "ice_cover"} <= river
+
+
 def test_kinds_of_water_operators_and_programmes_are_all_drawn():
-    worlds = [draw(seed) for seed in range(60)]
-    for name, many in (("kind", len(KINDS)), ("operators", 3), ("programme", 3)):
+    worlds = [draw(seed) for seed in range(80)]
+    for name, many in (("kind", len(KINDS) + 1), ("operators", 4), ("programme", 3)):
         counts = Counter(getattr(world, name) for world in worlds)
         assert len(counts) == many and min(counts.values()) >= 5
 
@@ -86,15 +99,16 @@ def test_shares_of_what_is_hidden_are_those_that_are_drawn():
     assert set(DRAWN) <= set(CATALOGUE)
     assert set(DRAWN) | set(FOREIGN) == set(SIZE_OF) == set(LARGEST)
     rng = np.random.default_rng(1)
+    known = possible(pool_and_river()[0], CLASSES)
     for kind, pool in (
         ("one", set(DRAWN)),
         ("twin", set(TWINS)),
         ("removed", set(REMOVED)),
         ("outside", set(FOREIGN)),
     ):
-        names = Counter(names_of(kind, rng, tuple(CATALOGUE))[0] for _ in range(400))
+        names = Counter(names_of(kind, rng, known)[0] for _ in range(400))
         assert set(names) == pool
-    assert all(len(set(names_of("two", rng, tuple(CATALOGUE)))) == 2 for _ in range(50))
+    assert all(len(set(names_of("two", rng, known))) == 2 for _ in range(50))
 
 
 @pytest.mark.parametrize("name", [*DRAWN, *FOREIGN])
@@ -105,7 +119,7 @@ def test_every_effect_can_be_drawn_in_a_world(name, seed):
     if name == "silting_well":
         assert table["lag"] > 0.0
     else:
-        effect = (dict(CATALOGUE) | hiding.outside.classes())[name].from_table(table)
+        effect = CLASSES[name].from_table(table)
         assert effect.name == name
     for date in table.get("dates", ()):
         assert 0 <= (date - world.scenario.first_day).days < world.scenario.days
