@@ -5,14 +5,15 @@ the squared error that counts.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.explanation import Explanation, Unknown
+from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
+from rivid.diagnosis.fit import day_errors
 from rivid.diagnosis.predictive import probabilities
 from rivid.effects import Effect
 from rivid.types import Bools, Floats, Ints
@@ -23,7 +24,7 @@ TOGETHER = 0.95
 """Probability that the smallest group of names reaches together."""
 MATERIAL = 0.10
 """Least share of the squared error, at one horizon, that an effect removes to be named."""
-TEMPER = 0.05
+TEMPER = 0.5
 """Exponent of the scores."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
@@ -41,7 +42,18 @@ def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
 
 def scores_of(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Log densities of the blocks of chosen days, shape (explanations, blocks)."""
-    return np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
+    return np.stack([block_sums(tempered(one), chosen, blocks) for one in pool])
+
+
+def tempered(one: Explanation) -> Floats:
+    """Log densities of days, what each step adds divided by its inflation, shape (days,).
+
+    Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
+    times the variance the gain of chance is c times as large.
+    """
+    if one.parent is None:
+        return _density(one)
+    return np.asarray(tempered(one.parent) + (_density(one) - _density(one.parent)) / one.inflation)
 
 
 def _density(one: Explanation) -> Floats:
@@ -51,9 +63,11 @@ def _density(one: Explanation) -> Floats:
 
 def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Probability of each explanation, shape (explanations,)."""
+    scores = scores_of(pool, chosen, blocks)
     return probabilities(
-        scores_of(pool, chosen, blocks), [one.log_prior for one in pool], temper=TEMPER, draws=DRAWS
-    )
+        scores, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1], temper=TEMPER,
+        draws=DRAWS,
+    )  # fmt: skip
 
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
@@ -149,9 +163,26 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and not one.unknown or one.unknown == parent.unknown and one.added is None:
             return names, unknown
+        if one.added is None and self.excess(parent):
+            return names, one.unknown
         if not self._material(one, parent, one.active(self.record)):
             return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
+
+    def excess(self, one: Explanation) -> bool:
+        """Whether an explanation's error exceeds what its own weather, gauge and misfit make, by what counts.
+
+        Their error is that of as many days drawn from its noise.
+        """
+        assert one.errors is not None
+        record, chosen = self.record, self.opened
+        rng = np.random.default_rng(0)
+        drawn = one.noise.simulate(record.days, record.time.shape[1], rng, record.activity)
+        drawn = np.where(np.isfinite(one.residual), drawn, np.nan)
+        usual = day_errors(record, drawn, one.noise, HORIZONS)
+        plain = replace(one, errors=usual)
+        share, draws = shares(plain, one, chosen, self.split.block)
+        return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
         """Probability of the explanations with material names, and an unknown, that `holds` accepts."""
@@ -239,7 +270,7 @@ def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for one in pool:
         key = tuple(sorted(one.names)), one.unknown
-        score = TEMPER * float(_density(one)[opened].sum()) + one.log_prior
+        score = TEMPER * float(tempered(one)[opened].sum()) + one.log_prior
         if key not in best or score > best[key][0]:
             best[key] = score, one
     return [one for _, one in best.values()]

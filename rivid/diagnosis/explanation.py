@@ -33,17 +33,16 @@ class Explanation:
     unknown: Unknown
     log_prior: float  # of its names and windows [nats]
     residual: Floats  # (days, n): measured less simulated and coded, NaN where nothing was measured
-    # (k, days, n): change of the simulated output for one unit of each free parameter, of response, effects
-    # and
-    # further linear columns; their prior standard deviations (k,), and present values less the prior's means.
+    # (k, days, n): change of the simulated output for one unit of each free parameter, of the response and of
+    # the effects; and their prior standard deviations (k,).
     columns: Floats
     sd: Floats
-    deviation: Floats
     weights: Floats  # (days,): of the fit; 0 on sealed days
     # Effects that the simulator does not hold: events, coded day by day, and noises; with the events.
     others: tuple[Effect, ...] = ()
     events: tuple[Events, ...] = ()
     bonus: Floats | None = None  # (days,): log density that a noise outside the filter gains [nats]
+    inflation: float = 1.0  # variance of blocks' scores of what it adds, over that of the noise model
     parent: "Explanation | None" = None  # what it extends by its last effect, or by something unknown
     density: Floats | None = None  # (days,): log density of each day, predicted by the fit without its block
     errors: DayErrors | None = None  # of forecasts by that fit, at HORIZONS
@@ -133,8 +132,8 @@ def fitted(
     unknown: Unknown = "",
     log_prior: float = 0.0,
     start: Explanation | None = None,
-    extra: Floats | None = None,
     parent: Explanation | None = None,
+    inflation: float = 1.0,
     others: tuple[Effect, ...] = (),
     events: tuple[Events, ...] = (),
     steps: int = 6,
@@ -153,106 +152,100 @@ def fitted(
     start : Explanation, optional
         A fit near by: its columns of the response's parameters and, for the first steps, its noise and
         weights are used. By default columns are computed, and the noise fitted, at the start.
-    extra : ndarray, shape (q, days, n), optional
-        Further linear columns of unknown flows, in m3/s; each has the standard deviation of the noise's
-        inflow.
     parent : Explanation, optional
         What this one extends.
+    inflation : float
+        Of what it adds; see :func:`rivid.diagnosis.search.inflation_of`.
     others, events : tuple
         Events and noises outside the simulator.
     steps : int
         Most steps.
     fresh : int
-        How many times the columns are computed anew once the steps with the old ones gain nothing.
+        After how many steps the columns are computed anew.
+
+    Raises
+    ------
+    RividError
+        Where the reach cannot carry the flows.
     """
     p = len(model.reach.parameters)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
-
-    def left(of: Model) -> Floats:
-        z = residual_of(record, of.baseline(record))
-        return np.asarray(z - coded)
-
-    def at(of: Model) -> Floats:
-        return np.concatenate([vector_of(of.reach), of.values()])
-
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
-    z = left(model)
+    z = residual_of(record, model.baseline(record)) - coded
     J = _columns(model, record, None if start is None else start.columns[:p])
-    more = np.zeros((0, *z.shape)) if extra is None else extra
-    linear = np.zeros(len(more))  # values of the further columns
+    same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights = 1e-3, None
     for step in range(steps):
-        seen = np.where(record.used, z - np.tensordot(linear, more, 1), np.nan)
-        if (
-            start is not None and step < 2 and start.model.noise_kind == model.noise_kind
-        ):  # far from the fit the noise would take what the steps should
-            noise, weights = start.model.noise, start.weights
-            assert noise is not None
+        seen = np.where(record.used, z, np.nan)
+        if same and start is not None and step < FIXED:
+            noise, weights = start.noise, start.weights
         else:
             noise, weights = _noise(model, record, seen, open_days, weights, alone=model.noise is not None)
         model = replace(model, noise=noise)
-        white = noise.whiten(seen, activity=record.activity)
-        root = np.sqrt(weights)[:, None]
-        scale = np.concatenate([sd, np.full(len(more), max(noise.inflow_sd, noise.level_sd))])
-        X = noise.whiten(np.concatenate([J, more]), like=seen, activity=record.activity)
-        X = (X[:, open_days] * root[open_days]).reshape(len(scale), -1) * scale[:, None]
-        r = (white * root)[open_days].ravel()
-        here = np.concatenate([at(model), linear])
-        prior = np.concatenate([middle, np.zeros(len(more))])
-        off = (here - prior) / scale
-        G, g = X @ X.T + np.eye(len(scale)), X @ r - off
+        root = np.sqrt(weights[open_days])[:, None]
+        X = noise.whiten(J, like=seen, activity=record.activity)[:, open_days] * root
+        X = X.reshape(len(sd), -1) * sd[:, None]
+        r = (noise.whiten(seen, activity=record.activity)[open_days] * root).ravel()
+        off = (_values(model) - middle) / sd
+        G, g = X @ X.T + np.eye(len(sd)), X @ r - off
         cost, fell = 0.5 * float(r @ r + off @ off), 0.0
-        for _ in range(TRIES):
-            move = np.zeros(len(g))
-            inside = np.flatnonzero(~_held(model, g))
-            part = G[np.ix_(inside, inside)]
-            move[inside] = np.linalg.solve(part + damping * np.diag(np.diag(part)), g[inside])
+        inside = np.flatnonzero(~_held(model, g))
+        G, g = G[np.ix_(inside, inside)], g[inside]
+        hopeless = 0.5 * float(g @ np.linalg.solve(G, g)) < ENOUGH
+        for _ in range(0 if hopeless else TRIES):
+            move = np.zeros(len(sd))
+            move[inside] = np.linalg.solve(G + damping * np.diag(np.diag(G)), g)
             move[:p] = np.clip(move[:p], -2.0, 2.0)
-            there = here + move * scale
             try:
-                other = replace(model, reach=model.reach.with_parameters(there[:p]))
-                other = other.with_values(there[p : len(sd)])
-                z_other = left(other)
-                w = noise.whiten(
-                    np.where(record.used, z_other - np.tensordot(there[len(sd) :], more, 1), np.nan),
-                    activity=record.activity,
-                )
+                other = _moved(model, move * sd)
+                z_other = residual_of(record, other.baseline(record)) - coded
+                w = noise.whiten(np.where(record.used, z_other, np.nan), activity=record.activity)
             except RividError:  # an impossible flow: a shorter step
                 damping = max(8.0 * damping, 1e-2)
                 continue
-            off = (np.concatenate([at(other), there[len(sd) :]]) - prior) / scale
-            now = 0.5 * float(((w * root)[open_days] ** 2).sum() + off @ off)
-            if now < cost:
-                fell, model, z, linear = cost - now, other, z_other, there[len(sd) :]
+            off = (_values(other) - middle) / sd
+            fell = cost - 0.5 * float(((w[open_days] * root) ** 2).sum() + off @ off)
+            if fell > 0.0:
+                model, z = other, z_other
                 damping = max(damping / 8.0, 1e-4)
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
-        if fell < ENOUGH and fresh <= 0:
-            break
-        if fresh > 0:
-            fresh -= 1
+        if step < fresh:
             J = _columns(model, record, None)
-    residual = z - np.tensordot(linear, more, 1)
-    seen = np.where(record.used, residual, np.nan)
+        elif fell < ENOUGH and (not same or step >= FIXED):
+            break
+    seen = np.where(record.used, z, np.nan)
     noise, weights = _noise(model, record, seen, open_days, weights, alone=False)
-    model = replace(model, noise=noise)
-    scale = np.concatenate([sd, np.full(len(more), max(noise.inflow_sd, noise.level_sd))])
-    deviation = np.concatenate([at(model) - middle, linear])
     return Explanation(
-        model,
+        replace(model, noise=noise),
         unknown,
         log_prior,
-        residual,
-        np.concatenate([J, more]),
-        scale,
-        deviation,
+        z,
+        J,
+        sd,
         weights,
         others,
         events,
         parent=parent,
+        inflation=inflation,
     )
+
+
+FIXED = 2
+"""Steps with the noise of the start: far from the fit a new noise would take what the steps should."""
+
+
+def _values(model: Model) -> Floats:
+    """Values of all free parameters, of the response on their scale."""
+    return np.concatenate([vector_of(model.reach), model.values()])
+
+
+def _moved(model: Model, move: Floats) -> Model:
+    """The model at other values of its free parameters, within their limits."""
+    p, there = len(model.reach.parameters), _values(model) + move
+    return replace(model, reach=model.reach.with_parameters(there[:p])).with_values(there[p:])
 
 
 def _held(model: Model, slope: Floats) -> Bools:

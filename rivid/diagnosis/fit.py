@@ -43,6 +43,8 @@ MEMORY = (HOUR / 2.0, DAY)
 """Plausible memory of the weather [s]: hours."""
 METER = 0.005
 """Largest plausible scatter of a logged flow over the usual flow."""
+MISFIT = 0.3
+"""Largest plausible misfit: fronts that are early or late by as many samples."""
 GAUGE = 0.015
 """Largest plausible white noise of a gauge [m]."""
 WIND = (0.3 * HOUR, DAY)
@@ -142,6 +144,7 @@ class Model:
         if self.noise_kind != "flow":
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
         if self.noise_kind in ("plain", "wind"):
+            limits["misfit"] = (0.0, MISFIT)
             limits["walk_sd"] = (0.0, METER * flow * T / self.reach.surface_area)
         if self.noise_kind == "wind":
             limits["level_memory"] = WIND

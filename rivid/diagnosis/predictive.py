@@ -90,15 +90,22 @@ def day_densities(squares: Floats, log_det: Floats, scale: Floats, counts: Float
 
 
 def probabilities(
-    scores: ArrayLike, log_prior: ArrayLike, *, temper: float = 1.0, draws: int = 4000, seed: int = 0
+    scores: ArrayLike,
+    log_prior: ArrayLike,
+    *,
+    parts: float = 1.0,
+    temper: float = 1.0,
+    draws: int = 4000,
+    seed: int = 0,
 ) -> Floats:
     """Probability of each explanation, shape (k,), from the log densities of blocks (k, blocks).
 
-    Each draw weighs the blocks by a Dirichlet distribution of ones, times their number; the score of an
-    explanation is tempered, its prior is not.
+    Each draw weighs the blocks by a Dirichlet distribution of `parts`, times their number: with the days of a
+    block as its parts, that of days whose scores are summed in blocks. A larger number of parts leaves more
+    weight to an effect that acts in one block. The score of an explanation is tempered, its prior is not.
     """
     s = np.asarray(scores, float)
-    weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.ones(s.shape[1]), draws)
+    weights = s.shape[1] * np.random.default_rng(seed).dirichlet(np.full(s.shape[1], parts), draws)
     total = temper * (weights @ (s - s.max(axis=0)).T) + np.asarray(log_prior, float)
     total -= total.max(axis=1, keepdims=True)
     chance = np.exp(total)

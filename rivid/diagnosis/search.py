@@ -10,7 +10,8 @@ sums over days, so that cumulative sums give all windows. A window inside the se
 its ends: each of its kind is as likely as the others, and the whole season as likely as all of them together.
 """
 
-from collections.abc import Callable
+import datetime as dt
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, fitted
 from rivid.diagnosis.fit import Model, residual_of
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -39,11 +41,12 @@ class Candidate:
     log_prior: float  # of its window [nats]
     shift: Floats  # (k,): change of the explanation's own parameters with it
     make: Callable[[float], Effect]  # the effect at a share of its size
+    inflation: float  # variance of its blocks' scores over that of the noise model, 1 or more
 
     @property
     def worth(self) -> float:
-        """Gain less the price of its window [nats]."""
-        return self.gain + self.log_prior
+        """Gain over its inflation, less the price of its window [nats]."""
+        return self.gain / self.inflation + self.log_prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +109,10 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
-def screened(base: Explanation, library: Library, record: Record, best: int = 2) -> list[Candidate]:
-    """The best candidates of each name about an explanation, best first."""
+def screened(
+    base: Explanation, library: Library, record: Record, blocks: Ints, best: int = 2
+) -> list[Candidate]:
+    """The best candidates of each name about an explanation, best first; `blocks` (days,)."""
     noise = base.model.noise
     assert noise is not None
     open_days = np.flatnonzero(base.weights > 0.0)
@@ -130,7 +135,8 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
         s = np.einsum("kdn,dn->kd", w, r)
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
-        found += _windows(trial, s, q, c, np.asarray(G, float), base.sd, record, open_days)
+        inverse = np.asarray(G, float)
+        found += _windows(trial, s, q, c, inverse, base.sd, record, open_days, blocks[open_days])
     by_name: dict[str, list[Candidate]] = {}
     for one in sorted(found, key=lambda one: -one.worth):
         kept = by_name.setdefault(one.effect.name, [])
@@ -148,11 +154,12 @@ def _windows(
     sd: Floats,
     record: Record,
     open_days: Ints,
+    blocks: Ints,
 ) -> list[Candidate]:
     """A trial in the whole season and in its best window of dates (and hours)."""
     days = s.shape[1]
     if trial.hourly:
-        return _hourly(trial, s, q, record, open_days, np.zeros(len(sd)))
+        return _hourly(trial, s, q, record, open_days, np.zeros(len(sd)), blocks)
     first, end, prior = _spans(trial.dates, days)
 
     def up_to(a: Floats) -> Floats:
@@ -179,12 +186,21 @@ def _windows(
             continue
         window = {} if i == 0 else {"dates": _dates(record, open_days, int(first[i]), int(end[i]))}
         shift = -G @ (C[i] @ b[i]) * sd
-        found.append(_candidate(trial, b[i], window, float(gain[i]), float(prior[i]), shift))
+        inside = (np.arange(days) >= first[i]) & (np.arange(days) < end[i])
+        rest = s - np.where(inside, np.einsum("kld,l->kd", q, b[i]), 0.0)
+        large = inflation_of(rest, np.einsum("kkd->kd", q), blocks)
+        found.append(_candidate(trial, b[i], window, float(gain[i]), float(prior[i]), shift, large))
     return found
 
 
 def _candidate(
-    trial: Trial, b: Floats, window: dict[str, Any], gain: float, log_prior: float, shift: Floats
+    trial: Trial,
+    b: Floats,
+    window: dict[str, Any],
+    gain: float,
+    log_prior: float,
+    shift: Floats,
+    inflation: float,
 ) -> Candidate:
     whole = replace(trial.make(b), **window)
     key = trial.free[0]
@@ -192,7 +208,30 @@ def _candidate(
     def make(share: float) -> Effect:
         return whole.with_values(**{key: trial_size(whole, key, share)})
 
-    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make)
+    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, inflation)
+
+
+def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
+    """Variance of the scores of blocks over that of the noise model, 1 or more.
+
+    Scores and information (k, days) are w'r and w'w of whitened columns w and a residual r to which the
+    columns are fitted: white noise of variance 1 gives 1, and a response that errs in the same way for days
+    gives more. The largest quarter of the blocks is left out, so that a few bad days do not count.
+    """
+    label = np.unique(blocks, return_inverse=True)[1]
+    many = int(label.max()) + 1
+    found = []
+    for s, q in zip(score, information, strict=True):
+        sums, sizes = np.bincount(label, s, many), np.bincount(label, q, many)
+        shown = sizes > SHOWN * sizes.max(initial=0.0)
+        squares: Floats = np.sort(np.asarray(sums[shown] ** 2 / sizes[shown], float))
+        kept = squares[: max(1, round(KEPT * len(squares)))]
+        found.append(float(kept.mean()) / KEPT_MEAN if len(kept) else 1.0)
+    return max(float(np.mean(found)), 1.0)
+
+
+SHOWN = 0.01
+"""Share of the largest block's information below which a block shows nothing."""
 
 
 def trial_size(effect: Effect, key: str, share: float) -> Any:
@@ -226,15 +265,15 @@ def _spans(dates: Dates, days: int) -> tuple[Ints, Ints, Floats]:
     )  # fmt: skip
 
 
-def _dates(record: Record, open_days: Ints, first: int, end: int):  # type: ignore[no-untyped-def]
-    """Dates of a window of open days, extended to the season's ends, and over sealed days half-way."""
-    a = 0 if first == 0 else int(open_days[first])
-    b = record.days - 1 if end == len(open_days) else int(open_days[end - 1])
+def _dates(record: Record, open_days: Ints, first: int, end: int) -> tuple[dt.date, dt.date]:
+    """Dates of a window of open days: to the season's ends, and half-way over sealed days next to it."""
+    a = 0 if first == 0 else int(open_days[first - 1] + open_days[first] + 1) // 2
+    b = record.days - 1 if end == len(open_days) else int(open_days[end - 1] + open_days[end] - 1) // 2
     return record.dates[a], record.dates[b]
 
 
 def _hourly(
-    trial: Trial, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats
+    trial: Trial, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats, blocks: Ints
 ) -> list[Candidate]:
     """A release in a run of hours: in the whole season, and in its best window of dates."""
     days = s.shape[1]
@@ -280,7 +319,12 @@ def _hourly(
         if (a, b) != (0, days):
             window["dates"] = _dates(record, open_days, a, b)
         prior_ = log_prior - float(np.log(runs))
-        found.append(_candidate(trial, np.array([size]), window, total - log_prior, prior_, shift))
+        hours = (start + np.arange(length)) % HOURS_A_DAY
+        inside = (np.arange(days) >= a) & (np.arange(days) < b)
+        info = q[np.ix_(hours, hours)].sum(axis=(0, 1))
+        rest = s[hours].sum(axis=0) - np.where(inside, size * info, 0.0)
+        large = inflation_of(rest[None], info[None], blocks)
+        found.append(_candidate(trial, np.array([size]), window, total - log_prior, prior_, shift, large))
     return found
 
 
@@ -346,7 +390,8 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     larger = best[1]
     return fitted(
-        larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        larger, record, opened, start=parent, parent=parent, inflation=candidate.inflation,
+        unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
     )  # fmt: skip
 
@@ -382,23 +427,35 @@ def with_events(
 
 
 def with_noise(
-    parent: Explanation, effect: type[Effect], record: Record, log_prior: float
+    parent: Explanation,
+    effect: type[Effect],
+    record: Record,
+    log_prior: float,
+    latent: Sequence[Explanation] = (),
 ) -> Explanation | None:
-    """An explanation with a noise of the level: wind in the filter, or a seiche outside it."""
+    """An explanation with a noise of the level: wind in the filter, or a seiche outside it.
+
+    A seiche makes the weather short and the gauge rough, which hides it: it is sought as well in what the
+    parent with an unknown flow or gauge (`latent`) leaves, and then carries their noise.
+    """
     model, opened = parent.model, parent.weights > 0.0
     if effect.found_as == "swing":
-        swing = seiche(record, parent, effect)
-        if swing is None:
+        swings = [(one, seiche(record, one, effect)) for one in (parent, *latent)]
+        found = [(one, swing) for one, swing in swings if swing is not None]
+        if not found:
             return None
-        made, gains, tried = swing
+
+        def likelihood(pair: tuple[Explanation, tuple[Effect, Floats, int]]) -> float:
+            one, (_, gains, _) = pair
+            seen = np.where(record.used, one.residual, np.nan)
+            return float((one.noise.log_likelihood(seen, record.activity) + gains)[opened].sum())
+
+        one, (made, gains, tried) = max(found, key=likelihood)
         bonus = gains if parent.bonus is None else gains + parent.bonus
         return replace(
-            parent,
-            parent=parent,
-            others=(*parent.others, made),
-            bonus=bonus,
+            one, unknown=parent.unknown, parent=parent, others=(*parent.others, made), bonus=bonus,
             log_prior=log_prior - float(np.log(tried)),
-        )
+        )  # fmt: skip
     if model.noise_kind != "plain":
         return None
     windy = fitted(

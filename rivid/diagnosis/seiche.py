@@ -28,6 +28,8 @@ WIDEST = 0.7
 """Largest damping times period: a wider peak is no oscillation."""
 LEAST_CONTRAST = 4.0
 """Least power at the peak over that without a seiche: a poor response leaves less."""
+LEAST_PEAK = 2.0
+"""Least height of the highest peak of the mean periodogram over its surroundings, for a fit to be begun."""
 PRESENT = 0.8
 """Least share of the days that a seiche gains on."""
 SMALLEST = 0.002
@@ -86,7 +88,7 @@ def fit_seiche(
     """
     mean = power[fit].mean(axis=0)
     order = np.arange(1, len(mean) + 1)
-    period, tried = _highest(mean, n * T_s / order, SHORTEST * T_s, LONGEST * n * T_s)
+    period, tried, _ = _highest(mean, n, T_s)
     peak = n * T_s / period
     band = (order >= peak / BAND) & (order <= peak * BAND)
     away, seen = np.log(order[band] / peak), mean[band]
@@ -138,13 +140,15 @@ def _spreads(cost: Callable[[Floats], float], p: Floats) -> Floats:
     return np.sqrt(np.maximum(np.diag(np.linalg.pinv(H, hermitian=True)), 0.0))
 
 
-def _highest(mean: Floats, periods: Floats, shortest: float, longest: float) -> tuple[float, int]:
-    """Period of the highest peak above its surroundings, and the number of periods searched."""
+def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
+    """Period of the highest peak above its surroundings, the number of periods searched, and its height."""
+    periods = n * T_s / np.arange(1, len(mean) + 1)
     smooth = np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
-    able = np.flatnonzero((periods >= shortest) & (periods <= longest))
+    able = np.flatnonzero((periods >= SHORTEST * T_s) & (periods <= LONGEST * n * T_s))
     around = [np.median(mean[max(k // 2, k - 60) : min(2 * k + 2, k + 61)]) for k in able]
-    top = int(np.argmax(smooth[able] / np.maximum(around, 1e-12)))
-    return float(periods[able[top]]), len(able)
+    height = smooth[able] / np.maximum(around, 1e-12)
+    top = int(np.argmax(height))
+    return float(periods[able[top]]), len(able), float(height[top])
 
 
 def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Effect, Floats, int] | None:
@@ -167,6 +171,8 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
         return None
     power = periodograms(innovations, used)
     gain = through_filter(noise, n)
+    if _highest(power[opened & whole].mean(axis=0), n, record.sample_time)[2] < LEAST_PEAK:
+        return None
     made, _, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
     period, damping, amplitude = (float(getattr(made, name)) for name in FITTED)
     if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:

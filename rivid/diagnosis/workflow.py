@@ -6,18 +6,26 @@ used once, at the end.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import Study, leading, ranked
+from rivid.diagnosis.decision import ALONE, Study, leading, ranked
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.response.base import Response, kernels_of
 from rivid.diagnosis.result import Diagnosis
-from rivid.diagnosis.search import Candidate, Library, screened, with_effect, with_events, with_noise
+from rivid.diagnosis.search import (
+    Candidate,
+    Library,
+    screened,
+    with_effect,
+    with_events,
+    with_noise,
+)
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
 
@@ -27,11 +35,19 @@ FEWEST_DAYS = 15
 TRIED = 6
 """Names tried in the simulator about an explanation: the right one was among the first three of the linear
 search in nine of ten development seasons, and among the first six in all but those it was too small in."""
-SECOND = 0.7
+LEAST = 4.0
+"""Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
+scores a name needs several times as much to be probable."""
+SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
+HOPELESS = 100.0
+"""Log-likelihood a day below the best response's from which a response is not fitted to all days [nats]: the
+strongest effects of the exam gain half as much, and a response of another kind of water loses several times
+as much."""
 COARSE = 3
 """The fit of a response starts on every third open day."""
 Report = Callable[[float, str], None]
+Grow = Callable[..., Explanation | None]
 Responses = Response | Sequence[Response]
 
 
@@ -110,6 +126,7 @@ def find_effects(
     for turn in range(most):
         search.extend(parent)
         lead = search.lead()
+        search.level_rivals(lead)
         if lead.names == parent.names or turn == most - 1 or len(lead.names) > turn + 1 + len(start):
             break
         parent = lead
@@ -140,6 +157,8 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
+        self.grown: dict[int, tuple[str, Grow]] = {}
+        """How each explanation extends its parent, by its identity: the name, and the function."""
         self.tails: float | None = None
         self.notes: list[str] = []
         self._report, self._done = report, 0.0
@@ -160,32 +179,43 @@ class _Search:
     def begun(self) -> Explanation:
         """All responses without further effects; the best of them."""
         refused: list[RividError] = []
+        part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
+        rough: list[tuple[float, Model]] = []
         for reach in self.responses:
-            self.report(0.25, f"calibrating the response: {reach.name}")
+            self.report(0.1, f"calibrating the response: {reach.name}")
             try:
-                self.add(self._calibrated(reach))
+                one = fitted(self._plain(reach), part, np.ones(part.days, bool), steps=8, fresh=8)
             except RividError as error:
                 refused.append(error)
-        if not self.pool:
+                continue
+            seen = np.where(part.used, one.residual, np.nan)
+            rough.append((float(one.noise.log_likelihood(seen, part.activity).mean()), one.model))
+        if not rough:
             raise refused[0]
         self.notes += [f"a response was passed over: {why}" for why in refused]
-        return max(self.pool, key=self.score)
+        best = max(likely for likely, model in rough if model.reach.name != "fir" or len(rough) == 1)
+        for likely, model in rough:
+            if likely < best - HOPELESS:
+                continue
+            dynamics = model.reach.name == "fir"
+            self.report(0.1, f"calibrating the response: {model.reach.name}")
+            self.add(
+                fitted(
+                    replace(model, noise=None), self.record, self.opened, steps=8, fresh=2,
+                    unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
+                )
+            )  # fmt: skip
+        return max((one for one in self.pool if not one.unknown), key=self.score, default=self.pool[0])
 
-    def _calibrated(self, reach: Response) -> Explanation:
+    def _plain(self, reach: Response) -> Model:
+        """A response with the effects that are known from the start."""
         record = self.record
         noises = [e for e in self.start if e.found_as in LEVEL_NOISES]
         known = tuple(e for e in self.start if e.found_as not in LEVEL_NOISES)
         kind: NoiseKind = "wind" if any(e.found_as == "level noise" for e in noises) else "plain"
-        dynamics = reach.name == "fir"
-        model = Model(
+        return Model(
             reach, None, record.usual_output, record.usual_flow, self.gauge_floor, known, ((),) * len(known),
             kind,
-        )  # fmt: skip
-        part = record.take(np.flatnonzero(self.opened)[::COARSE])
-        rough = fitted(model, part, np.ones(part.days, bool), steps=8, fresh=8)
-        return fitted(
-            replace(rough.model, noise=None), record, self.opened, steps=8, fresh=2,
-            unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
         )  # fmt: skip
 
     def log_prior(self, parts: int) -> float:
@@ -207,46 +237,68 @@ class _Search:
 
     def extend(self, parent: Explanation) -> None:
         """Explanations with one more effect, or something unknown, than `parent`."""
-        parent = self._with_unknown(parent)
-        step = self.log_prior(1) - self.log_prior(0)
-        prior = parent.log_prior + step
-        name = parent.model.reach.name
+        parent, latent = self._with_unknown(parent)
+        name, record = parent.model.reach.name, self.record
         if name not in self.libraries:
             self.report(0.2, f"{len(self.classes)} effects in the simulator")
             bare = replace(parent.model, effects=self.start, free=((),) * len(self.start))
-            self.libraries[name] = Library.of(bare, self.record, self.classes)
+            self.libraries[name] = Library.of(bare, record, self.classes)
         library = self.libraries[name]
         taken = set(parent.names)
         found = [
-            c for c in screened(parent, library, self.record)
+            c for c in screened(parent, library, record, self.dealt.block)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
+        usual = float(np.median([c.inflation for c in found])) if found else 1.0
+        for unknown in latent:  # as all that this parent is compared with
+            self.pool[self.pool.index(unknown)] = replace(unknown, inflation=usual)
         for one in _worth_trying(found):
-            self.report(0.07, f"refitting with {one.effect.name}")
-            try:
-                self.add(with_effect(parent, one, self.record, prior))
-            except RividError:  # the reach runs dry with it
-                continue
+            self._grow(parent, one.effect.name, partial(with_effect, candidate=one, record=record))
         for name, effect in self.classes.items():
-            if (
-                name in taken
-                or not effect.found_as
-                or self.record.kind == "river"
-                and not effect.acts_on_river
-            ):
+            if name in taken or not effect.found_as or record.kind == "river" and not effect.acts_on_river:
                 continue
-            self.report(0.07, f"searching {name}")
             if effect.found_as in LEVEL_NOISES:
-                more = with_noise(parent, effect, self.record, prior)
+                self._grow(
+                    parent, name, partial(with_noise, effect=effect, record=record, latent=latent), usual
+                )
             else:
-                more = with_events(parent, effect, library.kernels, self.record, prior)
-            if more is not None:
-                self.add(more)
+                events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
+                self._grow(parent, name, events, usual)
 
-    def _with_unknown(self, parent: Explanation) -> Explanation:
+    def _grow(self, parent: Explanation, name: str, grow: Grow, inflation: float | None = None) -> None:
+        """An explanation with one more effect than `parent`, if the reach can carry the flows with it."""
+        self.report(0.06, f"refitting with {name}")
+        try:
+            more = grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
+        except RividError:
+            return
+        if more is not None:
+            if inflation is not None:
+                more = replace(more, inflation=inflation)
+            self.grown[id(self.add(more))] = name, grow
+
+    def level_rivals(self, lead: Explanation) -> None:
+        """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without."""
+        if lead.parent is None or id(lead) not in self.grown:
+            return
+        count, opened = len(lead.parent.names), self.opened
+        before = leading([one for one in self.pool if len(one.names) <= count], opened)
+        chances = ranked(before, opened, self.dealt.block).tolist()
+        name, grow = self.grown[id(lead)]
+        for rival, p in zip(before, chances, strict=True):
+            others = set(rival.names)
+            if (
+                p >= 1.0 - ALONE
+                and len(others) == count
+                and others != set(lead.parent.names)
+                and name not in others
+            ):
+                self._grow(rival, name, grow)
+
+    def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
         """Add an unknown flow and an unknown gauge; the parent again, where they led to a better fit."""
         if parent.unknown:
-            return parent
+            return parent, []
         self.report(0.1, "an unknown flow, an unknown gauge")
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
         kinds: tuple[tuple[NoiseKind, Unknown], ...] = (("flow", "flow"), ("gauge", "gauge"))
@@ -262,7 +314,7 @@ class _Search:
         ]  # fmt: skip
         best = max(found, key=self.score)
         if self.score(best) <= self.score(parent):
-            return parent
+            return parent, found
         again = self.add(
             fitted(
                 replace(best.model, noise_kind=parent.model.noise_kind), self.record, self.opened, start=best,
@@ -270,7 +322,7 @@ class _Search:
                 events=parent.events,
             )
         )  # fmt: skip
-        return max((parent, again), key=self.score)
+        return max((parent, again), key=self.score), found
 
     def study(self) -> Study:
         """What was found."""
@@ -291,7 +343,7 @@ def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:
     tried: dict[str, list[Candidate]] = {}
     for one in found:
         same = tried.get(one.effect.name, [])
-        if one.worth <= 0.0 or same and one.worth < SECOND * same[0].worth:
+        if one.worth < LEAST or same and one.worth < SECOND * same[0].worth:
             continue
         if not same and len(tried) == TRIED:
             break

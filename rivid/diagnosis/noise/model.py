@@ -213,8 +213,10 @@ class NoiseModel:
             return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
         return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
 
-    def simulate(self, days: int, n: int, rng: np.random.Generator) -> Floats:
-        """Days of this noise, shape (days, n) [m], with x_0 = 0."""
+    def simulate(
+        self, days: int, n: int, rng: np.random.Generator, activity: ArrayLike | None = None
+    ) -> Floats:
+        """Days of this noise, shape (days, n) [m], with x_0 = 0; of the activity (days, n), 0 by default."""
         from scipy.signal import lfilter
 
         m = self.system()
@@ -223,7 +225,8 @@ class NoiseModel:
             steps = rng.normal(0.0, sd, (days, n)) * np.r_[1.0, np.full(n - 1, np.sqrt(1.0 - phi * phi))]
             return np.asarray(lfilter([1.0], [1.0, -phi], steps, axis=1), float)
 
-        rise = m.c * memory(self.inflow_sd, m.phi) + rng.normal(0.0, 1.0, (days, n)) * self.walk_sd
+        walk = np.sqrt(self.walk_sd**2 + self.misfit**2 * _moved(activity, (days, n)).T)
+        rise = m.c * memory(self.inflow_sd, m.phi) + rng.normal(0.0, 1.0, (days, n)) * walk
         x = np.concatenate([np.zeros((days, 1)), np.cumsum(rise[:, :-1], axis=1)], axis=1)
         return x + memory(self.level_sd, m.psi) + rng.normal(0.0, self.gauge_sd, (days, n))
 
@@ -334,7 +337,7 @@ FEWEST_BLOCKS = 8
 KEPT = 0.75
 """Share of squared differences, the smallest, that the inflation is taken from: the ends of dates are not."""
 
-_KEPT_MEAN = 0.36852
+KEPT_MEAN = 0.36852
 """Mean of a chi-square variable of one degree below its 75 % quantile."""
 
 
@@ -367,7 +370,7 @@ def _squares(g: Floats, q: Floats, kept: Bools | None = None) -> Floats:
         squares = squares[:, kept]
     many = max(1, round(KEPT * squares.shape[1]))
     smallest = np.partition(squares, many - 1, axis=1)[:, :many]
-    return np.asarray(np.maximum(smallest.mean(1) / _KEPT_MEAN, 1e-300))
+    return np.asarray(np.maximum(smallest.mean(1) / KEPT_MEAN, 1e-300))
 
 
 DAY_LIMIT = 1.3
