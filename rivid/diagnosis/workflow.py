@@ -47,6 +47,8 @@ as much."""
 COARSE = 3
 """The fit of a response starts on every third open day."""
 Report = Callable[[float, str], None]
+DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
+"""Days between the values of a size that varies with the date, and most values."""
 Grow = Callable[..., Explanation | None]
 Responses = Response | Sequence[Response]
 
@@ -127,6 +129,7 @@ def find_effects(
         search.extend(parent)
         lead = search.lead()
         search.level_rivals(lead)
+        lead = search.varied(lead)
         if lead.names == parent.names or turn == most - 1 or len(lead.names) > turn + 1 + len(start):
             break
         parent = lead
@@ -295,6 +298,30 @@ class _Search:
             ):
                 self._grow(rival, name, grow)
 
+    def varied(self, lead: Explanation) -> Explanation:
+        """The same with a size of its last effect that varies with the date, where it predicts better."""
+        effect = lead.added
+        if effect is None or lead.others or not effect.varies_with_date or effect.dates is None:
+            return lead
+        key = effect.varies_with_date
+        days = (effect.dates[1] - effect.dates[0]).days + 1
+        found = [lead]
+        for knots in sorted({min(days // length + 1, MOST_KNOTS) for length in DAYS_A_KNOT}):
+            if knots < 2 or isinstance(getattr(effect, key), tuple):
+                continue
+            self.report(0.05, f"refitting with a course of {effect.name}")
+            sizes = effect.with_values(**{key: (float(getattr(effect, key)),) * knots})
+            model = replace(lead.model, effects=(*lead.model.effects[:-1], sizes))
+            found.append(
+                self.add(
+                    fitted(
+                        model, self.record, self.opened, start=lead, parent=lead.parent,
+                        unknown=lead.unknown, inflation=lead.inflation, log_prior=lead.log_prior,
+                    )
+                )
+            )  # fmt: skip
+        return max(found, key=self.score)
+
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
         """Add an unknown flow and an unknown gauge; the parent again, where they led to a better fit."""
         if parent.unknown:
@@ -302,6 +329,8 @@ class _Search:
         self.report(0.1, "an unknown flow, an unknown gauge")
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
         kinds: tuple[tuple[NoiseKind, Unknown], ...] = (("flow", "flow"), ("gauge", "gauge"))
+        if self.record.kind == "river":  # its output is a flow
+            kinds = kinds[:1]
         found = [
             self.add(
                 fitted(
