@@ -403,6 +403,30 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
+def _locks(world: World, rng: np.random.Generator) -> Table:
+    """Pulses of one size and length; or, one time in three, of two, the lengths about those."""
+    per_day, duration = log_uniform(rng, 0.5, 12.0), log_uniform(rng, 0.2, 4.0)
+    size = _flow(world, 0.05)
+    if rng.random() < 2.0 / 3.0:
+        return {"size": size, "per_day": per_day, "duration": duration}
+    many = max(int(rng.poisson(per_day * world.scenario.days)), 2)
+    large = rng.random(many) < 0.5
+    starts = np.sort(rng.uniform(0.0, 24.0 * world.scenario.days, many))
+    lengths = duration * np.where(large, 1.0, 0.5) * np.exp(0.1 * rng.standard_normal(many))
+    return {
+        "size": np.where(large, size, 0.5 * size).tolist(), "starts": starts.round(4).tolist(),
+        "duration": lengths.round(4).tolist(),
+    }  # fmt: skip
+
+
+def _steps(world: World, rng: np.random.Generator) -> Table:
+    """One step of the gauge, or up to six, of about one size, up and down."""
+    many = int(rng.integers(1, 7)) if rng.random() < 0.5 else 1
+    start = np.sort(rng.uniform(48.0, 24.0 * world.scenario.days - 48.0, many)).round(4).tolist()
+    step = [0.03 * _sign(rng) * float(rng.uniform(0.6, 1.0)) for _ in range(many)]
+    return {"step": step, "start": start} if many > 1 else {"step": step[0], "start": start[0]}
+
+
 def _storage(world: World, rng: np.random.Generator) -> Table:
     area = 0.2 * world.scenario.reach.surface_area
     return _place(rng) | {"area": area, "exchange": area / log_uniform(rng, 1800.0, 21600.0)}
@@ -423,9 +447,7 @@ DRAWN: dict[str, Maker] = {
     "unlogged_upstream_release": lambda w, r: (
         {"size": _flow(w, 0.05)} | (_hours(r) if r.random() < 0.8 else {}) | _dates(w, r, 0.2)
     ),
-    "unlogged_downstream_release": lambda w, r: {
-        "size": _flow(w, 0.05), "per_day": log_uniform(r, 0.5, 12.0), "duration": log_uniform(r, 0.2, 4.0),
-    },
+    "unlogged_downstream_release": _locks,
     "leakage": lambda w, r: _place(r) | {"loss": _flow(w, 0.1)},
     "inflow_gain_error": lambda w, r: {"error": 0.02 * _sign(r)} | _dates(w, r, 0.5),
     "outflow_gain_error": lambda w, r: {"error": 0.02 * _sign(r)} | _dates(w, r, 0.5),
@@ -439,9 +461,7 @@ DRAWN: dict[str, Maker] = {
     "gate_deadband": lambda w, r: {"band": 3.0 * w.scenario.operators.quantum},
     "gate_rate_limit": lambda w, r: {"rate": w.scenario.programme.swing / 1200.0},
     "sensor_drift": lambda w, r: {"drift": 0.005 * _sign(r)} | _dates(w, r, 0.0),
-    "sensor_step": lambda w, r: {
-        "step": 0.03 * _sign(r), "start": float(r.uniform(48.0, 24.0 * w.scenario.days - 48.0)),
-    },
+    "sensor_step": _steps,
     "wind_setup": lambda w, r: {"deviation": 0.01, "correlation_time": log_uniform(r, 0.5, 12.0)},
     "seiche": lambda w, r: {
         "amplitude": 0.005, "period": log_uniform(r, 4.0, 30.0) * w.scenario.reach.sample_time,

@@ -98,12 +98,16 @@ def resized(table: Table, factor: float) -> Table:
     """
     name = table["name"]
     factor = 1.0 / factor if name in INVERSE else factor
-    return table | {key: float(f"{factor * table[key]:.6g}") for key in SIZE_OF[name]}
+
+    def grown(value: Any) -> Any:
+        return [grown(one) for one in value] if isinstance(value, list) else float(f"{factor * value:.6g}")
+
+    return table | {key: grown(table[key]) for key in SIZE_OF[name]}
 
 
 def size_of(table: Table) -> float:
-    """The size of an effect in the unit of its first parameter."""
-    return float(table[SIZE_OF[table["name"]][0]])
+    """The size of an effect in the unit of its first parameter; of several, the largest."""
+    return float(max(np.ravel(table[SIZE_OF[table["name"]][0]]), key=abs))
 
 
 @njit(cache=True, error_model="numpy")
@@ -526,7 +530,7 @@ def unit(ref: Reference, table: Table, classes: dict[str, type[Effect]], ends: i
             table = resized(table, 4.0)
             continue
         events = len(effect.events(ref.season.world)) if hasattr(effect, "events") else 0
-        events += "start" in table
+        events += np.size(table.get("start", ()))
         factor, by = factor_of(ref, z, noise=table["name"] in NOISES, price=DATE * ends + EVENT * events)
         table = resized(table, min(max(factor, 0.05), 20.0))
         if abs(np.log(factor)) < 0.1:

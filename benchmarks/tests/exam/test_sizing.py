@@ -5,7 +5,17 @@ import pytest
 
 from benchmarks.exam import sizing
 from benchmarks.exam.hiding import referred
-from benchmarks.exam.sizing import beyond, crossing, factor_of, filtered, misfit, stretches, unit
+from benchmarks.exam.sizing import (
+    beyond,
+    crossing,
+    factor_of,
+    filtered,
+    misfit,
+    resized,
+    size_of,
+    stretches,
+    unit,
+)
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects import CATALOGUE
 
@@ -96,6 +106,12 @@ def test_a_unit_is_1x_of_itself(ref):
     assert again.table["inflow"] == pytest.approx(one.table["inflow"], rel=0.02)
     share = one.table["inflow"] / ref.world.scenario.flow.mean
     assert 1e-4 < share < 0.1
+
+
+def test_several_sizes_grow_together():
+    table = {"name": "sensor_step", "step": [0.02, -0.05], "start": [30.0, 90.0]}
+    assert resized(table, 2.0) == table | {"step": [0.04, -0.1]}
+    assert size_of(table) == -0.05
 
 
 def test_a_crossing_is_found():
