@@ -3,28 +3,33 @@
 All events of a kind have one duration, or one recession, from a grid; each has its own start and size. An
 event must gain its price, some 12 nats: about the logarithm of the number of starts, sizes and durations it
 could have had, so that noise alone gives none. Events under way at midnight are carried into the next day.
-Pulses less than half their duration apart may come back as one longer pulse.
+Pulses less than half their duration apart may come back as one longer pulse. Then the duration is refined
+between the values of the grid, starts are moved between the samples, and pulses may have two durations, or
+one each.
 
 The response of the output to a unit step of flow that starts at sample s is h_{t-s}. Whitening W is linear,
 so one whitened step for each start gives every atom without whitening again:
 
     pulse of D samples:  W p_s = W h_s - W h_{s+D},
-    recession:           W e_s = (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession).
+    recession:           W e_s = q (W h_s - W h_{s+1}) + rho W e_{s+1},    rho = exp(-T_s / recession),
 
-Starts before the row are events under way. The same search finds the jumps of a gauge, up and down: their
-atom is the whitened step itself. As the level of each row's start is unknown, a jump shows in its own row
-only. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) takes
-the atom of largest gain, fits all amplitudes again, and continues until the next gain is below the price.
+q the mean of the recession over its first sample. Starts before the row are events under way. The same search
+finds the jumps of a gauge, up and down: their atom is the whitened step itself. As the level of each row's
+start is unknown, a jump shows in its own row only. Matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993)
+takes the atom of largest gain, fits all amplitudes again, and continues until the next gain is below the
+price.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rivid.diagnosis.data import Record
+from rivid.diagnosis.pursuit import Steps, pursue, receding, squares, steps_of
 from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
@@ -39,21 +44,14 @@ VISIBLE = 0.05
 LASTS = 2.5
 """Recessions over which rain is carried from day to day; after them 8 % of its peak flow is left."""
 
-APART = 2
-"""Samples between the starts of two recessions."""
+APART = 2.0
+"""Samples between the starts of two recessions, at least: one starts between two samples."""
+
+OVERLAP = 0.5
+"""Least distance of the starts of two pulses, in durations: closer ones are as well one longer pulse."""
 
 PATTERNS = 2
-"""Patterns of missing samples with cached atoms; most days have the same pattern."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """An event in a row."""
-
-    start: int  # sample of the row; negative before its first one
-    size: float
-    size_se: float
-    gain: float  # log-likelihood lost without it, the others fitted again [nats]
+"""Patterns of missing samples with cached atoms, beside the usual pattern, which most days have."""
 
 
 def extended(kernel: Floats, length: int) -> Floats:
@@ -65,222 +63,38 @@ def extended(kernel: Floats, length: int) -> Floats:
     return np.asarray(np.concatenate([kernel, beyond]), float)
 
 
-def response(kernel: Floats, shape: Shape, samples: float, length: int) -> Floats:
+def response(kernel: Floats, shape: Shape, samples: float, length: int, rise: int = 0) -> Floats:
     """Response (length,) of the output to a unit event that starts at 0; of some samples, unless a jump."""
     h = extended(kernel, length)
-    if shape == "jump":
-        return h
     if shape == "pulse":
-        D = round(samples)
-        return np.asarray(h - np.concatenate([np.zeros(min(D, length)), h[: max(length - D, 0)]]), float)
-    flow = np.exp(-np.arange(length) / samples)
-    size = 2 * length
-    spread = np.fft.irfft(np.fft.rfft(np.diff(h, prepend=0.0), size) * np.fft.rfft(flow, size), size)
-    return np.asarray(spread[:length], float)
+        return np.subtract(h, at_lags(h, np.arange(length, dtype=float) - samples))
+    if shape == "recession":
+        return np.asarray(receding(h[::-1, None].copy(), samples, rise)[::-1, 0])
+    return h
 
 
-class Atoms:
-    """Whitened atoms of one kind for rows of n samples; `grid` holds durations or recessions [samples]."""
-
-    def __init__(self, kernel: Floats, shape: Shape, grid: tuple[float, ...], n: int, whiten: Whiten) -> None:
-        self.shape, self.grid, self.n, self.whiten = shape, grid, n, whiten
-        self.before = (
-            0 if shape == "jump" else int(np.ceil(max(grid) * (LASTS if shape == "recession" else 1.0)))
-        )
-        """Starts before the row: index k of an atom is the start k - before."""
-        h = extended(kernel, n + self.before)
-        lag = np.arange(n) - (np.arange(self.before + n) - self.before)[:, None]
-        self.steps: Floats = np.where(lag >= 0, h[np.maximum(lag, 0)], 0.0)
-        self.first = tuple(max(self.before - int(np.ceil(x)) + 1, 0) for x in grid)
-        """First atom to look for, for each of the grid: what is over before the row, or long past its peak,
-        is not."""
-        self._kept: dict[bytes, list[tuple[Floats, Floats]]] = {}
-
-    def whitened(self, there: Bools) -> list[tuple[Floats, Floats]]:
-        """For each of the grid: atoms (starts, n) and their norms (starts,), 0 where hardly visible."""
-        key = there.tobytes()
-        if key not in self._kept:
-            while len(self._kept) >= PATTERNS:
-                self._kept.pop(next(iter(self._kept)))
-            like = np.where(there, 0.0, np.nan)[None]
-            W = self.whiten(self.steps[:, None], like)[:, 0]
-            self._kept[key] = [self._atoms(W, samples, there) for samples in self.grid]
-        return self._kept[key]
-
-    def _atoms(self, W: Floats, samples: float, there: Bools) -> tuple[Floats, Floats]:
-        A = W.copy()
-        if self.shape == "jump":
-            after = np.cumsum(there[::-1])[::-1]
-            A[(after < EDGE) | (there.sum() - after < EDGE)] = 0.0
-        elif self.shape == "pulse":
-            D = round(samples)
-            A[: len(A) - D] -= W[D:]
-        else:
-            A[:-1] -= W[1:]
-            rho = np.exp(-1.0 / samples)
-            for s in range(len(A) - 2, -1, -1):
-                A[s] += rho * A[s + 1]
-        norm = np.sqrt((A * A).sum(1))
-        norm[norm < VISIBLE * norm.max(initial=0.0)] = 0.0
-        return A, norm
-
-
-def pursue(
-    A: Floats,
-    norm: Floats,
-    r: Floats,
-    *,
-    first: int,
-    sign: int,
-    apart: int,
-    price: float,
-    most: int,
-    weight: float,
-    carried: list[tuple[int, float, float]],
-) -> tuple[list[Found], list[Found], float]:
-    """Events in a whitened row, and those carried from the row before.
-
-    Parameters
-    ----------
-    A, norm : ndarray, shapes (starts, n) and (starts,)
-        Atoms and their norms; 0 is never chosen.
-    r : ndarray, shape (n,)
-        Whitened residual.
-    first : int
-        First atom to consider.
-    sign : {-1, 0, 1}
-        Of all sizes; 0 is either.
-    apart : int
-        Least distance of two starts [samples].
-    price : float
-        Of an event [nats].
-    most : int
-        Most events.
-    weight : float
-        Of the row's log-likelihood.
-    carried : list of (int, float, float)
-        Events of the row before: index, size and its standard error; they cost nothing.
-
-    Returns
-    -------
-    new, carried : list of Found
-        `start` is an index of A.
-    gain : float
-        Of all, over none, prices of the new ones paid [nats].
-    """
-    prior = [(a, 1.0 / max(se, 1e-12) ** 2) for _, a, se in carried]
-    old = len(carried)
-    fit = _fit(A, r, weight, [k for k, _, _ in carried], prior)
-    none = -0.5 * weight * float(r @ r)
-    unit = np.where(norm > 0.0, np.sqrt(weight) / np.where(norm > 0.0, norm, 1.0), 0.0)
-    unit[:first] = 0.0
-
-    def worth_of(rest: Floats) -> Floats:
-        """Root of twice the gain of each atom, below 0 for one of the other sign."""
-        return unit * (sign * (A @ rest) if sign else np.abs(A @ rest))
-
-    refused = np.zeros(len(norm), bool)
-    tries = 0
-    while len(fit.starts) - old < most and tries < 3 * most and weight > 0.0:
-        tries += 1
-        worth = worth_of(fit.rest)
-        worth[refused | _near(fit.starts, len(norm), apart)] = 0.0
-        k = int(np.argmax(worth))
-        # With the others fitted again an atom gains more than this, twice as much where it leans on them.
-        if worth[k] ** 2 < price:
-            break
-        more = _fit(A, r, weight, [*fit.starts, k], prior)
-        more = _settled(A, r, weight, worth_of, unit == 0.0, more, old, apart, prior)
-        if (sign and (sign * more.size[old:] <= 0.0).any()) or more.likelihood - fit.likelihood < price:
-            refused[k] = True
-        else:
-            fit = more
-    gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)  # exact: the likelihood is a parabola
-    if len(fit.starts) > old and gains[old:].min() < price:
-        kept = [k for i, k in enumerate(fit.starts) if i < old or gains[i] >= price]
-        fit = _fit(A, r, weight, kept, prior)
-        gains = 0.5 * fit.size**2 / np.maximum(fit.variance, 1e-300)
-    every = [
-        Found(k, float(a), float(np.sqrt(v)), float(g))
-        for k, a, v, g in zip(fit.starts, fit.size, fit.variance, gains, strict=True)
-    ]
-    return every[old:], every[:old], fit.likelihood - none - price * (len(every) - old)
-
-
-class _Fit(NamedTuple):
-    """Amplitudes of the atoms that start at `starts`: sizes, their variances, and what is left of the row."""
-
-    starts: list[int]
-    size: Floats
-    variance: Floats
-    likelihood: float
-    rest: Floats
-
-
-def _fit(A: Floats, r: Floats, weight: float, starts: list[int], prior: list[tuple[float, float]]) -> _Fit:
-    """Least squares; the first atoms have a mean and a precision from the row before."""
-    if not starts:
-        return _Fit([], np.zeros(0), np.zeros(0), -0.5 * weight * float(r @ r), r)
-    X = A[starts]
-    mean, precision = np.zeros(len(starts)), np.zeros(len(starts))
-    if prior:
-        mean[: len(prior)], precision[: len(prior)] = np.array(prior).T
-    G = weight * (X @ X.T) + np.diag(precision)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(G), 1e-300))
-    inverse = np.linalg.pinv(G * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(scale, scale)
-    size = inverse @ (weight * (X @ r) + precision * mean)
-    rest = r - size @ X
-    likelihood = -0.5 * (weight * float(rest @ rest) + float(precision @ (size - mean) ** 2))
-    return _Fit(starts, size, np.diag(inverse).copy(), likelihood, rest)
-
-
-def _near(starts: list[int], many: int, apart: int) -> Bools:
-    """Starts that would share a sample with an event that is there."""
-    near = np.zeros(many, bool)
-    for k in starts:
-        near[max(k - apart + 1, 0) : k + apart] = True
-    return near
-
-
-def _settled(
-    A: Floats,
-    r: Floats,
-    weight: float,
-    worth_of: Callable[[Floats], Floats],
-    barred: Bools,
-    fit: _Fit,
-    old: int,
-    apart: int,
-    prior: list[tuple[float, float]],
-) -> _Fit:
-    """Each new event at its best start given the others, once round: the first ones were chosen without."""
-    if len(fit.starts) - old < 2:
-        return fit
-    starts = list(fit.starts)
-    for i in range(old, len(starts)):
-        others = starts[:i] + starts[i + 1 :]
-        worth = worth_of(fit.rest + fit.size[i] * A[starts[i]])
-        worth[_near(others, len(barred), apart) | barred] = -np.inf
-        k = int(np.argmax(worth))
-        if k == starts[i]:
-            continue
-        moved = _fit(A, r, weight, [*starts[:i], k, *starts[i + 1 :]], prior)
-        if moved.likelihood > fit.likelihood:
-            fit, starts[i] = moved, k
-    return fit
+def at_lags(h: Floats, lags: Floats) -> Floats:
+    """A response (m,) some samples after a start between samples: flows are means over samples."""
+    return np.asarray(np.interp(lags, np.arange(-1.0, len(h)), np.append(0.0, h)))
 
 
 PRICE = 12.0
 """Of an event [nats]."""
 
-MOST = 14
-"""Events of a day at most."""
+MOST = 40
+"""New events of a day at most; each pays its price, this only bounds the memory."""
 
-PULSES = (900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
-"""Durations of a pulse [s]."""
+PULSES = (112.5, 225.0, 450.0, 900.0, 1800.0, 3600.0, 7200.0, 14400.0, 28800.0)
+"""Durations of a pulse [s]; those of less than :data:`SHORTEST` are that."""
+
+SHORTEST = 2.0
+"""Shortest pulse [samples]: the volume of a shorter one shows, its duration does not."""
 
 RECESSIONS = (10800.0, 21600.0, 32400.0, 54000.0, 86400.0)
 """Recessions of rain [s]."""
+
+RISES = (0.0, 1800.0, 3600.0, 7200.0, 14400.0)
+"""Rises of rain [s]."""
 
 GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSIONS, "jump": (1.0,)}
 """Usual grid of each shape; that of jumps, which have no duration, has one value without meaning."""
@@ -307,7 +121,7 @@ class Kind:
     """A kind of event."""
 
     name: str
-    shape: Shape  # a constant flow for some time, a steep rise that recedes exponentially, or a jump
+    shape: Shape  # a constant flow for some time, a rise that recedes exponentially, or a jump
     # Of its flow: a release at the downstream dam takes water, -1; rain and upstream releases bring it. 0 is
     # either.
     sign: int
@@ -328,6 +142,11 @@ class Kind:
         object.__setattr__(self, "kernel", kernel)
         if not self.grid:
             object.__setattr__(self, "grid", GRIDS[self.shape])
+
+    def samples(self, sample_time: float) -> tuple[float, ...]:
+        """The grid [samples], none twice."""
+        least = SHORTEST if self.shape == "pulse" else 1.0
+        return tuple(dict.fromkeys(max(x / sample_time, least) for x in self.grid))
 
 
 @dataclass(frozen=True)
@@ -355,6 +174,196 @@ class Events:
     coded: Floats  # (days, n): their response, as it is in the residual
     gain: float  # log-likelihood gained on all days, prices paid [nats]
     price: float  # of each event [nats]
+    rise_s: float = 0.0  # of a recession [s]
+
+
+class Form(NamedTuple):
+    """What all events of a search have in common [samples]."""
+
+    durations: tuple[float, ...]  # those that an event may have, or one recession
+    rise: int = 0  # of a recession
+    ends: bool = False  # whether each pulse may end at a time of its own
+
+
+@dataclass(eq=False)
+class _Pattern:
+    """Whitened steps of one pattern of missing samples, and what is made of them."""
+
+    W: Floats  # (S, n)
+    readings: Ints  # (S,): from each start on
+    steps: dict[Form, Steps] = field(default_factory=dict)
+    units: dict[float, Floats] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class _Found:
+    """Events of one form, row after row; an event is row, start in it, duration, size, variance and gain."""
+
+    form: Form
+    events: list[list[float]] = field(default_factory=list)
+    seen: list[tuple[int, float, int]] = field(default_factory=list)  # row, start in it, and which event
+    under_way: list[tuple[float, int]] = field(default_factory=list)  # of the last row
+    gain: float = 0.0
+    last: int = -1  # row
+
+
+class Rows:
+    """Rows in which events of one kind are sought; arguments as of :func:`find_events`."""
+
+    def __init__(
+        self, residual: ArrayLike, whiten: Whiten, kind: Kind, sample_time: float, lead: int,
+        follows: ArrayLike | None, weights: ArrayLike | None, price: float | None, most: int,
+    ) -> None:  # fmt: skip
+        z = np.asarray(residual, float)
+        if z.ndim != 2 or not 0 <= lead < z.shape[1]:
+            raise RividError(
+                f"residual has shape {z.shape} with a lead of {lead}: expected (days, n), n > lead"
+            )
+        days, n = z.shape
+        self.follows = np.zeros(days, bool) if follows is None else np.asarray(follows, bool)
+        self.weights = np.ones(days) if weights is None else np.asarray(weights, float)
+        if self.follows.shape != (days,) or self.weights.shape != (days,):
+            raise RividError(
+                f"follows and weights have shapes {self.follows.shape} and {self.weights.shape}: "
+                f"expected ({days},)"
+            )
+        self.whiten, self.kind, self.T, self.lead, self.most = whiten, kind, sample_time, lead, most
+        self.there = np.isfinite(z)
+        self.white = whiten(np.where(self.there, z, np.nan)[None], z)[0]
+        self.before = self._before(max(kind.samples(sample_time)))
+        h = extended(kind.kernel, n + self.before)
+        lag = np.arange(n) - (np.arange(self.before + n) - self.before)[:, None]
+        self.steps = np.where(lag >= 0, h[np.maximum(lag, 0)], 0.0)
+        self.usual = Counter(row.tobytes() for row in self.there).most_common(1)[0][0]
+        self.patterns: dict[bytes, _Pattern] = {}
+        self.products: dict[int, Floats] = {}
+        self.price = self._usual_price() if price is None else price
+
+    def search(self, forms: Sequence[Form], rows: Sequence[int], timed: int = 0) -> list[_Found]:
+        """Events of each form in some rows, in order; `timed` as of :func:`pursue`."""
+        every = [_Found(form) for form in forms]
+        for d in rows:
+            if self.there[d].any():
+                pattern = self.pattern(self.there[d])
+                if d not in self.products:
+                    self.products[d] = pattern.W @ self.white[d]
+                for found in every:
+                    self._row(d, found, pattern, timed)
+        return every
+
+    def _row(self, d: int, found: _Found, pattern: _Pattern, timed: int) -> None:
+        """Events of one form in row d; those of the row before that go on are measured again."""
+        shape, form = self.kind.shape, found.form
+        steps, unit = self.atoms(pattern, form)
+        day, before, pulse = self.white.shape[1] - self.lead, steps.before, shape == "pulse"
+        durations = np.array(form.durations)
+        old = [(x - day, i) for x, i in found.under_way if self.follows[d] and found.last == d - 1]
+        old = [(x, i) for x, i in old if x + (found.events[i][2] if pulse else before) > 0.0]
+        carried = np.array([[x + before, *found.events[i][2:5]] for x, i in old]).reshape(-1, 4)
+        carried[:, 3] **= 0.5
+        c = self.products[d]
+        if shape == "recession":
+            c = steps.W @ self.white[d]
+        apart = {"pulse": np.maximum(OVERLAP * durations, SHORTEST), "recession": APART + 0.0 * durations}
+        lasts = durations if pulse else np.full(len(durations), np.inf)
+        low = np.maximum(before - np.ceil(durations).astype(np.int64) + 1, 0)
+        events, gain = pursue(
+            steps, c, lasts, unit, low, apart.get(shape, EDGE + 0.0 * durations), self.kind.sign,
+            self._price_in(form), self.most, float(self.weights[d]), carried, timed, form.ends,
+        )  # fmt: skip
+        for (_, i), event in zip(old, events, strict=False):
+            # The estimate of both days: the first one's size and standard error are the second one's prior.
+            found.events[i][3:] = event[2:].tolist()
+        found.seen += [(d, x, i) for x, i in old]
+        found.under_way = list(old)
+        for at, *event in events[len(old) :].tolist():
+            x, i = at - before, len(found.events)
+            found.events.append([d, x, *event])
+            found.seen.append((d, x, i))
+            found.under_way.append((x, i))
+            if self.follows[d] and found.last == d - 1 and 0.0 <= x + day < self.white.shape[1]:
+                found.seen.append((d - 1, x + day, i))  # too late in its own day to be measured there
+        found.gain += gain
+        found.last = d
+
+    def as_events(self, found: _Found) -> Events:
+        """The events in seconds, and what they are in the residual."""
+        kind, form, n, T = self.kind, found.form, self.white.shape[1], self.T
+        jump = kind.shape == "jump"
+        h = extended(kind.kernel, 2 * n + self.before)
+        if kind.shape == "recession":
+            h = response(kind.kernel, kind.shape, form.durations[0], len(h), form.rise)
+        coded = np.zeros(self.white.shape)
+        for d, x, i in found.seen:
+            _, _, D, size, *_ = found.events[i]
+            lags = np.arange(float(n)) - x
+            coded[d] += size * (at_lags(h, lags) - (at_lags(h, lags - D) if np.isfinite(D) else 0.0))
+        events = tuple(
+            Event(
+                day=int(d), start_s=(x - self.lead - 0.5 * jump) * T,
+                duration_s=(D if np.isfinite(D) else form.durations[0]) * T, size=size,
+                size_se=float(np.sqrt(variance)), gain=gain, under_way=x < 0.0,
+            )
+            for d, x, D, size, variance, gain in sorted(found.events)
+        )  # fmt: skip
+        usual = float(np.median([e.duration_s for e in events])) if events else form.durations[0] * T
+        return Events(kind, usual, events, coded, found.gain, self.price, form.rise * T)
+
+    def _before(self, samples: float) -> int:
+        """Starts before a row of events of so many samples."""
+        if self.kind.shape == "jump":
+            return 0
+        return int(np.ceil(samples * (LASTS if self.kind.shape == "recession" else 1.0)))
+
+    def pattern(self, there: Bools) -> _Pattern:
+        key = there.tobytes()
+        if key not in self.patterns:
+            others = [k for k in self.patterns if k != self.usual]
+            if len(others) >= PATTERNS:
+                self.patterns.pop(others[0])
+            W = self.whiten(self.steps[:, None], np.where(there, 0.0, np.nan)[None])[:, 0]
+            readings = np.append(np.full(self.before, there.sum()), np.cumsum(there[::-1])[::-1])
+            self.patterns[key] = _Pattern(W, readings)
+        return self.patterns[key]
+
+    def atoms(self, pattern: _Pattern, form: Form) -> tuple[Steps, Floats]:
+        """Steps of a form, and 1 over the norms of its atoms (durations, S), 0 where hardly visible."""
+        shape, steps = self.kind.shape, pattern.steps
+        key = form if shape == "recession" else Form(())
+        if key not in steps:
+            if shape == "recession":
+                before = self._before(form.durations[0])
+                W = receding(pattern.W[self.before - before :], form.durations[0], form.rise)
+                steps[key] = steps_of(W, before)
+            else:
+                usual = shape == "pulse" and pattern is self.patterns.get(self.usual)
+                steps[key] = steps_of(pattern.W, self.before, usual)  # every start is looked at, some day
+        made, units = steps[key], []
+        for D in form.durations:
+            at = D + form.rise * 1e6  # of recessions, each has one
+            if at not in pattern.units:
+                root = np.sqrt(squares(made.W, made.before, D if shape == "pulse" else np.inf))
+                seen = root > VISIBLE * root.max(initial=0.0)
+                if shape == "jump":
+                    whole = pattern.readings.max()
+                    seen &= (pattern.readings >= EDGE) & (whole - pattern.readings >= EDGE)
+                pattern.units[at] = np.divide(1.0, root, out=np.zeros(len(root)), where=seen)
+            units.append(pattern.units[at])
+        return made, np.array(units)
+
+    def _price_in(self, form: Form) -> float:
+        """Price of an event that may have one of several durations [nats]."""
+        return self.price + float(np.log(len(form.durations)))
+
+    def _usual_price(self) -> float:
+        if self.kind.shape != "jump":
+            return PRICE
+        whole = self.pattern(self.there[int(np.argmax(self.there.sum(1)))])
+        _, unit = self.atoms(whole, Form(self.kind.samples(self.T)))
+        sure = unit[unit > 0.0]
+        if not len(sure):
+            return PRICE
+        return price_of(int(self.there.sum()), LARGEST_JUMP, float(np.median(sure)))
 
 
 def find_events(
@@ -368,6 +377,7 @@ def find_events(
     weights: ArrayLike | None = None,
     price: float | None = None,
     most: int = MOST,
+    refine: bool = True,
 ) -> Events:
     """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
 
@@ -389,103 +399,71 @@ def find_events(
     price : float, optional
         Of an event [nats]. Default: :data:`PRICE`, of a jump that of :func:`price_of`.
     most : int
-        Most events of a day.
+        Most new events of a day.
+    refine : bool
+        Whether the duration is refined between the values of the grid, starts are moved between the samples,
+        and pulses may have two durations, or one each, where that gains more than its price.
 
     Raises
     ------
     RividError
         Where arrays do not fit.
     """
-    z = np.asarray(residual, float)
-    if z.ndim != 2 or not 0 <= lead < z.shape[1]:
-        raise RividError(f"residual has shape {z.shape} with a lead of {lead}: expected (days, n), n > lead")
-    days, n = z.shape
-    after = np.zeros(days, bool) if follows is None else np.asarray(follows, bool)
-    weight = np.ones(days) if weights is None else np.asarray(weights, float)
-    if after.shape != (days,) or weight.shape != (days,):
-        raise RividError(
-            f"follows and weights have shapes {after.shape} and {weight.shape}: expected ({days},)"
-        )
-    grid = tuple(max(x / sample_time, 1.0) for x in kind.grid)
-    jump = kind.shape == "jump"
-    if kind.shape == "pulse":
-        grid = tuple(float(round(x)) for x in grid)
-    there = np.isfinite(z)
-    r = whiten(np.where(there, z, np.nan)[None], z)[0]
-    atoms = Atoms(kind.kernel, kind.shape, grid, n, whiten)
-    searches = [_Search(g, n - lead, atoms.before, k) for g, k in zip(grid, atoms.first, strict=True)]
-    if price is None:
-        price = _jump_price(atoms, there) if jump else PRICE
-    for d in range(days):
-        if not there[d].any():
-            continue
-        for search, (A, norm) in zip(searches, atoms.whitened(there[d]), strict=True):
-            apart = EDGE if jump else int(search.samples) if kind.shape == "pulse" else APART
-            search.day(d, bool(after[d]), A, norm, r[d], kind.sign, apart, price, most, float(weight[d]))
-    best = int(np.argmax([s.gain for s in searches]))
-    chosen = searches[best]
-    coded = np.zeros(z.shape)
-    if chosen.seen:
-        shape = response(kind.kernel, kind.shape, grid[best], n + atoms.before + n)
-        # The lead of the next row shows a late jump; there is no atom for it, as its size is known.
-        late = [e for e in chosen.seen if jump and e[1] >= n - lead and after[e[0] + 1 : e[0] + 2].any()]
-        later = [(d + 1, k - n + lead, i) for d, k, i in late]
-        for d, k, i in chosen.seen + later:
-            lag = np.arange(n) - k
-            coded[d] += chosen.found[i][1].size * np.where(lag >= 0, shape[np.maximum(lag, 0)], 0.0)
-    events = tuple(
-        Event(
-            day=d, start_s=(f.start - lead - 0.5 * jump) * sample_time, duration_s=grid[best] * sample_time,
-            size=f.size, size_se=f.size_se, gain=f.gain, under_way=f.start < 0,
-        )
-        for d, f in sorted(chosen.found, key=lambda e: (e[0], e[1].start))
-    )  # fmt: skip
-    return Events(kind, kind.grid[best], events, coded, chosen.gain, price)
+    rows = Rows(residual, whiten, kind, sample_time, lead, follows, weights, price, most)
+    every = range(len(rows.white))
+    if refine and kind.shape != "jump":
+        (found,) = rows.search([_refined(rows)], every, timed=2)
+    else:
+        found = max(rows.search([Form((x,)) for x in kind.samples(sample_time)], every), key=lambda f: f.gain)
+    return rows.as_events(found)
 
 
-def _jump_price(atoms: Atoms, there: Bools) -> float:
-    """Price of a jump anywhere in the rows [nats]."""
-    ((_, norm),) = atoms.whitened(there[int(np.argmax(there.sum(1)))])
-    sure = norm[norm > 0.0]
-    return price_of(int(there.sum()), LARGEST_JUMP, 1.0 / float(np.median(sure))) if len(sure) else PRICE
+FEW_ROWS = 30
+"""Rows, those with most to explain, from which durations are refined: with an event on each they are right to
+some percent."""
+
+PASSES, FINER = 2, 4
+"""Passes of the refinement of a duration, and steps between neighbours of the pass before: from a factor of 2
+to one of 1.04, within which the gain is flat."""
 
 
-class _Search:
-    """Events of one duration, day after day."""
+def _refined(rows: Rows) -> Form:
+    """The form of largest gain, first of the grid and then about it."""
+    kind, grid = rows.kind, rows.kind.samples(rows.T)
+    some = np.sort(np.argsort(-rows.weights * (rows.white**2).sum(1), kind="stable")[:FEW_ROWS]).tolist()
 
-    def __init__(self, samples: float, row: int, before: int, first: int) -> None:
-        self.samples, self.row, self.before, self.first = samples, row, before, first
-        self.found: list[tuple[int, Found]] = []
-        self.seen: list[tuple[int, int, int]] = []
-        """Row, start in it, and which event."""
-        self.gain = 0.0
-        self._last = -1
+    def best(forms: list[Form], timed: int = 0) -> _Found:
+        return max(rows.search(forms, some, timed), key=lambda f: f.gain)
 
-    def day(
-        self, d: int, follows: bool, A: Floats, norm: Floats, r: Floats, sign: int, apart: int, price: float,
-        most: int, weight: float,
-    ) -> None:  # fmt: skip
-        """Look in row d; events of the row before that still show keep their place and are measured again."""
-        before = [(k - self.row, i) for e, k, i in self.seen if follows and e == d - 1 == self._last]
-        old = [(k, i) for k, i in before if k >= -self.before and norm[k + self.before] > 0.0]
-        carried = [(k + self.before, self.found[i][1].size, self.found[i][1].size_se) for k, i in old]
-        new, again, gain = pursue(
-            A, norm, r, first=self.first, sign=sign, apart=apart, price=price, most=most, weight=weight,
-            carried=carried,
-        )  # fmt: skip
-        for (k, i), f in zip(old, again, strict=True):
-            day, first = self.found[i]
-            # The estimate of both days: the first one's size and standard error are the second one's prior.
-            self.found[i] = day, replace(first, size=f.size, size_se=f.size_se, gain=f.gain)
-            self.seen.append((d, k, i))
-        for f in new:
-            start, i = f.start - self.before, len(self.found)
-            self.found.append((d, replace(f, start=start)))
-            self.seen.append((d, start, i))
-            if follows and self._last == d - 1 and 0 <= start + self.row < len(r):
-                self.seen.append((d - 1, start + self.row, i))  # too late in its own day to be measured there
-        self.gain += gain
-        self._last = d
+    now = best([Form((x,)) for x in grid])
+    if not now.events:
+        return now.form
+    if kind.shape == "recession":
+        now = best([now.form._replace(rise=round(x / rows.T)) for x in RISES])
+    now = _finer(now, 0, grid, best)
+    if kind.shape == "recession":
+        return now.form
+    two = best([Form((*now.form.durations, x)) for x in grid if x not in now.form.durations], timed=1)
+    if two.gain > now.gain + rows.price:
+        two = _finer(_finer(two, 0, grid, best), 1, grid, best)
+    # A wrong duration stands in for a start between two samples: what decides has the best starts.
+    free = best([Form(grid, ends=True)], timed=1)
+    paid = ((now.gain, now.form), (two.gain - rows.price, two.form), (free.gain, free.form))
+    return max(paid)[1]
+
+
+def _finer(now: _Found, which: int, grid: Sequence[float], best: Callable[..., _Found]) -> _Found:
+    """The form with one of its durations between the values of a grid; starts between samples at last."""
+    ratio = max(b / a for a, b in zip(grid, grid[1:], strict=False)) if len(grid) > 1 else 2.0
+    for turn in range(PASSES):
+        ratio **= 1.0 / FINER
+        durations = list(now.form.durations)
+        forms = []
+        for k in range(-FINER + 1, FINER):
+            durations[which] = min(max(now.form.durations[which] * ratio**k, grid[0]), grid[-1])
+            forms.append(now.form._replace(durations=tuple(durations)))
+        now = best(forms, int(turn == PASSES - 1))
+    return now
 
 
 WITHIN = 1800.0
@@ -597,7 +575,11 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     sizes_ = np.array([abs(float(e.size)) for e in events.events])
     most = (MOST_RAIN if effect.found_as == "recession" else MOST_PULSE) * float(np.median(sizes_))
     size = np.minimum(sizes_, most).tolist()
-    return effect.from_events(starts, size, events.events[0].duration_s / HOUR)
+    lasts = tuple(e.duration_s / HOUR for e in events.events)
+    made = effect.from_events(starts, size, lasts[0] if np.ptp(lasts) == 0.0 else lasts)
+    if events.rise_s > 0.0 and "rise" in effect.parameters():
+        made = made.with_values(rise=events.rise_s / HOUR)
+    return made
 
 
 def plausible(found: Events) -> bool:

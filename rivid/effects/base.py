@@ -387,8 +387,10 @@ class Effect(ABC):
         return float(min(max(value, limits.low), limits.high))
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "Effect":
-        """The effect with given events: starts and duration [h], sizes [m3/s], of jumps [m].
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "Effect":
+        """The effect with given events: starts [h], sizes [m3/s], of jumps [m], and durations [h].
+
+        `duration` is one number, or one for each start.
 
         Raises
         ------

@@ -198,7 +198,7 @@ class RainInflow(Effect):
         check_given(self, "peak", "rise", "recession")
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "RainInflow":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "RainInflow":
         return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
 
     @classmethod
@@ -303,7 +303,7 @@ class UnloggedDownstreamRelease(Effect):
 
     @classmethod
     def from_events(
-        cls, starts: Sequence[float], sizes: Sequence[float], duration: float
+        cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes
     ) -> "UnloggedDownstreamRelease":
         return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
 

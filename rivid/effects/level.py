@@ -107,7 +107,7 @@ class SensorStep(Effect):
             )
 
     @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: float) -> "SensorStep":
+    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "SensorStep":
         return cls(step=tuple(sizes), start=tuple(starts))
 
     def changes(self, world: World) -> Changes:

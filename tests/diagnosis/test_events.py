@@ -1,17 +1,18 @@
 """Events against slow searches, planted truth, and days of noise."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 
 from rivid.diagnosis.events import (
-    Atoms,
     Event,
+    Form,
     Kind,
+    Rows,
     extended,
     find_events,
-    pursue,
     response,
     size_variation,
     timetable,
@@ -37,11 +38,11 @@ RELEASE = Kind("release", "pulse", 1, FAR)
 RAIN = Kind("rain", "recession", 1, FAR)
 
 
-def planted(seed, days, kind, samples, starts, size, noise=NOISE, n=N):
+def planted(seed, days, kind, samples, starts, size, noise=NOISE, n=N, rise=0):
     """Noise with events at starts(rng) of each row, and what they are: (day, start, size)."""
     rng = np.random.default_rng(seed)
     z, truth = noise.simulate(days, n, rng), []
-    shape = response(kind.kernel, kind.shape, samples, 3 * n)
+    shape = response(kind.kernel, kind.shape, samples, 3 * n, rise)
     for d in range(days):
         for k in starts(rng):
             truth.append((d, int(k), kind.sign * size))
@@ -54,67 +55,85 @@ def starts_of(found):
     return [(e.day, round(e.start_s / T)) for e in found.events]
 
 
-@pytest.mark.parametrize("shape", ["pulse", "recession"])
+def mean_flow(shape, samples, rise, n):
+    """Means over the samples of a flow that begins at 0, from its values at many times."""
+    t = (np.arange(400 * n) + 0.5) / 400
+    if shape == "pulse":
+        flow = (t < samples) * 1.0
+    else:
+        flow = np.where(t < rise, t / max(rise, 1), np.exp(-(t - rise) / samples))
+    return flow.reshape(n, 400).mean(axis=1)
+
+
+@pytest.mark.parametrize("shape, rise", [("pulse", 0), ("recession", 0), ("recession", 1), ("recession", 5)])
 @pytest.mark.parametrize("noise", [NOISE, RIVER])
-def test_an_atom_is_the_whitened_response_of_its_flow(shape, noise):
+def test_an_atom_is_the_whitened_response_of_its_flow(shape, rise, noise):
     n, kernel = 60, FAR[:40] if noise is NOISE else ARRIVAL[:40]
     there = np.ones(n, bool)
     there[:5] = there[22:31] = False
     like = np.where(there, 0.0, np.nan)[None]
-    atoms = Atoms(kernel, shape, (7.0, 18.0), n, noise.whiten)
-    h = extended(kernel, 2 * n)
-    for samples, (whitened, norm) in zip((7, 18), atoms.whitened(there), strict=True):
-        for start in (-samples + 1, -2, 0, 11, 25, 40):
-            flow = np.zeros(2 * n)  # from `start` on, a sample of flow for each
-            flow[:] = (
-                np.exp(-np.arange(2 * n) / samples) if shape == "recession" else np.arange(2 * n) < samples
-            )
-            slow = [
-                sum(flow[i] * (h[t - start - i] - (h[t - start - i - 1] if t - start - i else 0.0))
-                    for i in range(t - start + 1)) if t >= start else 0.0
-                for t in range(n)
-            ]  # fmt: skip
-            expected = noise.whiten(np.array(slow)[None, None], like)[0, 0]
-            found = whitened[start + atoms.before]
-            assert found == pytest.approx(expected, abs=1e-9 * np.abs(whitened).max())
-            assert norm[start + atoms.before] in (0.0, pytest.approx(np.linalg.norm(expected)))
+    kind = Kind("x", shape, 1, kernel, (7.25 * T, 18.0 * T))
+    rows = Rows(like, noise.whiten, kind, T, 0, None, None, None, 5)
+    h = extended(kernel, 3 * n)
+    for samples in (7.25, 18.0):
+        steps, unit = rows.atoms(rows.pattern(there), Form((samples,), rise))
+        for start in (-int(samples) + 1, -2, 0, 11, 25, 40):
+            flow = mean_flow(shape, samples, rise, 2 * n)  # from `start` on
+            after = np.arange(n) - start
+            rise_of = np.diff(h, prepend=0.0)
+            slow = np.array([sum(flow[i] * rise_of[t - i] for i in range(t + 1)) for t in after])
+            expected = noise.whiten(slow[None, None], like)[0, 0]
+            s = start + steps.before
+            found = steps.W[s].copy()
+            if shape == "pulse":
+                end = int(samples) + s
+                share = samples % 1.0
+                found -= (1.0 - share) * steps.W[end] + share * steps.W[end + 1]
+            assert found == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+            norm = np.linalg.norm(found)
+            assert unit[0, s] in (0.0, pytest.approx(1.0 / max(norm, 1e-300)))
+            fine = response(kernel, shape, samples, 2 * n, rise)
+            wanted = np.where(after >= 0, fine[np.maximum(after, 0)], 0.0)
+            np.testing.assert_allclose(slow, wanted, atol=2e-4 * np.abs(slow).max())
 
 
 @sizes("seeds", 3, 12)
 def test_pursuit_finds_what_a_search_over_all_pairs_finds(seeds):
     n, samples, agree = 70, 8, 0
-    atoms = Atoms(HERE[:n], "pulse", (float(samples),), n, NOISE.whiten)
-    ((W, norm),) = atoms.whitened(np.ones(n, bool))
+    kind = Kind("lock", "pulse", -1, HERE[:n], (samples * T,))
     for seed in range(seeds):
         z, _ = planted(
             seed, 1, LOCK, samples, lambda rng: (rng.integers(8, 28), rng.integers(38, 56)), 60.0, n=n
         )
-        r = NOISE.whiten(z[None], z)[0, 0]
-        new, _, gain = pursue(
-            W, norm, r, first=0, sign=-1, apart=samples, price=12.0, most=2, weight=1.0, carried=[]
-        )  # fmt: skip
-        best = (0.0, ())
-        for pair in combinations(np.flatnonzero(norm), 2):
-            if pair[1] - pair[0] >= samples:
-                X = W[list(pair)]
+        rows = Rows(z, NOISE.whiten, kind, T, 0, None, None, 12.0, 2)
+        (found,) = rows.search([Form((float(samples),))], [0])
+        steps, unit = rows.atoms(rows.pattern(np.ones(n, bool)), found.form)
+        A = steps.W - np.concatenate([steps.W[samples:], np.zeros((samples, n))])
+        best, r = (0.0, ()), rows.white[0]
+        for pair in combinations(np.flatnonzero(unit[0]), 2):
+            if pair[1] - pair[0] >= samples / 2:
+                X = A[list(pair)]
                 size, *_ = np.linalg.lstsq(X.T, r, rcond=None)
                 worth = 0.5 * (r @ r - np.sum((r - size @ X) ** 2))
                 if (size < 0).all() and worth > best[0]:
                     best = (worth, pair, size)
-        assert gain <= best[0] - 24.0 + 1e-6
-        if sorted(f.start for f in new) == list(best[1]):
+        assert found.gain <= best[0] - 24.0 + 1e-6
+        starts = [round(e[1]) + steps.before for e in found.events]
+        if sorted(starts) == list(best[1]):
             agree += 1
-            assert gain == pytest.approx(best[0] - 24.0)
-            assert sorted(f.size for f in new) == pytest.approx(sorted(best[2]))
-            X = W[[f.start for f in new]]
-            assert [f.size_se for f in new] == pytest.approx(np.sqrt(np.diag(np.linalg.inv(X @ X.T))))
+            assert found.gain == pytest.approx(best[0] - 24.0)
+            assert sorted(e[3] for e in found.events) == pytest.approx(sorted(best[2]))
+            X = A[starts]
+            assert [e[4] for e in found.events] == pytest.approx(np.diag(np.linalg.inv(X @ X.T)))
     assert agree >= 0.9 * seeds
 
 
 @sizes("days", 20, 60)
 @pytest.mark.parametrize("kind", [LOCK, RELEASE, RAIN], ids=lambda kind: kind.name)
 def test_days_of_noise_have_no_events(kind, days):
-    found = find_events(NOISE.simulate(days, N, np.random.default_rng(1)), NOISE.whiten, kind, T)
+    found = find_events(
+        NOISE.simulate(days, N, np.random.default_rng(1)), NOISE.whiten, kind, T, refine=False
+    )
     assert len({e.day for e in found.events}) < 0.05 * days
     assert found.gain >= 0.0 and (found.coded == 0.0).all() == (not found.events)
 
@@ -125,10 +144,10 @@ def two_locks(rng):
 
 IN_A_RIVER = Kind("river", "pulse", 1, ARRIVAL)
 PLANTED = [
-    (NOISE, LOCK, 14, 60.0, 1800.0, two_locks),
-    (NOISE, RELEASE, 54, 45.0, 7200.0, lambda rng: rng.integers(20, 280, 1)),
+    (NOISE, LOCK, 1800.0 / T, 60.0, 1800.0, two_locks),
+    (NOISE, RELEASE, 7200.0 / T, 45.0, 7200.0, lambda rng: rng.integers(20, 280, 1)),
     (NOISE, RAIN, 9 * 3600 / T, 60.0, 32400.0, lambda rng: rng.integers(15, 200, 1)),
-    (RIVER, IN_A_RIVER, 54, 20.0, 7200.0, lambda rng: rng.integers(20, 300, 1)),
+    (RIVER, IN_A_RIVER, 7200.0 / T, 20.0, 7200.0, lambda rng: rng.integers(20, 300, 1)),
 ]
 
 
@@ -140,7 +159,7 @@ def test_planted_events_are_found_with_time_and_size(noise, kind, samples, size,
     near, deviation, many = [], [], 0
     for seed in range(seasons):
         z, truth = planted(seed, 12, kind, samples, starts, size, noise)
-        found = find_events(z, noise.whiten, kind, T)
+        found = find_events(z, noise.whiten, kind, T, refine=False)
         assert found.duration_s == duration
         many += len(found.events) - len(truth)
         for d, k, a in truth:
@@ -154,13 +173,74 @@ def test_planted_events_are_found_with_time_and_size(noise, kind, samples, size,
     assert abs(np.mean(deviation)) < 4 / np.sqrt(len(deviation))
 
 
+def locks(seed, days, per_day, duration, size=30.0, noise=0.002, area=1e6):
+    """Rows of n samples with pulses at any time, of one duration each [s], and when they begin [s]."""
+    rng = np.random.default_rng([seed, 8])
+    lead, n = 40, 690
+    row, gauge = n - lead, replace(NOISE, gauge_sd=noise, walk_sd=1e-5, surface_area=area)
+    time = T * np.arange(days * row + lead + 1)
+    starts = np.sort(rng.uniform(0.0, time[-1], rng.poisson(per_day * time[-1] / 86400.0)))
+    lasts = rng.choice(duration, len(starts))
+    passed = sum(np.clip(time - s, 0.0, last) for s, last in zip(starts, lasts, strict=True))
+    z = gauge.simulate(1, len(time), rng)[0] - size * passed / area
+    rows = np.stack([z[d * row : d * row + n] for d in range(days)])
+    rows[:, :lead] = np.nan
+    kind = Kind("lock", "pulse", -1, np.arange(n) * T / area)
+    found = find_events(rows, gauge.whiten, kind, T, lead=lead, follows=np.arange(days) > 0)
+    at = np.array([e.day * row * T + e.start_s + lead * T for e in found.events])
+    return found, at, starts
+
+
+@sizes("seeds", 2, 8)
+@pytest.mark.parametrize("duration", [400.0, 1500.0, 5000.0])
+def test_durations_are_refined_beyond_the_grid(duration, seeds):
+    """Locks at random times, so some overlap; 30 m3/s lower the pool by 6 cm in 25 min."""
+    for seed in range(seeds):
+        found, at, starts = locks(seed, 12, 7.0 if duration < 5000.0 else 3.0, [duration])
+        assert found.duration_s == pytest.approx(duration, rel=0.06)
+        off = np.abs(at - starts[:, None]).min(axis=1)
+        assert np.mean(off < 300.0) > 0.88 and np.median(off) < 0.5 * T
+        assert len(found.events) == pytest.approx(len(starts), rel=0.15)
+        assert np.median([e.size for e in found.events]) == pytest.approx(-30.0, rel=0.1)
+
+
+@sizes("seeds", 1, 3)
+def test_pulses_have_two_durations_or_one_each_where_they_need_them(seeds):
+    for seed in range(seeds):
+        found, at, starts = locks(seed, 20, 3.0, [1200.0, 6000.0])
+        off = np.abs(at - starts[:, None]).min(axis=1)
+        assert np.mean(off < 300.0) > 0.9 and len(found.events) == pytest.approx(len(starts), rel=0.1)
+        lasts = np.array([e.duration_s for e in found.events])
+        near = [np.abs(lasts / of - 1.0) < 0.15 for of in (1200.0, 6000.0)]
+        assert np.mean(near[0] | near[1]) > 0.6 and min(near[0].mean(), near[1].mean()) > 0.2
+
+
+@sizes("seeds", 1, 4)
+@pytest.mark.parametrize("rise, recession", [(0.5, 6.0), (2.0, 14.0)])
+def test_recession_and_rise_of_rain_are_refined(rise, recession, seeds):
+    for seed in range(seeds):
+        z, truth = planted(
+            seed, 12, RAIN, recession * 3600.0 / T, lambda rng: rng.integers(15, 200, 1), 60.0,
+            rise=round(rise * 3600.0 / T),
+        )  # fmt: skip
+        found = find_events(z, NOISE.whiten, RAIN, T)
+        assert len(found.events) == 12
+        assert found.rise_s == pytest.approx(3600.0 * rise, abs=T)
+        assert found.duration_s == pytest.approx(3600.0 * recession, rel=0.1)
+        assert np.mean([e.size for e in found.events]) == pytest.approx(60.0, rel=0.05)
+        assert (
+            np.median([abs(e.start_s / T - k) for e, (_, k, _) in zip(found.events, truth, strict=True)])
+            < 2.0
+        )
+
+
 def test_missing_samples_cost_precision_and_nothing_else():
     z, truth = planted(4, 10, LOCK, 27, lambda rng: rng.integers(60, 300, 1), 60.0)
     z[:, :20] = np.nan
     for d in range(10):
         z[d, 40 + 30 * d : 52 + 30 * d] = np.nan
     z[9] = np.nan
-    found = find_events(z, NOISE.whiten, LOCK, T)
+    found = find_events(z, NOISE.whiten, LOCK, T, refine=False)
     by_day = {day: e for day, e in zip((e.day for e in found.events), found.events, strict=True)}
     assert len(found.events) == 9 and sorted(by_day) == list(range(9))
     for d, k, a in truth[:9]:
@@ -187,12 +267,14 @@ def test_rain_over_midnight_is_one_event_and_leaves_nothing_behind(seeds):
         z = NOISE.simulate(1, 1500, np.random.default_rng(seed))[0]
         z[300:] += 60.0 * response(FAR, "recession", samples, 1200)
         rows = rows_of(z, lead)
-        found = find_events(rows, NOISE.whiten, RAIN, T, lead=lead, follows=np.arange(len(rows)) > 0)
+        found = find_events(
+            rows, NOISE.whiten, RAIN, T, lead=lead, follows=np.arange(len(rows)) > 0, refine=False
+        )
         once += len(found.events) == 1 and abs(starts_of(found)[0][1] - (300 - lead)) <= 2
         deviation.append((found.events[0].size - 60.0) / found.events[0].size_se)
         white = NOISE.whiten((rows - found.coded)[None], rows)[0]
         assert np.mean(white[np.isfinite(rows)] ** 2) == pytest.approx(1.0, abs=0.15)
-        alone = find_events(rows, NOISE.whiten, RAIN, T, lead=lead)
+        alone = find_events(rows, NOISE.whiten, RAIN, T, lead=lead, refine=False)
         assert len(alone.events) >= 2  # each day has its own, without the carry-over
     assert once >= 0.75 * seeds
     assert np.sqrt(np.mean(np.square(deviation))) < 1.8
@@ -202,7 +284,7 @@ def test_rain_that_began_before_the_first_row_is_under_way():
     z = NOISE.simulate(4, N, np.random.default_rng(6))
     shape = response(FAR, "recession", 6 * 3600 / T, 2 * N)
     z += 80.0 * (shape[60 : 60 + N] - shape[60])
-    found = find_events(z, NOISE.whiten, RAIN, T)
+    found = find_events(z, NOISE.whiten, RAIN, T, refine=False)
     assert len(found.events) == 4
     assert all(e.under_way and e.start_s < 0 for e in found.events)
 
@@ -210,16 +292,16 @@ def test_rain_that_began_before_the_first_row_is_under_way():
 def test_rain_is_not_a_release_and_down_is_not_up():
     up_here, down_far = Kind("in", "pulse", 1, HERE), Kind("loss", "pulse", -1, FAR)
     z, _ = planted(0, 4, RAIN, 6 * 3600 / T, lambda rng: rng.integers(30, 200, 1), 50.0)
-    gains = [find_events(z, NOISE.whiten, kind, T).gain for kind in (RAIN, RELEASE, down_far)]
+    gains = [find_events(z, NOISE.whiten, kind, T, refine=False).gain for kind in (RAIN, RELEASE, down_far)]
     assert gains[0] > max(gains[1:]) + 20.0
     z, _ = planted(0, 4, LOCK, 14, lambda rng: rng.integers(30, 360, 1), 40.0)
-    gains = [find_events(z, NOISE.whiten, kind, T).gain for kind in (LOCK, up_here, RAIN)]
+    gains = [find_events(z, NOISE.whiten, kind, T, refine=False).gain for kind in (LOCK, up_here, RAIN)]
     assert gains[0] > max(gains[1:]) + 20.0
 
 
 def test_close_events_are_separated_timed_from_midnight_and_left_out_on_days_without_weight():
     z, _ = planted(3, 6, LOCK, 14, lambda rng: (100, 121, 142), 60.0)
-    found = find_events(z, NOISE.whiten, LOCK, T, lead=43, weights=[1, 0, 1, 1, 1, 1])
+    found = find_events(z, NOISE.whiten, LOCK, T, lead=43, weights=[1, 0, 1, 1, 1, 1], refine=False)
     assert found.duration_s == 1800.0 and len(found.events) == 15
     assert {e.day for e in found.events} == {0, 2, 3, 4, 5}
     for d in (0, 2, 3, 4, 5):
@@ -320,6 +402,6 @@ def test_what_cannot_be_an_event_is_refused():
     with pytest.raises(RividError, match="expected durations over 0 s"):
         Kind("x", "pulse", 1, HERE, (0.0,))
     with pytest.raises(RividError, match="n > lead"):
-        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, lead=9)
+        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, lead=9, refine=False)
     with pytest.raises(RividError, match="follows and weights"):
-        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, weights=[1.0])
+        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, weights=[1.0], refine=False)

@@ -1,0 +1,546 @@
+"""Compiled matching pursuit on whitened steps of flow; importing this module loads numba.
+
+An atom is made of whitened steps W_s, one for each sample s at which a flow may begin. The Gram matrix of the
+steps and their products with the whitened row are all that a search needs, so a row of n samples costs n
+operations for each atom that is looked at, whatever its duration. An event that begins at x and lasts D is
+
+    (1 - u) W_s + u W_{s+1} - (1 - v) W_e - v W_{e+1},    x = s + u,    x + D = e + v,
+
+exact, as flows are means over samples. Of an event without an end D is infinite.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from rivid.types import Bools, Floats, Ints
+
+
+class Steps(NamedTuple):
+    """Whitened steps of one pattern of missing samples."""
+
+    W: Floats  # (S, n): of a step that starts at sample s - before
+    before: int  # starts before the row
+    gram: Floats  # (S, S): filled row by row as needed
+    have: Bools  # (S,): rows of `gram` that are there
+
+
+def steps_of(W: Floats, before: int, whole: bool = False) -> Steps:
+    """Steps whose Gram matrix is still empty, or whole."""
+    return Steps(W, before, W @ W.T if whole else np.empty((len(W), len(W))), np.full(len(W), whole))
+
+
+@njit(cache=True, error_model="numpy")
+def receding(W: Floats, samples: float, rise: int) -> Floats:
+    """Steps that start at each sample (S, n), made to rises that recede exponentially.
+
+    The flow rises straight to 1 over `rise` samples, then falls by 1/e in `samples`; means over samples:
+
+        e_s = q (W_s - W_{s+1}) + rho e_{s+1},    rho = exp(-1 / samples),    q = samples (1 - rho),
+        (1 / rise) (W_s / 2 + W_{s+1} + ... + W_{s+rise-1} - (rise - 1/2) W_{s+rise}) + e_{s+rise}.
+    """
+    S, n = W.shape
+    out = np.zeros((S, n))
+    keep = np.exp(-1.0 / samples)
+    first = samples * (1.0 - keep)
+    out[S - 1] = first * W[S - 1]
+    for s in range(S - 2, -1, -1):
+        for t in range(n):
+            out[s, t] = first * (W[s, t] - W[s + 1, t]) + keep * out[s + 1, t]
+    if rise > 0:
+        between = np.zeros(n)  # of the steps from s + 1 to s + rise - 1
+        for j in range(1, min(rise, S)):
+            between += W[j]
+        for s in range(S):  # upwards: what lies later is still without its rise
+            end = s + rise
+            for t in range(n):
+                out[s, t] = (0.5 * W[s, t] + between[t]) / rise
+                if end < S:
+                    out[s, t] += out[end, t] - (1.0 - 0.5 / rise) * W[end, t]
+                if rise > 1 and s + 1 < S:
+                    between[t] += (W[end, t] if end < S else 0.0) - W[s + 1, t]
+    return out
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
+def _product(W: Floats, before: int, i: int, j: int) -> float:
+    total = 0.0
+    for t in range(max(max(i, j) - before, 0), W.shape[1]):  # zero before its start
+        total += W[i, t] * W[j, t]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def squares(W: Floats, before: int, D: float) -> Floats:
+    """Squared norms (S,) of atoms that start at each sample and last D samples."""
+    S = len(W)
+    out = np.empty(S)
+    whole = min(np.floor(D), S) if D < S else S
+    m, v = int(whole), D - whole if D < S else 0.0
+    for s in range(S):
+        e = s + m
+        a = _product(W, before, s, s)
+        if e < S:
+            a += (1.0 - v) * ((1.0 - v) * _product(W, before, e, e) - 2.0 * _product(W, before, s, e))
+        if v > 0.0 and e + 1 < S:
+            a += v * (v * _product(W, before, e + 1, e + 1) - 2.0 * _product(W, before, s, e + 1))
+            a += 2.0 * v * (1.0 - v) * _product(W, before, e, e + 1)
+        out[s] = max(a, 0.0)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _row(steps: Steps, s: int) -> Floats:
+    """Products of all steps with step s, (S,)."""
+    if not steps.have[s]:
+        for j in range(len(steps.W)):
+            steps.gram[s, j] = _product(steps.W, steps.before, s, j)
+        steps.have[s] = True
+    row: Floats = steps.gram[s]
+    return row
+
+
+@njit(cache=True, error_model="numpy")
+def _place(at: float, D: float, S: int, index: Ints, share: Floats) -> None:
+    """Write the four steps of an event and their shares; steps beyond the row have none."""
+    index[:], share[:] = 0, 0.0
+    s = int(np.floor(at))
+    for i, k, w in ((0, s, 1.0 - (at - s)), (1, s + 1, at - s)):
+        if 0 <= k < S:
+            index[i], share[i] = k, w
+    if at + D < S:
+        e = int(np.floor(at + D))
+        v = at + D - e
+        for i, k, w in ((2, e, v - 1.0), (3, e + 1, -v)):
+            if 0 <= k < S:
+                index[i], share[i] = k, w
+
+
+@njit(cache=True, error_model="numpy")
+def _products(steps: Steps, index: Ints, share: Floats, out: Floats) -> None:
+    """Write the products of all steps with an event, (S,)."""
+    out[:] = 0.0
+    for i in range(4):
+        if share[i] != 0.0:
+            row = _row(steps, index[i])
+            for j in range(len(out)):
+                out[j] += share[i] * row[j]
+
+
+@njit(cache=True, error_model="numpy")
+def _with(index: Ints, share: Floats, values: Floats) -> float:
+    """Product of an event with something whose products with all steps are given."""
+    total = 0.0
+    for i in range(4):
+        total += share[i] * values[index[i]]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _inner(steps: Steps, one: Ints, a: Floats, two: Ints, b: Floats) -> float:
+    """Product of two events."""
+    total = 0.0
+    for i in range(4):
+        if a[i] != 0.0:
+            total += a[i] * _with(two, b, _row(steps, one[i]))
+    return total
+
+
+class Rows(NamedTuple):
+    """The events of a row as they are fitted; arrays have room for more than there are."""
+
+    at: Floats  # (room,): starts, as indices of steps
+    D: Floats  # (room,): durations [samples]
+    step: Ints  # (room, 4): steps of each
+    share: Floats  # (room, 4)
+    product: Floats  # (room, S): with all steps
+    size: Floats  # (room,)
+    mean: Floats  # (room,): prior of the size, and its precision
+    precision: Floats
+
+
+@njit(cache=True, error_model="numpy")
+def _put(rows: Rows, k: int, at: float, D: float, steps: Steps) -> None:
+    rows.at[k], rows.D[k] = at, D
+    _place(at, D, len(steps.W), rows.step[k], rows.share[k])
+    _products(steps, rows.step[k], rows.share[k], rows.product[k])
+
+
+@njit(cache=True, error_model="numpy")
+def _factor(rows: Rows, K: int, weight: float) -> Floats:
+    """Cholesky factor (K, K) of the sizes' information."""
+    L = np.empty((K, K))
+    for k in range(K):
+        for i in range(k + 1):
+            total = weight * _with(rows.step[i], rows.share[i], rows.product[k])
+            if i == k:
+                total = total * (1.0 + 1e-9) + rows.precision[k] + 1e-300
+            for j in range(i):
+                total -= L[k, j] * L[i, j]
+            L[k, i] = np.sqrt(max(total, 1e-300)) if i == k else total / L[i, i]
+    return L
+
+
+@njit(cache=True, error_model="numpy")
+def _fit(rows: Rows, K: int, c: Floats, weight: float) -> float:
+    """Fit the sizes; the log-likelihood over that without events."""
+    if K == 0:
+        return 0.0
+    L = _factor(rows, K, weight)
+    y = np.empty(K)
+    gain = 0.0
+    for k in range(K):
+        y[k] = weight * _with(rows.step[k], rows.share[k], c) + rows.precision[k] * rows.mean[k]
+        gain -= 0.5 * rows.precision[k] * rows.mean[k] ** 2
+        for j in range(k):
+            y[k] -= L[k, j] * y[j]
+        y[k] /= L[k, k]
+        gain += 0.5 * y[k] * y[k]
+    for k in range(K - 1, -1, -1):
+        for j in range(k + 1, K):
+            y[k] -= L[j, k] * y[j]
+        y[k] /= L[k, k]
+        rows.size[k] = y[k]
+    return gain
+
+
+@njit(cache=True, error_model="numpy")
+def _wrong(rows: Rows, old: int, K: int, sign: int) -> bool:
+    """Whether a new event has a size of the other sign."""
+    for k in range(old, K):
+        if sign * rows.size[k] < 0.0 or (sign != 0 and rows.size[k] == 0.0):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _variances(rows: Rows, K: int, weight: float) -> Floats:
+    """Variances of the sizes (K,): the diagonal of the inverse information."""
+    L = _factor(rows, K, weight)
+    out = np.zeros(K)
+    for k in range(K):
+        column = np.zeros(K)
+        for i in range(k, K):
+            column[i] = 1.0 if i == k else 0.0
+            for j in range(k, i):
+                column[i] -= L[i, j] * column[j]
+            column[i] /= L[i, i]
+        for i in range(K - 1, k - 1, -1):
+            for j in range(i + 1, K):
+                column[i] -= L[j, i] * column[j]
+            column[i] /= L[i, i]
+        out[k] = column[k]
+    return out
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
+def _rest(rows: Rows, K: int, c: Floats, x: Floats) -> None:
+    """Write the products (S,) of all steps with the row less its events."""
+    x[:] = c
+    for k in range(K):
+        a, product = rows.size[k], rows.product[k]
+        for s in range(len(x)):
+            x[s] -= a * product[s]
+
+
+@njit(cache=True, error_model="numpy")
+def _best(
+    x: Floats, durations: Floats, unit: Floats, apart: Floats, sign: int, rows: Rows, K: int, without: int,
+    refused: Bools, low: Ints, high: int,
+) -> tuple[float, int, int]:  # fmt: skip
+    """Root of twice the gain of the best atom from `low` to before `high`, its start and which duration.
+
+    `x` (S,) is of the row less its events; the one `without` is left in it.
+    """
+    S = len(x)
+    most, where, which = 0.0, -1, 0
+    own = x.copy() if without >= 0 else x
+    near = np.empty(S, np.bool_)
+    for i in range(len(durations)):
+        first = low[i]
+        whole = min(np.floor(durations[i]), S) if durations[i] < S else S
+        m, v = int(whole), durations[i] - whole if durations[i] < S else 0.0
+        if without >= 0:
+            for part, end in ((first, high), (first + m, high + m + 1)):
+                for s in range(min(part, S), min(end, S)):
+                    own[s] = x[s] + rows.size[without] * rows.product[without, s]
+        near[first:high] = refused[i, first:high]
+        for k in range(K):
+            if k != without:
+                a = max(int(np.ceil(rows.at[k] - apart[i] + 1e-9)), first)
+                near[a : max(min(int(np.ceil(rows.at[k] + apart[i] - 1e-9)), high), a)] = True
+        for s in range(first, high):
+            if near[s] or unit[i, s] == 0.0:
+                continue
+            value = own[s]
+            if s + m < S:
+                value -= (1.0 - v) * own[s + m]
+            if s + m + 1 < S:
+                value -= v * own[s + m + 1]
+            value = unit[i, s] * (sign * value if sign != 0 else abs(value))
+            if value > most:
+                most, where, which = value, s, i
+    return most, where, which
+
+
+@njit(cache=True, error_model="numpy")
+def _ratio(n0: float, n1: float, q0: float, q1: float, q2: float) -> float:
+    """Where between 0 and 1 ``(n0 + u n1)^2 / (q0 + 2 u q1 + u^2 q2)`` is largest."""
+    below = n0 * q2 - n1 * q1
+    u = (n1 * q0 - n0 * q1) / below if below != 0.0 else 0.0
+    best, value = 0.0, n0 * n0 / q0 if q0 > 0.0 else 0.0
+    for other in (u, 1.0):
+        q = q0 + 2.0 * other * q1 + other * other * q2
+        if 0.0 < other <= 1.0 and q > 0.0 and (n0 + other * n1) ** 2 / q > value:
+            best, value = other, (n0 + other * n1) ** 2 / q
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(
+    steps: Steps, rows: Rows, k: int, x: Floats, low: float, near: float, end: bool
+) -> tuple[float, float]:
+    """Best start (or end) of event k between samples, up to `near` samples away; x is the row without it."""
+    at, D = rows.at[k], rows.D[k]
+    best, best_at, best_D = -1.0, at, D
+    one, two = np.empty(4, np.int64), np.empty(4, np.int64)
+    a, b = np.empty(4), np.empty(4)
+    first = np.floor((at + D if end else at) - near)
+    for j in range(int(2.0 * near) + 1):
+        x0 = first + j
+        if end:
+            at0, at1, D0, D1 = at, at, x0 - at, x0 + 1.0 - at
+        else:
+            at0, at1, D0, D1 = x0, x0 + 1.0, D, D
+        if at0 < low or at1 > len(x) - 1 or D0 < 1.0:
+            continue
+        _place(at0, D0, len(x), one, a)
+        _place(at1, D1, len(x), two, b)
+        n0, n1 = _with(one, a, x), _with(two, b, x)
+        q00, q01, q11 = (
+            _inner(steps, one, a, one, a), _inner(steps, one, a, two, b), _inner(steps, two, b, two, b)
+        )  # fmt: skip
+        u = _ratio(n0, n1 - n0, q00, q01 - q00, q00 - 2.0 * q01 + q11)
+        norm = q00 + 2.0 * u * (q01 - q00) + u * u * (q00 - 2.0 * q01 + q11)
+        value = (n0 + u * (n1 - n0)) ** 2 / norm if norm > 0.0 else 0.0
+        if value > best:
+            best = value
+            best_at = at0 + u * (at1 - at0)
+            best_D = D0 + u * (D1 - D0)
+    return best_at, best_D
+
+
+AROUND = 8.0
+"""An event moves by no more than this and its duration once others are found [samples]."""
+ROUNDS = 6
+"""Turns of the starts of a row; two or three are usual."""
+STILL = 0.02
+"""Largest move that ends them [samples]: a fiftieth of a sample changes no likelihood."""
+NEAR = 2.0
+"""Farthest move of a start in a turn [samples]."""
+
+
+@njit(cache=True, error_model="numpy")
+def _timed(
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, low: float, ends: bool,
+    gain: float,
+) -> float:  # fmt: skip
+    """Move the starts, or the ends too, between the samples until they are still; the new likelihood."""
+    x = np.empty(len(c))
+    for _ in range(ROUNDS):
+        far = 0.0
+        for k in range(old, K):
+            for end in range(2 if ends and np.isfinite(rows.D[k]) else 1):
+                at, D = rows.at[k], rows.D[k]
+                _rest(rows, K, c, x)
+                x += rows.size[k] * rows.product[k]
+                new_at, new_D = _moved(steps, rows, k, x, low, NEAR, end == 1)
+                if abs(new_at - at) + abs(new_D - D if end else 0.0) < 1e-6:
+                    continue
+                _put(rows, k, new_at, new_D, steps)
+                now = _fit(rows, K, c, weight)
+                if now < gain or _wrong(rows, old, K, sign):
+                    _put(rows, k, at, D, steps)
+                    _fit(rows, K, c, weight)
+                else:
+                    far = max(far, abs(new_at - at), abs(new_D - D) if end else 0.0)
+                    gain = now
+        if far < STILL:
+            break
+    return gain
+
+
+@njit(cache=True, error_model="numpy")
+def _merged(
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, price: float, gain: float
+) -> tuple[int, float]:  # fmt: skip
+    """Make one event of two that follow each other where this costs less than a price; how many are left."""
+    k = old
+    while k < K:
+        for m in range(old, K):
+            gap = rows.at[m] - rows.at[k] - rows.D[k]
+            if m == k or rows.at[m] < rows.at[k] or not np.isfinite(rows.D[k]) or gap > AROUND:
+                continue
+            at, D = rows.at[:K].copy(), rows.D[:K].copy()
+            _put(rows, k, at[k], max(at[m] + D[m], at[k] + D[k]) - at[k], steps)
+            if m < K - 1:  # the last one takes the place
+                _put(rows, m, rows.at[K - 1], rows.D[K - 1], steps)
+            now = _fit(rows, K - 1, c, weight)
+            wrong = _wrong(rows, old, K - 1, sign)
+            if now > gain - price and not wrong:
+                K, gain, k = K - 1, now, old - 1
+                break
+            _put(rows, k, at[k], D[k], steps)
+            _put(rows, m, at[m], D[m], steps)
+        k += 1
+    return K, _fit(rows, K, c, weight)
+
+
+@njit(cache=True, error_model="numpy")
+def _dropped(
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, low: float, ends: bool,
+    price: float, gain: float,
+) -> tuple[int, float]:  # fmt: skip
+    """Leave out each event that the others, moved, make up for but for less than a price; how many are left.
+
+    The first pulse found of two that overlap lies between them, and a third one corrects it.
+    """
+    k = old
+    while k < K:
+        at, D = rows.at[:K].copy(), rows.D[:K].copy()
+        alone = True
+        for m in range(old, K):
+            last = D[m] if np.isfinite(D[m]) else AROUND
+            alone = alone and (m == k or at[m] > at[k] + D[k] + AROUND or at[m] + last + AROUND < at[k])
+        if not alone:
+            if k < K - 1:
+                _put(rows, k, at[K - 1], D[K - 1], steps)
+            now = _fit(rows, K - 1, c, weight)
+            if not _wrong(rows, old, K - 1, sign):
+                now = _timed(steps, rows, K - 1, old, c, weight, sign, low, ends, now)
+            if now > gain - price:
+                K, gain = K - 1, now
+                continue
+            for m in range(old, K):
+                if rows.at[m] != at[m] or rows.D[m] != D[m]:
+                    _put(rows, m, at[m], D[m], steps)
+            _fit(rows, K, c, weight)
+        k += 1
+    return K, gain
+
+
+@njit(cache=True, error_model="numpy")
+def pursue(
+    steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: Floats, sign: int,
+    price: float, most: int, weight: float, carried: Floats, timed: int, ends: bool,
+) -> tuple[Floats, float]:  # fmt: skip
+    """Events of a whitened row, those carried from the row before first.
+
+    Parameters
+    ----------
+    steps : Steps
+    c : ndarray, shape (S,)
+        Products of the steps with the row.
+    durations : ndarray, shape (L,)
+        Those that an event may have [samples].
+    unit : ndarray, shape (L, S)
+        1 over the norms of the atoms; 0 is never chosen.
+    low : ndarray of int, shape (L,)
+        First start to consider.
+    apart : ndarray, shape (L,)
+        Least distance of two starts [samples].
+    sign : {-1, 0, 1}
+        Of all sizes; 0 is either.
+    price : float
+        Of an event [nats].
+    most : int
+        Most new events.
+    weight : float
+        Of the row's log-likelihood.
+    carried : ndarray, shape (k, 4)
+        Events of the row before: start, duration, size and its standard error; they cost nothing.
+    timed : {0, 1, 2}
+        1: starts between the samples too; 2: and each event that the others make up for is left out.
+    ends : bool
+        Whether each event may end at a time of its own.
+
+    Returns
+    -------
+    events : ndarray, shape (k + new, 5)
+        Start, duration, size, its variance, and the log-likelihood lost without it, the others fitted again.
+    gain : float
+        Of all, over none, prices of the new ones paid [nats].
+    """
+    S, old = len(c), len(carried)
+    room = old + most + 1
+    rows = Rows(
+        np.empty(room), np.empty(room), np.zeros((room, 4), np.int64), np.zeros((room, 4)),
+        np.empty((room, S)), np.zeros(room), np.zeros(room), np.zeros(room),
+    )  # fmt: skip
+    for k in range(old):
+        rows.mean[k], rows.precision[k] = carried[k, 2], 1.0 / max(carried[k, 3], 1e-12) ** 2
+        _put(rows, k, carried[k, 0], carried[k, 1], steps)
+    K = old
+    gain = _fit(rows, K, c, weight)
+    refused = np.zeros((len(durations), S), np.bool_)
+    free = np.zeros((len(durations), S), np.bool_)
+    window, x = np.empty(len(durations), np.int64), np.empty(S)
+    tries = 0
+    while K - old < most and tries < 3 * most and weight > 0.0:
+        tries += 1
+        _rest(rows, K, c, x)
+        worth, s, i = _best(x, durations, unit, apart, sign, rows, K, -1, refused, low, S)
+        # With the others fitted again an atom gains more than this, twice as much where it leans on them.
+        if s < 0 or weight * worth * worth < price:
+            break
+        at, D = rows.at[:K].copy(), rows.D[:K].copy()
+        _put(rows, K, float(s), durations[i], steps)
+        now = _fit(rows, K + 1, c, weight)
+        _rest(rows, K + 1, c, x)
+        for k in range(old, K + 1 if K > old else K):  # each at its best start nearby, given the others
+            was_at, was_D = rows.at[k], rows.D[k]
+            reach = AROUND + (was_D if was_D < S else 0.0)
+            window[:] = np.maximum(low, int(was_at - reach))
+            high = min(int(was_at + reach) + 1, S)
+            _, s_k, i_k = _best(x, durations, unit, apart, sign, rows, K + 1, k, free, window, high)
+            if s_k < 0 or (s_k == was_at and durations[i_k] == was_D):
+                continue
+            _put(rows, k, float(s_k), durations[i_k], steps)
+            other = _fit(rows, K + 1, c, weight)
+            if other > now:
+                now = other
+            else:
+                _put(rows, k, was_at, was_D, steps)
+                _fit(rows, K + 1, c, weight)
+            _rest(rows, K + 1, c, x)
+        if _wrong(rows, old, K + 1, sign) or now - gain < price:
+            refused[i, s] = True
+            for k in range(old, K):
+                if rows.at[k] != at[k] or rows.D[k] != D[k]:
+                    _put(rows, k, at[k], D[k], steps)
+            _fit(rows, K, c, weight)
+        else:
+            K, gain = K + 1, now
+    for turn in range(timed):
+        gain = _timed(steps, rows, K, old, c, weight, sign, float(low.min()), ends, gain)
+        if turn == 0 and ends:
+            K, gain = _merged(steps, rows, K, old, c, weight, sign, price, gain)
+        if turn == 1:
+            K, gain = _dropped(steps, rows, K, old, c, weight, sign, float(low.min()), ends, price, gain)
+    variance = _variances(rows, K, weight)
+    kept = old
+    for k in range(old, K):  # exact: the likelihood is a parabola
+        if 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300) >= price:
+            if kept != k:
+                _put(rows, kept, rows.at[k], rows.D[k], steps)
+            kept += 1
+    if kept < K:
+        K = kept
+        gain = _fit(rows, K, c, weight)
+        variance = _variances(rows, K, weight)
+    found = np.empty((K, 5))
+    for k in range(K):
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = rows.at[k], rows.D[k], rows.size[k], variance[k]
+        found[k, 4] = 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300)
+    return found, gain - price * (K - old)
