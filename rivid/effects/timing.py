@@ -6,7 +6,8 @@ import numpy as np
 
 from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.reach.changes import Changes, Gate
-from rivid.reach.transport import delayed_flow, spread_flow
+from rivid.reach.transport import arrived_volume, delayed_flow, held_volume, spread_flow
+from rivid.types import DAY
 
 LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
@@ -110,7 +111,7 @@ class OutflowLag(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class ClockOffset(Effect):
-    """``real inflow(t) = logged inflow(t + offset)``."""
+    """``real inflow(t) = logged inflow(t + offset + drift (t - first date))``."""
 
     name = "clock_offset"
     family = "timing"
@@ -126,12 +127,21 @@ class ClockOffset(Effect):
 
     offset: float = quantity(600.0, "s", -86_400.0, 86_400.0, "how far the clock of the inflow's log is fast")
 
+    drift: float = quantity(0.0, "s/day", -3600.0, 3600.0, "what it gains a day from the first date on")
+
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
         return [cls.trial_at("offset", k * sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)]
 
     def changes(self, world: World) -> Changes:
-        late = delayed_flow(world.edges, world.inflow, -self.offset)
+        if self.drift == 0.0:
+            late = delayed_flow(world.edges, world.inflow, -self.offset)
+        else:  # by volumes: a drift of 10 s a day makes them 1e-4 larger
+            start = 0.0 if self.dates is None else world.day_of(self.dates[0])
+            edges, flow = world.edges, world.inflow
+            at = edges + self.offset + self.drift * np.maximum(edges - start, 0.0) / DAY
+            volume = arrived_volume(at, edges, held_volume(edges, flow), flow[..., 0], flow[..., -1])
+            late = np.diff(volume, axis=-1) / np.diff(edges, axis=-1)
         return Changes(inflow=np.where(self.active(world) > 0, late, world.inflow))
 
 

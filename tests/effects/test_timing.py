@@ -140,3 +140,24 @@ def test_the_grid_of_a_day_ends_at_midnight():
     late = ClockOffset(offset=83.0).changes(here).inflow  # the last sample is 83 s long
     assert late[0, -2] == pytest.approx(100.0 + 400.0 * 83 / 133)
     assert late[0, -1] == pytest.approx(500.0)
+
+
+def test_a_clock_that_drifts_is_off_by_more_each_day():
+    """Against a clock with the offset of each day's middle, to what it gains within half a day."""
+    here = world(days=6)
+    first = FIRST + dt.timedelta(days=2)
+    drifts = (
+        ClockOffset(offset=300.0, drift=40.0, dates=(first, FIRST + dt.timedelta(days=5)))
+        .changes(here)
+        .inflow
+    )
+    assert drifts is not None
+    there = here.time / 86_400.0
+    np.testing.assert_array_equal(drifts[there < 2.0], here.inflow[there < 2.0])
+    volume = np.cumsum(drifts * np.diff(here.edges))
+    for day in (2, 4):
+        middle = ClockOffset(offset=300.0 + 40.0 * (day - 1.5)).changes(here).inflow
+        off, none = (x[(there >= day) & (there < day + 1)] for x in (drifts - middle, drifts - here.inflow))
+        assert np.sqrt(np.mean(off**2)) < 0.15 * np.sqrt(np.mean(none**2))
+    assert volume[-1] == pytest.approx(np.sum(here.inflow * np.diff(here.edges)), rel=0.01)
+    assert ClockOffset(offset=300.0).to_table()["drift"] == 0.0
