@@ -105,7 +105,8 @@ def plant(seed: int, longest: int = 1000) -> Planted:
     """The season of a seed.
 
     The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
-    1x, for each), `units` (1x of each), `by` (what asks for it), `rivals` (of one effect or two: by how many
+    1x, for each), `units` (1x of each), `by` (what asks for it), `nats` (how
+    much likelier each makes the logs than nothing, by the reference; None of a noise), `rivals` (of one effect or two: by how many
     nats they are ahead of each effect that is confounded with one of them), `allowed` (names that are true of the water itself),
     `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its factors).
 
@@ -143,6 +144,7 @@ def _planted(world: World, attempt: int) -> Planted:
     times: list[float] = []
     excluded: tuple[str, ...] = ()
     rivals: dict[str, float] = {}
+    nats: list[float | None] = []
     catalogue = effect_classes()
     classes = catalogue | outside.classes()
     if kind not in ("nothing", "operators"):
@@ -152,12 +154,13 @@ def _planted(world: World, attempt: int) -> Planted:
             units.append(one)
             times.append(times_one)
             tables.append(resized(one.table, times_one))
+        flows = tuple(classes[t["name"]].from_table(t) for t in tables if t["name"] != "silting_well")
         if kind in ("one", "twin", "two"):
-            rivals = rivals_of(ref, tables, catalogue, rng)
+            rivals = rivals_of(ref, flows, catalogue, rng)
+        nats = [nats_of(ref, effect) for effect in flows]
         near = (REMOVED if kind == "removed" else OUTSIDERS).get(tables[0]["name"], ())
         if kind in ("removed", "outside"):
             excluded = tuple(n for n in (tables[0]["name"], *near) if n in catalogue)
-        flows = tuple(classes[t["name"]].from_table(t) for t in tables if t["name"] != "silting_well")
         if flows:
             season = season_of(world, flows)
         if len(flows) < len(tables):
@@ -168,7 +171,7 @@ def _planted(world: World, attempt: int) -> Planted:
     truth = {
         "seed": world.seed, "attempt": attempt, "kind": "one" if kind == "twin" else kind, "effects": tables, "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
-        "rivals": rivals, "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
+        "nats": nats, "rivals": rivals, "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
         "days": (season.dates[-1] - season.dates[0]).days + 1,
     }  # fmt: skip
@@ -223,14 +226,13 @@ def _sized(
 
 
 def rivals_of(
-    ref: Reference, tables: Sequence[Table], catalogue: dict[str, type[Effect]], rng: np.random.Generator
+    ref: Reference, made: Sequence[Effect], catalogue: dict[str, type[Effect]], rng: np.random.Generator
 ) -> dict[str, float]:
     """By how many nats effects are ahead of those of the catalogue that are confounded with them.
 
     A rival has the same dates, and a size of its own; it stands beside all that a calibration moves and, of
     two effects, beside the other one, which alone counts as a rival too. Effects that are noise have none.
     """
-    made = [catalogue[table["name"]].from_table(table) for table in tables]
     changes = [ref.change(changes_of((effect,), ref.season.world)) for effect in made]
     found: dict[str, float] = {}
 
@@ -250,6 +252,13 @@ def rivals_of(
             if column is not None:
                 ahead(other, z, column, *rest)
     return found
+
+
+def nats_of(ref: Reference, effect: Effect) -> float | None:
+    """How much likelier an effect makes the logs than nothing, beside all that a calibration moves; None of a noise."""
+    if effect.name in NOISES:
+        return None
+    return round(0.5 * beyond(ref, ref.change(changes_of((effect,), ref.season.world)))[1], 1)
 
 
 def near_of(effect: Effect, catalogue: dict[str, type[Effect]]) -> set[str]:

@@ -112,9 +112,11 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
     ties = {name for e in given for name in e["tied_with"]} - allowed
     tied_first = set(given[0]["tied_with"]) if given else set()
     rivals = {name for name, nats in truth["rivals"].items() if nats < AHEAD}
-    first = bool(names) and names[0] in known
-    found = first or bool(tied_first & known)
     verdict = "error" if failed else str(answer["verdict"])
+    stands = verdict != "did_not_hold"  # a right name that is taken back is not found; a wrong one is there
+    right = bool(names) and names[0] in known
+    tied = bool(tied_first & known)
+    first, found = right and stands, (right or tied) and stands
     return Judged(
         kind=kind_of(truth),
         times=min(truth["times"], default=None),
@@ -123,11 +125,11 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
         first=first,
         alone=first and len(names) == 1 and not tied_first - allowed,
         found=found,
-        wrong=failed or (bool(names) and not found),
-        held=bool(known) and known <= set(names) | ties,
+        wrong=failed or (bool(names) and not right and not tied),
+        held=stands and bool(known) and known <= set(names) | ties,
         close=not (set(names) | ties) - known - rivals,
-        every=bool(known) and known <= set(names),
-        extra=bool(set(names) - known - (rivals if found else set())),
+        every=stands and bool(known) and known <= set(names),
+        extra=bool(set(names) - known - (rivals if right or tied else set())),
         unknown=not names and verdict == "unknown",
         growth=growth(answer),
         closed=closed(answer, floor),

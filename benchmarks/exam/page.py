@@ -164,6 +164,14 @@ def _size(r: Result) -> str:
     return f"{low:g}x to {2.0 * low:g}x"
 
 
+def _evidence(r: Result) -> str:
+    known = [nats for nats in r["truth"].get("nats", ()) if nats is not None]
+    if not known:
+        return "-"
+    edge = next((edge for edge in (1000, 300, 100, 30) if min(known) >= edge), 0)
+    return f"{edge} nats and more" if edge else "below 30 nats"
+
+
 FACTORS: dict[str, Callable[[Result], str]] = {
     "water": lambda r: str(r["truth"]["world"]["water"]),
     "operators": lambda r: str(r["truth"]["world"]["operators"]),
@@ -175,6 +183,7 @@ FACTORS: dict[str, Callable[[Result], str]] = {
     "days": _binned("days", (50.0, 80.0), "days"),
     "weather": _binned("weather_share", (0.006, 0.012), "of the flow"),
     "size": _size,
+    "evidence": _evidence,
 }
 """What the results are told apart by."""
 HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2x)", "wrong (any)", "worse by > 1 %",

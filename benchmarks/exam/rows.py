@@ -70,7 +70,7 @@ def _named(j: Judged) -> bool:
 
 
 def _worse(j: Judged) -> bool | None:
-    return None if j.growth is None else j.growth > WORSE
+    return None if j.growth is None or not j.names else j.growth > WORSE
 
 
 ROWS: tuple[Asked, ...] = (
@@ -96,7 +96,7 @@ ROWS: tuple[Asked, ...] = (
     Asked(TWO, "both >= 2x: a third", _of("two", lambda j: j.extra, 2.0), Target(most=0.03)),
     Asked(TWO, "the smaller 1x to 2x: both", _of("two", lambda j: j.every, 1.0, 2.0)),
     Asked(TWO, "one of them confounded: both held", _of("two_close", lambda j: j.held, 2.0)),
-    Asked("all", "a horizon worse by > 1 %", _worse, Target(most=0.03)),
+    Asked("all", "named: a horizon worse by > 1 %", _worse, Target(most=0.03)),
     Asked("all", "failed", lambda j: j.verdict == "error"),
 )  # fmt: skip
 """As in the table of targets, and some shares without one beside them."""

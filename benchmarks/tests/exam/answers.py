@@ -37,6 +37,7 @@ def truth(*effects, kind=None, times=None, rivals=None, excluded=(), allowed=())
     return {
         "seed": 0, "kind": kind or ("one" if len(effects) == 1 else "two" if effects else "nothing"),
         "effects": list(effects), "times": list(times or [4.0] * len(effects)), "rivals": rivals or {},
+        "nats": [50.0] * len(effects),
         "excluded": list(excluded), "allowed": list(allowed), "first_day": "2008-01-01", "days": 60,
         "world": WORLD,
     }  # fmt: skip

@@ -68,6 +68,12 @@ def test_a_group_holds_the_planted_name_and_none_but_its_rivals():
     assert not judged(answer(effect("clock_offset")), LAG, rivals=rivals).held
 
 
+def test_a_right_name_that_did_not_hold_is_not_found_and_a_wrong_one_is_wrong():
+    j = judged(answer(effect("outflow_lag"), verdict="did_not_hold"), LAG)
+    assert (j.first, j.found, j.held, j.every, j.wrong) == (False, False, False, False, False)
+    assert judged(answer(effect("leakage"), verdict="did_not_hold"), LAG).wrong
+
+
 def test_two_effects_need_both_and_no_third():
     j = judged(answer(effect("outflow_lag"), effect("clock_offset")), LAG, CLOCK)
     assert (j.every, j.extra) == (True, False)

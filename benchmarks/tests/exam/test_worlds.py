@@ -70,6 +70,7 @@ def test_the_truth_is_what_was_planted_and_the_configuration_has_none_of_it(plan
     for table, times, unit in zip(truth["effects"], truth["times"], truth["units"], strict=True):
         grown = unit / times if table["name"] == "gate_rate_limit" else unit * times
         assert size_of(table) == pytest.approx(grown, rel=1e-4)
+    assert all(nats is None or nats > 5.0 for nats in truth["nats"])
     assert set(settings) == {"reach", "diagnose"}
     assert set(settings["diagnose"]) == {"exclude"} and settings["diagnose"]["exclude"] == truth["excluded"]
     assert settings["reach"]["name"] == "reach"
