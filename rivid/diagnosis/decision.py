@@ -13,7 +13,8 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
-from rivid.diagnosis.fit import day_errors
+from rivid.diagnosis.fit import WEATHER, DayErrors, day_errors
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.effects import Effect
 from rivid.types import Bools, Floats, Ints
@@ -97,11 +98,17 @@ def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Int
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
     """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter."""
+    from scipy.stats import t
+
     gain = block_sums(_density(one) - _density(other), chosen, blocks)
-    weights = np.random.default_rng(0).dirichlet(np.ones(len(gain)), DRAWS)
-    unlikely = np.quantile(weights @ gain, 1.0 - DOUBT) < 0.0
-    _, draws = shares(one, other, chosen, blocks)
-    return bool(unlikely or (np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0).any())
+    many = len(gain)
+    if many < 2:  # one block has no scatter
+        return False
+    share, draws = shares(one, other, chosen, blocks)
+    # The draws of few blocks scatter too little: by their number, and as Student's t has it.
+    wide = float(t.ppf(1.0 - DOUBT, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
+    unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
+    return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
 UNKNOWN = 0.5
@@ -163,7 +170,7 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and not one.unknown or one.unknown == parent.unknown and one.added is None:
             return names, unknown
-        if one.added is None and self.excess(parent):
+        if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
         if not self._material(one, parent, one.active(self.record)):
             return names, unknown
@@ -174,15 +181,29 @@ class Study:
 
         Their error is that of as many days drawn from its noise.
         """
-        assert one.errors is not None
-        record, chosen = self.record, self.opened
-        rng = np.random.default_rng(0)
-        drawn = one.noise.simulate(record.days, record.time.shape[1], rng, record.activity)
-        drawn = np.where(np.isfinite(one.residual), drawn, np.nan)
-        usual = day_errors(record, drawn, one.noise, HORIZONS)
-        plain = replace(one, errors=usual)
-        share, draws = shares(plain, one, chosen, self.split.block)
+        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one)
+
+    def large(self, one: Explanation) -> bool:
+        """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
+        noise, flow = one.noise, abs(one.model.flow)
+        plain = replace(noise, level_sd=0.0)
+        if self.record.kind == "river":
+            plain = replace(noise, level_sd=min(noise.level_sd, WEATHER * flow))
+        elif one.unknown == "flow":
+            plain = replace(noise, inflow_sd=min(noise.inflow_sd, WEATHER * flow))
+        without, with_ = (replace(one, errors=self._drawn(one, drawn)) for drawn in (plain, noise))
+        return self._removes(without, with_)
+
+    def _removes(self, one: Explanation, other: Explanation) -> bool:
+        share, draws = shares(one, other, self.opened, self.split.block)
         return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
+
+    def _drawn(self, one: Explanation, noise: NoiseModel) -> DayErrors:
+        """Errors of an explanation's forecasts of days that are drawn from a noise."""
+        record = self.record
+        rng = np.random.default_rng(0)
+        drawn = noise.simulate(record.days, record.time.shape[1], rng, record.activity)
+        return day_errors(record, np.where(np.isfinite(one.residual), drawn, np.nan), one.noise, HORIZONS)
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
         """Probability of the explanations with material names, and an unknown, that `holds` accepts."""

@@ -16,7 +16,7 @@ from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects import Effect
 from rivid.types import Bools, Floats
 
-SHORTEST, LONGEST = 8, 0.25
+SHORTEST, LONGEST = 4, 0.25
 """Least period [samples] and largest one [days]."""
 LEAST_DAMPING = 5e-5
 """[1/s]. Weaker damping is not resolved within a day: a steady oscillation, of a machine."""

@@ -82,7 +82,7 @@ class LinearPool:
         delay: float,
         area_sd: float = 0.2,
         delay_sd: float = 0.2,
-        gain_sd: float = 0.002,
+        gain_sd: float = 1e-4,
     ) -> "LinearPool":
         """From the configured geometry.
 
