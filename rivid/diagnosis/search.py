@@ -353,8 +353,8 @@ def _gain(score: Floats, information: Floats, sign: int) -> Floats:
 
 SHARES = (1.0, 0.3, 0.1)
 """Shares of a candidate's size at which its fit may begin."""
-CODINGS = 3
-"""Most searches for events: each fits the noise to what the events of the one before leave."""
+CODINGS = 2
+"""Searches for events: the second one with the noise of what the first one leaves, refined beyond the grid."""
 
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
@@ -406,16 +406,15 @@ def with_events(
     follows = np.append(False, np.diff(record.day_number) == 1)
     plain = replace(record.take(opened), activity=None)
     found: Events | None = None
-    for _ in range(CODINGS):
+    for turn in range(CODINGS):
         left = seen if found is None else seen - found.coded
         noise = replace(parent.model, noise=None).fit_noise(left[opened], plain, None)
-        more = find_events(seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows)
-        if not more.events:
+        found = find_events(
+            seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows,
+            refine=turn == CODINGS - 1,
+        )  # fmt: skip
+        if not found.events:
             return None
-        same = found is not None and len(more.events) == len(found.events)
-        found = more
-        if same:
-            break
     assert found is not None
     if not plausible(found):
         return None
