@@ -96,6 +96,17 @@ def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Int
     return bool(((share >= MATERIAL) & sure).any() and not worse.any())
 
 
+def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
+    """Whether an explanation with a name makes no forecast of an hour or more worse by a share that counts.
+
+    Likelier by a sample's detail it may be all the same: an effect that bends the response.
+    """
+    if not one.names or one is first:
+        return True
+    _, draws = shares(one, first, chosen, blocks)
+    return not bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
+
+
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
     """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter."""
     from scipy.stats import t
@@ -146,10 +157,11 @@ class Study:
         A response with many coefficients is always likelier than equations, for what no equation holds of a
         front: it stands for an unknown only where it takes a material share from the error.
         """
-        known = [one for one in self.pool if one.unknown != "dynamics"]
+        able = [one for one in self.pool if harmless(one, self.first, self.opened, self.split.block)]
+        known = [one for one in able if one.unknown != "dynamics"]
         flexible = [one for one in self.pool if one.unknown == "dynamics"]
         if not flexible or not known:
-            return self.pool
+            return tuple(able)
         pool = leading(known, self.opened)
         best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
         return (*known, *(one for one in flexible if self._material(one, best, self.opened)))

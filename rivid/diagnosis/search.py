@@ -354,7 +354,7 @@ def _gain(score: Floats, information: Floats, sign: int) -> Floats:
 SHARES = (1.0, 0.3, 0.1)
 """Shares of a candidate's size at which its fit may begin."""
 CODINGS = 2
-"""Searches for events: the second one with the noise of what the first one leaves, refined beyond the grid."""
+"""Searches for events: the second one with the noise of what the first one leaves, and refined."""
 
 
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
@@ -435,7 +435,7 @@ def with_noise(
     """An explanation with a noise of the level: wind in the filter, or a seiche outside it.
 
     A seiche makes the weather short and the gauge rough, which hides it: it is sought as well in what the
-    parent with an unknown flow or gauge (`latent`) leaves, and then carries their noise.
+    parent with an unknown gauge (`latent`) leaves, and then carries its noise.
     """
     model, opened = parent.model, parent.weights > 0.0
     if effect.found_as == "swing":

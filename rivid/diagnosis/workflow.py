@@ -13,7 +13,7 @@ import numpy as np
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import ALONE, Study, leading, ranked
+from rivid.diagnosis.decision import ALONE, Study, harmless, leading, ranked
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.response.base import Response, kernels_of
@@ -233,9 +233,17 @@ class _Search:
         assert one.density is not None
         return float(one.density[self.opened].sum())
 
+    @property
+    def first(self) -> Explanation:
+        """The best explanation without a further effect or anything unknown."""
+        plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
+        return max(plain, key=self.score)
+
     def lead(self) -> Explanation:
         """The most probable explanation."""
-        pool = leading(self.pool, self.opened)
+        first, block = self.first, self.dealt.block
+        able = [one for one in self.pool if harmless(one, first, self.opened, block)]
+        pool = leading(able, self.opened)
         return pool[int(np.argmax(ranked(pool, self.opened, self.dealt.block)))]
 
     def extend(self, parent: Explanation) -> None:
@@ -261,9 +269,9 @@ class _Search:
             if name in taken or not effect.found_as or record.kind == "river" and not effect.acts_on_river:
                 continue
             if effect.found_as in LEVEL_NOISES:
-                self._grow(
-                    parent, name, partial(with_noise, effect=effect, record=record, latent=latent), usual
-                )
+                gauge = [one for one in latent if one.unknown == "gauge"]
+                noise = partial(with_noise, effect=effect, record=record, latent=gauge)
+                self._grow(parent, name, noise, usual)
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 self._grow(parent, name, events, usual)
@@ -356,9 +364,7 @@ class _Search:
     def study(self) -> Study:
         """What was found."""
         self._report(1.0, "the sealed days")
-        first = max(
-            (one for one in self.pool if not one.parent and one.unknown != "dynamics"), key=self.score
-        )
+        first = self.first
         kernels = kernels_of(first.model.reach, self.record)
         return Study(self.record, self.dealt, tuple(self.pool), first, kernels, tuple(self.notes), self.start)
 
