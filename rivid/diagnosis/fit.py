@@ -102,8 +102,6 @@ ENOUGH = 2.0
 """Steps end when the cost falls by less [nats]."""
 TRIES = 5
 """Dampings tried in a step."""
-MOST_STEPS = 8
-"""Two to four are usual."""
 
 
 @dataclass(frozen=True, eq=False)

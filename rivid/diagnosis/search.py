@@ -389,11 +389,38 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     if best is None:
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     larger = best[1]
+    for key in set(candidate.free) & set(candidate.effect.stepwise):
+        larger = _stepped(larger, key, parent, record)
     return fitted(
         larger, record, opened, start=parent, parent=parent, inflation=candidate.inflation,
-        unknown=parent.unknown,
-        log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
+        unknown=parent.unknown, log_prior=log_prior + candidate.log_prior, others=parent.others,
+        events=parent.events,
     )  # fmt: skip
+
+
+MOST_STEPS = 40
+"""Most values tried of a parameter in which the output changes in steps."""
+
+
+def _stepped(model: Model, key: str, parent: Explanation, record: Record) -> Model:
+    """The model with the best value of a parameter of its last effect in which the output changes in steps.
+
+    Commands are quantised, and a band between two of them acts as the larger one: all values half-way between
+    commands are tried, up to 2.5 times the present one.
+    """
+    effect, opened = model.effects[-1], parent.weights > 0.0
+    moves = np.abs(np.diff(record.outflow, axis=1))
+    step = float(np.quantile(moves[moves > 1e-6], 0.02)) if (moves > 1e-6).any() else 1.0
+    values = (np.arange(min(int(2.5 * float(getattr(effect, key)) / step) + 2, MOST_STEPS)) + 0.5) * step
+    root, few = np.sqrt(parent.weights[opened])[:, None], record.take(opened)
+    costs, models = [], []
+    for value in values.tolist():
+        other = effect.with_values(**{key: effect.clipped(key, value)})
+        models.append(replace(model, effects=(*model.effects[:-1], other)))
+        left = residual_of(few, models[-1].baseline(few)) - parent.coded[opened]
+        white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
+        costs.append(float(((white * root) ** 2).sum()))
+    return models[int(np.argmin(costs))]
 
 
 def with_events(
