@@ -240,9 +240,10 @@ class _Search:
         return max(plain, key=self.score)
 
     def lead(self) -> Explanation:
-        """The most probable explanation."""
+        """The most probable explanation; unknown dynamics are no ground for more."""
         first, block = self.first, self.dealt.block
-        able = [one for one in self.pool if harmless(one, first, self.opened, block)]
+        known = (one for one in self.pool if one.unknown != "dynamics")
+        able = [one for one in known if harmless(one, first, self.opened, block)]
         pool = leading(able, self.opened)
         return pool[int(np.argmax(ranked(pool, self.opened, self.dealt.block)))]
 
