@@ -187,7 +187,7 @@ class _Search:
         for reach in self.responses:
             self.report(0.1, f"calibrating the response: {reach.name}")
             try:
-                one = fitted(self._plain(reach), part, np.ones(part.days, bool), steps=8, fresh=8)
+                one = fitted(self._plain(reach), part, np.ones(part.days, bool), steps=8, fresh=5)
             except RividError as error:
                 refused.append(error)
                 continue
@@ -204,7 +204,7 @@ class _Search:
             self.report(0.1, f"calibrating the response: {model.reach.name}")
             self.add(
                 fitted(
-                    replace(model, noise=None), self.record, self.opened, steps=8, fresh=2,
+                    replace(model, noise=None), self.record, self.opened, steps=8, fresh=1,
                     unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
                 )
             )  # fmt: skip
