@@ -1,11 +1,12 @@
 """Days as rows with lead time; the gap at its horizons."""
 
 import datetime as dt
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rivid.diagnosis.data import START_UP, as_record
+from rivid.diagnosis.data import NEAR, START_UP, activity, as_record
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.errors import RividError
@@ -82,3 +83,55 @@ def test_the_gap_is_the_error_of_a_forecast_by_hand():
 def test_days_without_targets_have_no_error():
     errors = DayErrors(np.array([[4.0, 0.0]]), np.array([[1.0, 0.0]]))
     assert errors.rmse([0])[0] == 2.0 and np.isnan(errors.rmse([1])[0])
+
+
+N, DELAY, RAMP = 200, 12, 2e-4
+UP = RAMP * np.clip(np.arange(N) - DELAY + 1.0, 0.0, None)
+DOWN = RAMP * np.arange(1.0, N + 1.0)
+ARRIVED = 1.0 - np.exp(-np.clip(np.arange(N) - DELAY + 1.0, 0.0, None) / 5.0)
+
+
+def flows(inflow, outflow=None, kind="pool"):
+    """Rows with these changes of the flows, by sample."""
+    r = as_record(
+        DATES, 432.0 * np.arange(N), np.zeros((5, N)), None if kind == "river" else np.zeros((5, N)),
+        np.zeros((5, N)), sample_time=432.0, delay=0, kind=kind,
+    )  # fmt: skip
+    for flow, moves in ((r.inflow, inflow), (r.outflow, outflow or {})):
+        for at, size in moves.items():
+            flow[:, at:] += size
+    return r
+
+
+def test_a_step_of_the_inflow_shows_at_the_delay_and_one_of_the_outflow_at_once():
+    for moves, seen in ((({60: 30.0}, {}), 60 + DELAY), (({}, {60: 30.0}), 60)):
+        found = activity(flows(*moves), UP, DOWN)
+        assert found.shape == flows(*moves).time.shape
+        there = np.flatnonzero(found[0] > 1e-12)
+        half = max(round(NEAR * DELAY), 1)
+        assert there.tolist() == list(range(seen - half, seen + half + 1))
+        assert found[0].sum() == pytest.approx((30.0 * RAMP) ** 2)  # spread, and nothing lost
+
+
+def test_activity_is_that_of_a_plain_loop_and_grows_with_the_square_of_the_flows():
+    moves = {40: 20.0, 46: -8.0, 47: 5.0}, {44: 12.0, 90: -30.0}
+    for kind, up, down in (("pool", UP, DOWN), ("river", ARRIVED, np.zeros(N))):
+        r = flows(*moves, kind=kind) if kind == "pool" else flows(moves[0], kind=kind)
+        found = activity(r, up, down)
+        order = 2 if kind == "pool" else 1
+        n = r.time.shape[1]
+        total = np.zeros(n)
+        for flow, kernel in ((r.inflow[0], up), (r.outflow[0], down)):
+            level = np.zeros(n)
+            for k in range(1, n):
+                for j in range(k, n):
+                    level[j] += (flow[k] - flow[k - 1]) * (kernel[j - k] if j - k < N else kernel[-1])
+            total += np.diff(level, n=order, prepend=np.zeros(order)) ** 2
+        rate = np.abs(np.diff(up, n=order, prepend=np.zeros(order)))
+        half = max(round(NEAR * float(np.arange(N) @ rate / rate.sum())), 1)
+        inner = range(half, min(n, N) - half)
+        expected = [total[k - half : k + half + 1].mean() for k in inner]
+        assert found[0, inner] == pytest.approx(expected, abs=1e-12)
+        twice = replace(r, inflow=3.0 * r.inflow, outflow=3.0 * r.outflow)
+        np.testing.assert_allclose(activity(twice, up, down), 9.0 * found, atol=1e-12)
+        assert (found >= 0.0).all()

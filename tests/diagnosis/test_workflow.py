@@ -1,9 +1,145 @@
-"""The whole workflow on seasons of known truth, and its command."""
+"""The whole workflow on short seasons of the linear pool whose truth is known."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
+from rivid.diagnosis.workflow import diagnose, find_effects
 from rivid.effects import CATALOGUE
+from rivid.errors import RividError
+from tests.diagnosis import pools
+
+DAYS, T_S = 20, 600.0
+
+
+def season(*hidden, seed=6):
+    return pools.season(seed, DAYS, hidden, T_S)
+
+
+def answer(record, *names, responses=None, **others):
+    classes = {name: CATALOGUE[name] for name in names}
+    given = pools.nominal(record) if responses is None else responses
+    return diagnose(record, given, classes, gauge_floor=pools.GAUGE_FLOOR, **others)
+
+
+def number(effect, name):
+    return next(p for p in effect.parameters if p.name == name)
+
+
+class Broken:
+    """A response that cannot be run."""
+
+    name = "broken"
+    parameters = ()
+    surface_area = 6.7e5
+
+    def baseline(self, record, changes=None):
+        raise RividError("no water")
+
+    simulate = settled = with_parameters = baseline
+
+
+def test_nothing_is_named_where_nothing_is_missing_and_a_broken_response_is_passed_over():
+    record = season()
+    reports = []
+    result, evidence = answer(
+        record, "diurnal_inflow", "outflow_lag", "sensor_step", responses=[pools.nominal(record), Broken()],
+        report=lambda done, what: reports.append((done, what)),
+    )  # fmt: skip
+    assert result.verdict == "no_gap" and not result.effects, result.reason
+    assert result.reach_response == "integrator-delay" and any("no water" in note for note in result.notes)
+    assert sum(row.probability for row in result.ranking) == pytest.approx(1.0, abs=1e-6)
+    assert result.ranking[0].names == () and result.ranking[0].gain == 0.0
+    assert {row.unknown for row in result.ranking} >= {None, "flow", "gauge"}
+    assert evidence.inflow_after_sd.shape == record.time.shape
+    assert np.array_equal(evidence.residual_before, evidence.residual_after, equal_nan=True)
+    assert np.abs(evidence.inflow_after[record.used]).mean() < 3.0  # weather of 2 m3/s
+    done = [share for share, _ in reports]
+    assert done == sorted(done) and done[0] == 0.0 and done[-1] == 1.0
+
+
+def test_a_daily_wave_is_named_with_its_size_and_hour_and_closes_the_gap():
+    record = season(CATALOGUE["diurnal_inflow"](amplitude=20.0, hour=9.0))
+    result, evidence = answer(record, "diurnal_inflow", "outflow_lag", floor=(0.01, 0.02, 0.03))
+    assert result.verdict == "explained", result.reason
+    (effect,) = result.effects
+    assert effect.name == "diurnal_inflow" and effect.probability > 0.95 and not effect.tied_with
+    for name, truth, off in (("amplitude", 20.0, 3.0), ("hour", 9.0, 0.5)):
+        found = number(effect, name)
+        assert found.value == pytest.approx(truth, abs=off) and found.low < truth < found.high
+    gap = result.gap
+    assert gap.rmse_augmented[1] < 0.5 * gap.rmse_baseline[1] and gap.closed > 0.5
+    assert [step.name for step in gap.steps] == ["diurnal_inflow"]
+    before, after = (w[record.used] for w in (evidence.inflow_before, evidence.inflow_after))
+    assert after.std() < 0.5 * before.std()
+    wave = 20.0 * np.cos(2 * np.pi * (record.hour - 9.0) / 24.0)[record.used]
+    assert np.corrcoef(before, wave)[0, 1] > 0.8
+
+
+def test_two_gains_that_look_alike_are_named_together_with_what_separates_them():
+    record = season(CATALOGUE["outflow_gain_error"](error=0.04))
+    result, _ = answer(record, "outflow_gain_error", "inflow_gain_error")
+    assert result.verdict == "cannot_tell", result.reason
+    (effect,) = result.effects
+    names = {effect.name, *effect.tied_with}
+    assert names == {"outflow_gain_error", "inflow_gain_error"}
+    error = number(effect, "error")
+    truth = 0.04 if effect.name == "outflow_gain_error" else 1.0 / 1.04 - 1.0
+    assert error.low < truth < error.high
+    expected = CATALOGUE["outflow_gain_error"].confounded_with["inflow_gain_error"]
+    assert expected in (effect.breaker, result.next_measurement)
+
+
+def test_steps_of_the_gauge_are_named_with_their_times():
+    steps, starts = (0.08, -0.08, 0.06), (100.0, 210.0, 380.0)
+    record = season(CATALOGUE["sensor_step"](step=steps, start=starts))
+    result, _ = answer(record, "sensor_step", "diurnal_inflow")
+    assert result.verdict == "explained", result.reason
+    (effect,) = result.effects
+    assert effect.name == "sensor_step" and effect.events == 3
+    assert effect.table["start"] == pytest.approx(starts, abs=0.3)
+    assert effect.table["step"] == pytest.approx(steps, abs=0.02)
+    for k, truth in enumerate(steps):
+        found = number(effect, f"step[{k}]")
+        assert found.low - 0.01 < truth < found.high + 0.01
+
+
+def test_a_cause_that_is_in_no_library_gets_no_name():
+    """A daily wave of 40 m3/s, where only a late gate and steps of the gauge may be named."""
+    record = season(CATALOGUE["diurnal_inflow"](amplitude=40.0, hour=9.0))
+    result, _ = answer(record, "outflow_lag", "sensor_step")
+    assert result.verdict in ("unknown", "no_gap") and not result.effects, result.reason
+    best = result.ranking[0]
+    assert best.unknown == "flow" and best.gain > 20.0
+    assert result.verdict == "unknown" and result.unknown.size > 10.0
+    assert result.next_measurement == USUAL["flow"]
+
+
+def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
+    hidden = CATALOGUE["outflow_gain_error"](error=0.04)
+    record = season(hidden)
+    result, _ = answer(record, "inflow_gain_error", start=(hidden,))
+    assert result.verdict == "no_gap" and not result.effects
+    assert all(row.names[:1] == ("outflow_gain_error",) for row in result.ranking)
+
+
+def test_few_days_still_flows_and_an_empty_library_give_no_answer():
+    record = season()
+    few = record.take(range(9))
+    result, evidence = answer(few, "leakage")
+    assert result.verdict == "insufficient_data" and evidence is None and "9 days" in result.reason
+    still = replace(record, inflow=0.0 * record.inflow + 300.0, outflow=0.0 * record.outflow + 300.0)
+    result, evidence = answer(still, "leakage")
+    assert result.verdict == "insufficient_data" and evidence is None and "never move" in result.reason
+    result, evidence = answer(record)
+    assert result.verdict == "insufficient_data" and evidence is None and "exclude" in result.reason
+
+
+def test_responses_that_cannot_be_run_are_an_error():
+    with pytest.raises(RividError, match="no water"):
+        find_effects(season(), [Broken()], {"leakage": CATALOGUE["leakage"]})
 
 
 def test_every_effect_of_the_catalogue_is_tried_or_found_otherwise():
@@ -22,7 +158,6 @@ def test_every_trial_makes_an_effect_of_its_name_again():
 def test_tied_effects_have_a_measurement_that_separates_them():
     leak, head, wave = (CATALOGUE[name] for name in ("leakage", "gate_head_effect", "diurnal_inflow"))
     assert breaker(leak, ()) is None
-    assert "Hold the level" in breaker(leak, (head,)) and breaker(head, (wave, leak)) == breaker(
-        leak, (head,)
-    )
+    assert "Hold the level" in breaker(leak, (head,))
+    assert breaker(head, (wave, leak)) == breaker(leak, (head,))
     assert breaker(wave, (CATALOGUE["rain_inflow"],)) == USUAL["flow"]

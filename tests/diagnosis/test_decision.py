@@ -1,0 +1,234 @@
+"""Materiality, probabilities of names and unknowns, groups and contradictions on explanations by hand."""
+
+import numpy as np
+import pytest
+from scipy.special import softmax
+from scipy.stats import ttest_1samp
+
+from rivid.diagnosis.answer import _next, _ranking, _small, _verdict
+from rivid.diagnosis.decision import (
+    MATERIAL,
+    block_sums,
+    is_material,
+    leading,
+    shares,
+    worse_on,
+)
+from rivid.diagnosis.result import Unknown, Where
+from rivid.effects import CATALOGUE
+from tests.diagnosis.answers import evidence_of, gap_of
+from tests.diagnosis.studies import OPEN, RECORD, SPLIT, explained, study_of
+
+BLOCK = SPLIT.block
+MUCH = 2.0 * MATERIAL
+
+
+def test_sums_of_blocks_are_those_of_a_loop():
+    values = np.random.default_rng(0).standard_normal((3, RECORD.days))
+    found = block_sums(values, OPEN, BLOCK)
+    expected = [
+        [sum(row[d] for d in range(RECORD.days) if OPEN[d] and BLOCK[d] == b) for b in np.unique(BLOCK[OPEN])]
+        for row in values
+    ]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+# Materiality
+
+
+def material(one, other):
+    return is_material(one, other, OPEN, BLOCK)
+
+
+def test_a_share_of_the_error_at_one_horizon_is_material():
+    nothing = explained()
+    for horizon in range(4):
+        for share, enough in ((1.05 * MATERIAL, True), (0.95 * MATERIAL, False)):
+            one = explained("leakage", removes=share * (np.arange(4) == horizon), parent=nothing)
+            assert material(one, nothing) == enough
+            found, draws = shares(one, nothing, OPEN, BLOCK)
+            assert found[horizon] == pytest.approx(share)
+            assert draws[:, horizon] == pytest.approx(share)  # all days are alike
+
+
+def test_a_share_that_rests_on_one_block_is_doubted():
+    nothing = explained()
+    one = explained("leakage", removes=0.0, parent=nothing)
+    one.errors.squares[:] = 1.05
+    one.errors.squares[:, BLOCK == 0] = -3.5 * MATERIAL * OPEN.sum() / (BLOCK == 0).sum() + 1.0
+    share, draws = shares(one, nothing, OPEN, BLOCK)
+    assert (share > MATERIAL).all() and 0.05 < (draws < 0.0).mean() < 0.6
+    assert not material(one, nothing)
+
+
+def test_a_horizon_that_grows_worse_is_not_made_up_for_by_another_but_that_of_a_quarter_of_an_hour():
+    nothing = explained()
+    for horizon in range(4):
+        removes = np.where(np.arange(4) == horizon, -0.02, MUCH)
+        assert material(explained("leakage", removes=removes, parent=nothing), nothing) == (horizon == 0)
+
+
+def test_a_part_of_the_days_is_judged_alone():
+    nothing = explained()
+    one = explained("leakage", removes=MUCH, parent=nothing)
+    few = np.arange(RECORD.days) < 9
+    one.errors.squares[:, ~few] = 1.0
+    assert is_material(one, nothing, OPEN & few, BLOCK)
+    assert shares(one, nothing, OPEN, BLOCK)[0][0] < MUCH
+
+
+def test_days_contradict_by_density_or_by_error_beyond_their_scatter():
+    nothing = explained()
+    assert not worse_on(explained("leakage", 1.0, 0.1, parent=nothing), nothing, SPLIT.sealed, BLOCK)
+    assert worse_on(explained("leakage", -1.0, 0.1, parent=nothing), nothing, SPLIT.sealed, BLOCK)
+    worse = explained("leakage", 1.0, [0.1, 0.1, 0.1, -0.1], parent=nothing)
+    assert worse_on(worse, nothing, SPLIT.sealed, BLOCK)
+    mixed = explained("leakage", -0.1, 0.1, parent=nothing)
+    mixed.density[BLOCK == BLOCK[SPLIT.sealed][0]] += 3.0  # one block of sealed days for it, the rest against
+    assert not worse_on(mixed, nothing, SPLIT.sealed, BLOCK)
+
+
+# Probabilities
+
+
+def test_probabilities_are_those_of_tempered_scores_and_priors():
+    nothing = explained()
+    pool = [
+        nothing,
+        explained("leakage", 2.0, MUCH, parent=nothing, log_prior=-1.0),
+        explained("gate_head_effect", 1.5, MUCH, parent=nothing),
+        explained("", 0.5, MUCH, parent=nothing, unknown="flow"),
+    ]
+    study = study_of(*pool)
+    expected = softmax([0.0, 1.0, 1.5, 0.5])
+    assert [p for _, p in study.ranking] == pytest.approx(sorted(expected, reverse=True))
+    assert [one for one, _ in study.ranking] == [pool[i] for i in np.argsort(-expected)]
+    assert study.chance_of("leakage") == pytest.approx(expected[1])
+    assert study.unknown == pytest.approx(expected[3])
+    assert study.chance(lambda names, unknown: not names and not unknown) == pytest.approx(expected[0])
+    assert study.names == ("gate_head_effect", "leakage")
+    assert not study.sure and not study.group and study.last is nothing and study.steps == ()
+
+
+def test_of_a_kind_the_best_counts():
+    nothing = explained()
+    pool = [nothing, *(explained("leakage", nats, MUCH, parent=nothing) for nats in (1.0, 3.0, 2.0))]
+    assert leading(pool, OPEN) == [nothing, pool[2]]
+    other = explained("leakage", 0.0, MUCH, parent=explained("gate_head_effect", 1.0, MUCH, parent=nothing))
+    same = explained("gate_head_effect", 0.5, MUCH, parent=pool[1])
+    assert leading([other, same], OPEN) == [same]  # in whatever order
+
+
+def test_a_name_is_sure_over_all_explanations_that_hold_it():
+    nothing = explained()
+    one = explained("leakage", 6.0, MUCH, parent=nothing)
+    small = explained("outflow_lag", 0.5, 0.01, parent=one)
+    both = explained("wave_attenuation", 0.2, MUCH, parent=one)
+    study = study_of(nothing, one, small, both)
+    p = softmax([0.0, 6.0, 6.5, 6.2])
+    assert study.core(small) == (("leakage",), "") and study.core(both)[0] == ("leakage", "wave_attenuation")
+    assert study.chance_of("leakage") == pytest.approx(p[1:].sum())
+    assert study.chance_of("outflow_lag") == 0.0
+    assert study.sure == ("leakage",) and study.last is small and study.steps == (one, small)
+    assert study.group == ("leakage",)
+    assert not study.contradicted
+
+
+def test_an_effect_in_front_of_which_an_immaterial_one_stands_is_named_alone():
+    nothing = explained()
+    small = explained("outflow_lag", 3.0, 0.01, parent=nothing)
+    both = explained("leakage", 6.0, MUCH, parent=small)
+    study = study_of(nothing, small, both)
+    assert study.core(both) == (("leakage",), "") and study.sure == ("leakage",)
+
+
+def test_a_group_is_the_fewest_names_that_are_sure_together():
+    nothing = explained()
+    pool = [
+        nothing,
+        explained("leakage", 6.0, MUCH, parent=nothing),
+        explained("gate_head_effect", 5.8, MUCH, parent=nothing),
+        explained("diurnal_inflow", 1.0, MUCH, parent=nothing),
+    ]
+    study = study_of(*pool)
+    assert not study.sure and study.group == ("leakage", "gate_head_effect") and study.last is pool[1]
+    doubtful = [explained(name, 1.0, MUCH, parent=nothing) for name in ("leakage", "seiche")]
+    assert study_of(nothing, *doubtful).group == ()
+
+
+def test_unknown_dynamics_count_only_where_they_simulate_materially_better():
+    nothing = explained()
+    for share, counts in ((0.5 * MATERIAL, False), (MUCH, True)):
+        flexible = explained("", 50.0, share, unknown="dynamics")
+        study = study_of(nothing, flexible)
+        assert [one for one, _ in study.ranking] == ([flexible, nothing] if counts else [nothing])
+        assert study.unknown == pytest.approx(1.0 if counts else 0.0)
+
+
+def test_an_unknown_that_changes_nothing_material_is_none():
+    nothing = explained()
+    assert study_of(nothing, explained("", 9.0, 0.01, parent=nothing, unknown="flow")).unknown == 0.0
+    assert study_of(nothing, explained("", 9.0, MUCH, parent=nothing, unknown="flow")).unknown > 0.9
+
+
+def test_an_effect_of_some_days_is_judged_on_these():
+    nothing = explained()
+    days = np.arange(RECORD.days) < 9
+    one = explained("leakage", 9.0, MUCH, parent=nothing, active=lambda record: days)
+    one.errors.squares[:, ~days] = 1.0
+    assert study_of(nothing, one).sure == ("leakage",)
+
+
+def test_p_is_that_of_students_t_over_blocks():
+    nothing = explained()
+    one = explained("leakage", 2.0, MUCH, parent=nothing)
+    one.density[:] += 20.0 * np.random.default_rng(5).standard_normal(RECORD.days)
+    gains = block_sums(one.density - nothing.density, OPEN, BLOCK)
+    expected = ttest_1samp(gains, 0.0, alternative="greater").pvalue
+    assert study_of(nothing, one).p_value(one) == pytest.approx(expected)
+
+
+# The verdict
+
+REMAINDER = Unknown(Where(), 3.0, ("a swing with a period of 90 min",), 5400.0)
+NOTHING = explained()
+LEAK = explained("leakage", 9.0, MUCH, parent=NOTHING)
+VERDICTS = {
+    "no_gap": (NOTHING, explained("leakage", -1.0, MUCH, parent=NOTHING)),
+    "explained": (NOTHING, LEAK),
+    "cannot_tell": (NOTHING, LEAK, explained("gate_head_effect", 9.0, MUCH, parent=NOTHING)),
+    "unknown": (NOTHING, explained("", 9.0, MUCH, parent=NOTHING, unknown="flow")),
+    "partly_explained": (NOTHING, LEAK, explained("", 9.0, MUCH, parent=LEAK, unknown="gauge")),
+    "did_not_hold": (NOTHING, explained("leakage", 9.0, MUCH, parent=NOTHING, sealed=(-9.0, -MUCH))),
+}
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_each_verdict_is_reached(verdict):
+    study = study_of(*VERDICTS[verdict])
+    gap = gap_of(evidence_of(RECORD))
+    found, reason = _verdict(study, gap, None)
+    assert found == verdict and reason
+    assert _verdict(study, gap, REMAINDER)[0] == verdict
+    next_one = _next(study, verdict, dict(CATALOGUE))
+    assert (next_one is not None) == (verdict in ("unknown", "cannot_tell"))
+    if verdict == "cannot_tell":
+        assert next_one == CATALOGUE["leakage"].confounded_with["gate_head_effect"]
+
+
+def test_the_ranking_has_a_row_for_each_explanation_with_gain_and_materiality():
+    nothing = explained()
+    small = explained("outflow_lag", 9.0, 0.01, parent=nothing)
+    flow = explained("", 1.0, MUCH, parent=nothing, unknown="flow")
+    study = study_of(nothing, small, flow)
+    rows = _ranking(study)
+    assert [(r.names, r.unknown, r.material) for r in rows] == [
+        (("outflow_lag",), None, False), ((), "flow", True), ((), None, False)
+    ]  # fmt: skip
+    assert sum(r.probability for r in rows) == pytest.approx(1.0)
+    assert (
+        rows[0].gain == pytest.approx((small.density - nothing.density)[OPEN].sum()) and rows[2].gain == 0.0
+    )
+    (text,) = _small(study)
+    assert "utflow lag" in text and "300 s" in text
+    assert _small(study_of(nothing, flow)) == ()

@@ -1,0 +1,238 @@
+"""Candidates and their windows against enumerated least squares; fits with one more effect."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rivid.diagnosis.explanation import Explanation
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.search import (
+    FEWEST,
+    Candidate,
+    Library,
+    _best_hours,
+    _spans,
+    hour_columns,
+    screened,
+    with_effect,
+    with_events,
+    with_noise,
+)
+from rivid.effects import CATALOGUE, Trial
+from tests.diagnosis import pools
+from tests.diagnosis.answers import record_of
+
+RIVER = NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 7200.0, 3600.0, None)
+RECORD = record_of(days=16, n=24, kind="river")
+OPEN = np.flatnonzero(np.arange(16) % 5 != 4)
+DAYS = len(OPEN)
+
+
+@pytest.mark.parametrize("dates", ["all", "from", "until", "between"])
+@pytest.mark.parametrize("days", [FEWEST - 1, FEWEST, FEWEST + 1, 12])
+def test_windows_are_all_of_their_kind_and_their_priors_add_up(dates, days):
+    first, end, prior = _spans(dates, days)
+    assert (first[0], end[0]) == (0, days)
+    inside = {
+        (a, b) for a in range(days) for b in range(a + FEWEST, days + 1) if (a, b) != (0, days)
+        and (dates == "between" or dates == "from" and b == days or dates == "until" and a == 0)
+    }  # fmt: skip
+    assert sorted(zip(first[1:].tolist(), end[1:].tolist(), strict=True)) == sorted(inside)
+    assert np.exp(prior).sum() == pytest.approx(1.0)
+    assert np.exp(prior[0]) == pytest.approx(0.5 if inside else 1.0)
+    one = np.array([a == 0 or b == days for a, b in zip(first[1:], end[1:], strict=True)], bool)
+    if one.any() and not one.all():
+        assert np.exp(prior[1:][one]).sum() == pytest.approx(0.25)
+
+
+def base_of(seed, planted=None):
+    """An explanation at the optimum of two parameters, and the two columns of a trial."""
+    rng = np.random.default_rng(seed)
+    shape = RECORD.time.shape
+    used = RECORD.used
+    columns, trial = 6.0 * rng.standard_normal((2, *shape)), 4.0 * rng.standard_normal((2, *shape))
+    y = RIVER.simulate(*shape, rng)
+    if planted is not None:
+        a, b, size = planted
+        y[OPEN[a:b]] += size * trial[0, OPEN[a:b]]
+    weights = np.zeros(16)
+    weights[OPEN] = rng.choice([1.0, 0.5], DAYS)
+    sd = np.array([0.1, 5.0])
+    seen = np.where(used, y, np.nan)
+    root = np.sqrt(weights[OPEN])[:, None]
+    X = (RIVER.whiten(columns, like=seen)[:, OPEN] * root).reshape(2, -1)
+    r = (RIVER.whiten(seen)[OPEN] * root).ravel()
+    at = np.linalg.solve(X @ X.T + np.diag(sd**-2.0), X @ r)
+    left = y - np.tensordot(at, columns, 1)
+    base = Explanation(SimpleNamespace(noise=RIVER), "", 0.0, left, columns, sd, at, weights)
+    w = RIVER.whiten(trial, like=seen)[:, OPEN] * root
+    return base, trial, X, (r - at @ X), w
+
+
+def refit(base, X, r, w, a, b, k):
+    """Gain, coefficients and shift with k columns of a trial on open days a to b, by least squares."""
+    part = np.zeros_like(w[:k])
+    part[:, a:b] = w[:k, a:b]
+    rows = np.concatenate([X, part.reshape(k, -1)])
+    A, c = rows @ rows.T, rows @ r
+    A[:2, :2] += np.diag(base.sd**-2.0)
+    c[:2] -= base.deviation / base.sd**2
+    x = np.linalg.solve(A, c)
+    before = r @ r + ((base.deviation / base.sd) ** 2).sum()
+    after = ((r - x @ rows) ** 2).sum() + (((base.deviation + x[:2]) / base.sd) ** 2).sum()
+    return 0.5 * (before - after), x[2:], x[:2]
+
+
+def library(columns, k, sign=0, dates="between"):
+    effect = CATALOGUE["lateral_inflow"]
+    trial = Trial(
+        "lateral_inflow", "", (effect(),) * k, (1.0,) * k, lambda c: effect(inflow=float(c[0])), ("inflow",),
+        dates, sign,
+    )  # fmt: skip
+    return Library((trial,), (columns[:k],), {})
+
+
+@pytest.mark.parametrize("seed, k, sign", [(0, 1, 0), (1, 1, 0), (2, 2, 0), (3, 1, 1), (4, 1, -1)])
+def test_the_best_window_is_that_of_all_refits(seed, k, sign):
+    base, columns, X, r, w = base_of(seed, (3, 9, -3.0 if sign < 0 else 3.0))
+    found = {one.effect.dates is None: one for one in screened(base, library(columns, k, sign), RECORD)}
+    first, end, prior = _spans("between", DAYS)
+    every = []
+    for a, b, log_prior in zip(first, end, prior, strict=True):
+        gain, c, shift = refit(base, X, r, w, a, b, k)
+        if not sign or sign * c[0] > 0.0:
+            every.append((gain + log_prior, gain, log_prior, a, b, c, shift))
+    whole, best = (max((e for e in every if (e[4] - e[3] == DAYS) == all_), default=None) for all_ in (1, 0))
+    for expected, all_days in ((whole, True), (best, False)):
+        one = found[all_days]
+        assert one.gain == pytest.approx(expected[1], rel=1e-5)
+        assert one.log_prior == pytest.approx(expected[2]) and one.worth == pytest.approx(
+            one.gain + one.log_prior
+        )
+        assert one.effect.inflow == pytest.approx(expected[5][0], rel=1e-5)
+        assert one.shift == pytest.approx(expected[6], rel=1e-4, abs=1e-8)
+    assert (best[3], best[4]) == (3, 9)
+    dates = found[False].effect.dates
+    assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
+
+
+def test_what_the_parameters_can_do_as_well_is_no_candidate():
+    base, columns, *_ = base_of(5)
+    free = replace(base, sd=np.array([1e3, 1e3]))
+    same = np.stack([base.columns[0] + 1e-3 * columns[0], columns[1]])
+    assert screened(free, library(same, 1, dates="all"), RECORD) == []
+    (other,) = screened(free, library(columns, 1, dates="all"), RECORD)
+    assert other.gain >= 0.0 and other.make(0.5).inflow == pytest.approx(0.5 * other.effect.inflow)
+
+
+@pytest.mark.parametrize("sign", [0, 1, -1])
+def test_the_best_run_of_hours_is_that_of_all_runs(sign):
+    rng = np.random.default_rng(sign + 7)
+    for _ in range(3):
+        s, A = rng.standard_normal(24), rng.standard_normal((24, 40))
+        info = A @ A.T
+        start, length, gain, size = _best_hours(s, info, sign)
+        best = (-np.inf, 0, 0, 0.0)
+        for a in range(24):
+            for many in range(1, 24):
+                hours = (a + np.arange(many)) % 24
+                S, Q = s[hours].sum(), info[np.ix_(hours, hours)].sum()
+                if not sign or sign * S > 0.0:
+                    best = max(best, (0.5 * S * S / Q, a, many, S / Q))
+        assert (gain, start, length, size) == pytest.approx(best)
+
+
+def test_columns_of_hours_are_convolutions_with_the_step_response():
+    record = record_of(days=2, n=24)
+    n = record.time.shape[1]
+    kernel = np.cumsum(np.random.default_rng(8).random(n))
+    columns = hour_columns(record, kernel)
+    for h in (0, 7, 23):
+        for day in range(2):
+            on = (record.hour[day] >= h) & (record.hour[day] < h + 1)
+            slow = [
+                sum(kernel[k - j] - (kernel[k - j - 1] if k > j else 0.0) for j in range(k + 1) if on[j])
+                for k in range(n)
+            ]  # fmt: skip
+            assert columns[h, day] == pytest.approx(slow, abs=1e-9)
+
+
+# Fits of the linear pool
+
+
+def likelihood(one, record):
+    """Log-posterior of the open days."""
+    left = np.where(record.used, one.residual, np.nan)
+    worth = one.noise.log_likelihood(left, record.activity) @ one.weights
+    return worth - 0.5 * np.square(one.deviation / one.sd).sum()
+
+
+@pytest.fixture(scope="module")
+def diurnal():
+    hidden = CATALOGUE["diurnal_inflow"](amplitude=15.0, hour=9.0)
+    record = pools.season(3, days=12, effects=(hidden,))
+    return record, pools.explained(record)
+
+
+def candidate(effect, free):
+    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect)
+
+
+@pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (3.0, 6.0)])
+def test_a_fit_from_a_bad_start_is_likelier_than_what_it_extends(diurnal, amplitude, hour):
+    record, parent = diurnal
+    start = CATALOGUE["diurnal_inflow"](amplitude=amplitude, hour=hour)
+    one = with_effect(parent, candidate(start, ("amplitude", "hour")), record, -3.0)
+    assert likelihood(one, record) > likelihood(parent, record) + 50.0
+    assert one.log_prior == -4.0 and one.parent is parent and one.names == ("diurnal_inflow",)
+    assert one.added.amplitude == pytest.approx(15.0, abs=3.0)
+    assert (one.added.hour - 9.0 + 12.0) % 24.0 == pytest.approx(12.0, abs=0.5)
+    assert one.active(record).all() and one.count == (1, 0) and one.price.sum() == 0.0
+
+
+def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal):
+    record, parent = diurnal
+    names = ("diurnal_inflow", "lateral_inflow")
+    columns = Library.of(pools.model_of(record), record, {name: CATALOGUE[name] for name in names})
+    best, *rest = screened(parent, columns, record)
+    rest = [one for one in rest if one.effect.name != best.effect.name]
+    assert best.effect.name == "diurnal_inflow" and best.worth > max(one.worth for one in rest) + 20.0
+    assert best.effect.amplitude == pytest.approx(15.0, abs=3.0)
+    late = replace(best.effect, dates=(record.dates[5], record.dates[8]))
+    one = with_effect(parent, candidate(late, ("amplitude", "hour")), record, 0.0)
+    assert np.flatnonzero(one.active(record)).tolist() == [5, 6, 7, 8]
+
+
+KERNELS = {"down": np.ones(300)}
+
+
+def test_steps_of_the_gauge_are_events_with_a_price():
+    hidden = CATALOGUE["sensor_step"](step=(0.06, -0.1), start=(40.0, 150.0))
+    record = pools.season(4, days=10, effects=(hidden,))
+    parent = pools.explained(record)
+    one = with_events(parent, CATALOGUE["sensor_step"], KERNELS, record, -2.0)
+    (found,) = one.events
+    assert [e.size for e in found.events] == pytest.approx([0.06, -0.1], abs=0.015)
+    assert one.added.step == pytest.approx((0.06, -0.1), abs=0.015)
+    assert one.added.start == pytest.approx((40.0, 150.0), abs=0.2)
+    assert one.count == (0, 1) and one.log_prior == -2.0
+    assert one.price.sum() == pytest.approx(2 * found.price) and set(np.flatnonzero(one.price)) == {1, 6}
+    assert one.active(record).sum() >= 2 and (one.coded == found.coded).all()
+    assert [e.name for e in one.whole.effects] == ["sensor_step"] and one.model.effects == ()
+    assert with_events(one, CATALOGUE["sensor_step"], KERNELS, record, 0.0) is None  # none is left
+
+
+def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
+    record = pools.season(
+        5, days=10, effects=(CATALOGUE["wind_setup"](deviation=0.03, correlation_time=1.0),)
+    )
+    parent = pools.explained(record)
+    windy = with_noise(parent, CATALOGUE["wind_setup"], record, -2.0)
+    assert windy.noise.level_sd > 0.01 and windy.model.noise_kind == "wind"
+    assert windy.added.deviation == windy.noise.level_sd and windy.added.name == "wind_setup"
+    assert likelihood(windy, record) > likelihood(parent, record) + 100.0
+    assert with_noise(windy, CATALOGUE["wind_setup"], record, 0.0) is None  # it has one
+    quiet = pools.explained(pools.season(3, days=10))
+    assert with_noise(quiet, CATALOGUE["seiche"], pools.season(3, days=10), 0.0) is None
