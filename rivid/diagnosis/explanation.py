@@ -192,7 +192,7 @@ def fitted(
         cost, fell = 0.5 * float(r @ r + off @ off), 0.0
         inside = np.flatnonzero(~_held(model, g))
         G, g = G[np.ix_(inside, inside)], g[inside]
-        hopeless = 0.5 * float(g @ np.linalg.solve(G, g)) < ENOUGH
+        hopeless = 0.5 * float(g @ np.linalg.solve(G, g)) < LEAST_STEP
         for _ in range(0 if hopeless else TRIES):
             move = np.zeros(len(sd))
             move[inside] = np.linalg.solve(G + damping * np.diag(np.diag(G)), g)
@@ -233,6 +233,8 @@ def fitted(
     )
 
 
+LEAST_STEP = 0.05
+"""Least gain of a step [nats]: without it the values are a third of a standard error away."""
 FIXED = 2
 """Steps with the noise of the start: far from the fit a new noise would take what the steps should."""
 

@@ -1,12 +1,16 @@
 """Explanations and studies by hand: densities and errors of days, as a fit would leave them."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.decision import TEMPER, Study
 from rivid.diagnosis.fit import DayErrors
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects import CATALOGUE
 from tests.diagnosis.answers import record_of
 
@@ -14,6 +18,34 @@ RECORD = record_of(days=30)
 SPLIT = split(RECORD.dates)
 OPEN = ~SPLIT.sealed
 HORIZONS = 4
+LOUD = NoiseModel(100.0, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
+"""A noise that makes larger errors than those of the explanations here."""
+QUIET = NoiseModel(1e-4, 0.0, 0.0, 7200.0, 0.0, 7200.0, RECORD.sample_time, 6.7e5)
+
+
+MODEL = SimpleNamespace(reach=SimpleNamespace(name="linear"), flow=300.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What the decision reads of an explanation."""
+
+    names: tuple[str, ...]
+    unknown: str
+    parent: Any
+    density: Any
+    errors: DayErrors
+    added: Any = None
+    log_prior: float = 0.0
+    inflation: float = 1.0
+    noise: NoiseModel = LOUD
+    active: Callable = lambda record: np.ones(record.days, bool)
+    model: Any = field(default_factory=lambda: MODEL)
+    residual: Any = field(default_factory=lambda: RECORD.output)
+
+    @property
+    def effects(self):
+        return tuple(CATALOGUE[name]() for name in self.names)
 
 
 def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", sealed=None, **others):
@@ -29,15 +61,10 @@ def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", seale
         gain[~OPEN], share[:, ~OPEN] = sealed
     before = np.ones((HORIZONS, days)) if parent is None else parent.errors.squares
     density = gain / (TEMPER * OPEN.sum()) + (0.0 if parent is None else parent.density)
-    return SimpleNamespace(
-        **{
-            "names": names, "unknown": unknown or (parent.unknown if parent else ""), "parent": parent,
-            "effects": tuple(CATALOGUE[name]() for name in names), "log_prior": 0.0, "density": density,
-            "added": CATALOGUE[added]() if added else None,
-            "errors": DayErrors((1.0 - share) * before, np.ones((HORIZONS, days))),
-            "active": lambda record: np.ones(record.days, bool),
-            "model": SimpleNamespace(reach=SimpleNamespace(name="linear")), **others,
-        }
+    return Made(
+        names, unknown or (parent.unknown if parent else ""), parent, density,
+        DayErrors((1.0 - share) * before, np.ones((HORIZONS, days))), CATALOGUE[added]() if added else None,
+        **others,
     )  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """Materiality, probabilities of names and unknowns, groups and contradictions on explanations by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import softmax
@@ -17,7 +19,7 @@ from rivid.diagnosis.decision import (
 from rivid.diagnosis.result import Unknown, Where
 from rivid.effects import CATALOGUE
 from tests.diagnosis.answers import evidence_of, gap_of
-from tests.diagnosis.studies import OPEN, RECORD, SPLIT, explained, study_of
+from tests.diagnosis.studies import LOUD, OPEN, QUIET, RECORD, SPLIT, explained, study_of
 
 BLOCK = SPLIT.block
 MUCH = 2.0 * MATERIAL
@@ -169,6 +171,46 @@ def test_an_unknown_that_changes_nothing_material_is_none():
     nothing = explained()
     assert study_of(nothing, explained("", 9.0, 0.01, parent=nothing, unknown="flow")).unknown == 0.0
     assert study_of(nothing, explained("", 9.0, MUCH, parent=nothing, unknown="flow")).unknown > 0.9
+
+
+def test_an_unknown_counts_where_the_error_is_larger_than_that_of_the_noise():
+    """It need not forecast better: a wave without a name is in the noise of both."""
+    for noise, unknown in ((QUIET, True), (LOUD, False)):
+        nothing = explained(noise=noise)
+        study = study_of(nothing, explained("", 9.0, -0.1, parent=nothing, unknown="flow"))
+        assert study.excess(nothing) == unknown and (study.unknown > 0.9) == unknown
+
+
+def test_an_unknown_counts_where_it_is_larger_than_weather():
+    nothing = explained()
+    for flow, unknown in ((2.0, False), (60.0, True)):  # m3/s, of 300
+        noise = replace(QUIET, inflow_sd=flow)
+        one = explained("", 9.0, 0.0, parent=nothing, unknown="flow", noise=noise)
+        study = study_of(nothing, one)
+        assert study.large(one) == unknown and (study.unknown > 0.9) == unknown
+    for level, unknown in ((0.0, False), (0.05, True)):
+        noise = replace(QUIET, level_sd=level)
+        study = study_of(
+            nothing, one := explained("", 9.0, 0.0, parent=nothing, unknown="gauge", noise=noise)
+        )
+        assert study.large(one) == unknown
+
+
+def test_a_name_that_makes_forecasts_worse_does_not_compete():
+    nothing = explained()
+    for removes, competes in ((-0.5 * MATERIAL, True), (-2.0 * MATERIAL, False)):
+        one = explained("leakage", 9.0, [MUCH, MUCH, removes, MUCH], parent=nothing)
+        assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
+
+
+def test_the_gain_of_a_step_is_divided_by_its_inflation():
+    nothing = explained()
+    one = explained("leakage", 6.0, MUCH, parent=nothing, inflation=3.0)
+    two = explained("seiche", 4.0, MUCH, parent=one, inflation=2.0)
+    expected = softmax([0.0, 2.0, 4.0])
+    assert {names.names: p for names, p in study_of(nothing, one, two).ranking} == pytest.approx(
+        dict(zip([(), ("leakage",), ("leakage", "seiche")], expected, strict=True))
+    )
 
 
 def test_an_effect_of_some_days_is_judged_on_these():

@@ -104,16 +104,16 @@ def test_a_density_of_wide_days_is_the_multivariate_t(tails):
 # Probabilities
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_probabilities_are_those_of_plain_draws(seed):
+@pytest.mark.parametrize("seed, parts", [(0, 1.0), (1, 3.0), (2, 7.0)])
+def test_probabilities_are_those_of_plain_draws(seed, parts):
     rng = np.random.default_rng([seed, 1])
     scores, prior = 20.0 * rng.standard_normal((4, 12)), rng.standard_normal(4)
     draws = []
     for _ in range(4000):
-        weights = rng.exponential(size=12)
+        weights = rng.gamma(parts, size=12)
         weights *= 12 / weights.sum()
         draws.append(softmax(0.1 * scores @ weights + prior))
-    found = probabilities(scores, prior, temper=0.1)
+    found = probabilities(scores, prior, parts=parts, temper=0.1)
     near = 5.0 * np.std(draws, axis=0) * np.sqrt(2.0 / 4000)
     assert found.sum() == pytest.approx(1.0)
     assert (np.abs(found - np.mean(draws, axis=0)) < near + 1e-12).all()

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rivid.diagnosis.blocks import split
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.search import (
@@ -15,6 +16,7 @@ from rivid.diagnosis.search import (
     _best_hours,
     _spans,
     hour_columns,
+    inflation_of,
     screened,
     with_effect,
     with_events,
@@ -28,6 +30,7 @@ RIVER = NoiseModel(4.0, 0.0, 0.0, 1e4, 9.0, 7200.0, 3600.0, None)
 RECORD = record_of(days=16, n=24, kind="river")
 OPEN = np.flatnonzero(np.arange(16) % 5 != 4)
 DAYS = len(OPEN)
+BLOCKS = np.arange(16) // 3
 
 
 @pytest.mark.parametrize("dates", ["all", "from", "until", "between"])
@@ -66,22 +69,22 @@ def base_of(seed, planted=None):
     r = (RIVER.whiten(seen)[OPEN] * root).ravel()
     at = np.linalg.solve(X @ X.T + np.diag(sd**-2.0), X @ r)
     left = y - np.tensordot(at, columns, 1)
-    base = Explanation(SimpleNamespace(noise=RIVER), "", 0.0, left, columns, sd, at, weights)
+    base = Explanation(SimpleNamespace(noise=RIVER), "", 0.0, left, columns, sd, weights)
     w = RIVER.whiten(trial, like=seen)[:, OPEN] * root
-    return base, trial, X, (r - at @ X), w
+    return base, trial, X, (r - at @ X), w, at
 
 
-def refit(base, X, r, w, a, b, k):
+def refit(base, X, r, w, at, a, b, k):
     """Gain, coefficients and shift with k columns of a trial on open days a to b, by least squares."""
     part = np.zeros_like(w[:k])
     part[:, a:b] = w[:k, a:b]
     rows = np.concatenate([X, part.reshape(k, -1)])
     A, c = rows @ rows.T, rows @ r
     A[:2, :2] += np.diag(base.sd**-2.0)
-    c[:2] -= base.deviation / base.sd**2
+    c[:2] -= at / base.sd**2
     x = np.linalg.solve(A, c)
-    before = r @ r + ((base.deviation / base.sd) ** 2).sum()
-    after = ((r - x @ rows) ** 2).sum() + (((base.deviation + x[:2]) / base.sd) ** 2).sum()
+    before = r @ r + ((at / base.sd) ** 2).sum()
+    after = ((r - x @ rows) ** 2).sum() + (((at + x[:2]) / base.sd) ** 2).sum()
     return 0.5 * (before - after), x[2:], x[:2]
 
 
@@ -96,21 +99,22 @@ def library(columns, k, sign=0, dates="between"):
 
 @pytest.mark.parametrize("seed, k, sign", [(0, 1, 0), (1, 1, 0), (2, 2, 0), (3, 1, 1), (4, 1, -1)])
 def test_the_best_window_is_that_of_all_refits(seed, k, sign):
-    base, columns, X, r, w = base_of(seed, (3, 9, -3.0 if sign < 0 else 3.0))
-    found = {one.effect.dates is None: one for one in screened(base, library(columns, k, sign), RECORD)}
+    base, columns, X, r, w, at = base_of(seed, (3, 9, -3.0 if sign < 0 else 3.0))
+    found = {
+        one.effect.dates is None: one for one in screened(base, library(columns, k, sign), RECORD, BLOCKS)
+    }
     first, end, prior = _spans("between", DAYS)
     every = []
     for a, b, log_prior in zip(first, end, prior, strict=True):
-        gain, c, shift = refit(base, X, r, w, a, b, k)
+        gain, c, shift = refit(base, X, r, w, at, a, b, k)
         if not sign or sign * c[0] > 0.0:
             every.append((gain + log_prior, gain, log_prior, a, b, c, shift))
     whole, best = (max((e for e in every if (e[4] - e[3] == DAYS) == all_), default=None) for all_ in (1, 0))
     for expected, all_days in ((whole, True), (best, False)):
         one = found[all_days]
         assert one.gain == pytest.approx(expected[1], rel=1e-5)
-        assert one.log_prior == pytest.approx(expected[2]) and one.worth == pytest.approx(
-            one.gain + one.log_prior
-        )
+        assert one.log_prior == pytest.approx(expected[2])
+        assert one.worth == pytest.approx(expected[1] / one.inflation + expected[2], rel=1e-5)
         assert one.effect.inflow == pytest.approx(expected[5][0], rel=1e-5)
         assert one.shift == pytest.approx(expected[6], rel=1e-4, abs=1e-8)
     assert (best[3], best[4]) == (3, 9)
@@ -118,12 +122,26 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
     assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
 
 
+def test_scores_scatter_as_the_noise_has_it_or_more():
+    rng = np.random.default_rng(6)
+    label = np.repeat(np.arange(200), 3)
+    information = rng.uniform(0.5, 2.0, (2, 600))
+    score = np.sqrt(information) * rng.standard_normal((2, 600))
+    assert inflation_of(score, information, label) == pytest.approx(1.0, abs=0.2)
+    assert inflation_of(3.0 * score, information, label) == pytest.approx(9.0, rel=0.2)
+    block = np.sqrt(information) * rng.standard_normal((2, 200))[:, label]  # the same on the days of a block
+    assert inflation_of(block, information, label) == pytest.approx(3.0, rel=0.25)
+    assert inflation_of(0.1 * score, information, label) == 1.0
+    score[:, label < 30] *= 20.0  # bad days do not count, as long as they are few
+    assert inflation_of(score, information, label) < 2.0
+
+
 def test_what_the_parameters_can_do_as_well_is_no_candidate():
     base, columns, *_ = base_of(5)
     free = replace(base, sd=np.array([1e3, 1e3]))
     same = np.stack([base.columns[0] + 1e-3 * columns[0], columns[1]])
-    assert screened(free, library(same, 1, dates="all"), RECORD) == []
-    (other,) = screened(free, library(columns, 1, dates="all"), RECORD)
+    assert screened(free, library(same, 1, dates="all"), RECORD, BLOCKS) == []
+    (other,) = screened(free, library(columns, 1, dates="all"), RECORD, BLOCKS)
     assert other.gain >= 0.0 and other.make(0.5).inflow == pytest.approx(0.5 * other.effect.inflow)
 
 
@@ -166,7 +184,8 @@ def likelihood(one, record):
     """Log-posterior of the open days."""
     left = np.where(record.used, one.residual, np.nan)
     worth = one.noise.log_likelihood(left, record.activity) @ one.weights
-    return worth - 0.5 * np.square(one.deviation / one.sd).sum()
+    off = [(p.value - p.mean) / p.sd for p in one.model.reach.parameters]
+    return worth - 0.5 * np.square(off).sum()
 
 
 @pytest.fixture(scope="module")
@@ -177,16 +196,17 @@ def diurnal():
 
 
 def candidate(effect, free):
-    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect)
+    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, 1.5)
 
 
-@pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (3.0, 6.0)])
+@pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (8.0, 7.0)])
 def test_a_fit_from_a_bad_start_is_likelier_than_what_it_extends(diurnal, amplitude, hour):
     record, parent = diurnal
     start = CATALOGUE["diurnal_inflow"](amplitude=amplitude, hour=hour)
     one = with_effect(parent, candidate(start, ("amplitude", "hour")), record, -3.0)
     assert likelihood(one, record) > likelihood(parent, record) + 50.0
-    assert one.log_prior == -4.0 and one.parent is parent and one.names == ("diurnal_inflow",)
+    assert one.log_prior == -4.0 and one.inflation == 1.5
+    assert one.parent is parent and one.names == ("diurnal_inflow",)
     assert one.added.amplitude == pytest.approx(15.0, abs=3.0)
     assert (one.added.hour - 9.0 + 12.0) % 24.0 == pytest.approx(12.0, abs=0.5)
     assert one.active(record).all() and one.count == (1, 0) and one.price.sum() == 0.0
@@ -196,7 +216,7 @@ def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal
     record, parent = diurnal
     names = ("diurnal_inflow", "lateral_inflow")
     columns = Library.of(pools.model_of(record), record, {name: CATALOGUE[name] for name in names})
-    best, *rest = screened(parent, columns, record)
+    best, *rest = screened(parent, columns, record, split(record.dates).block)
     rest = [one for one in rest if one.effect.name != best.effect.name]
     assert best.effect.name == "diurnal_inflow" and best.worth > max(one.worth for one in rest) + 20.0
     assert best.effect.amplitude == pytest.approx(15.0, abs=3.0)
