@@ -130,7 +130,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         return "no_gap", (
             f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
         )
-    names = ", ".join(_words(name) for name in named)
+    names = ", ".join(_words(name) for name in named).capitalize()
     if study.contradicted:
         return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
     if not study.sure:
@@ -141,7 +141,9 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     if study.unknown >= UNKNOWN:
         what = f" Left: {remainder.drivers[0]}." if remainder is not None else ""
         return "partly_explained", f"Named: {names}.{what} The error: {shown}."
-    return "explained", f"{names}. On days kept apart the error goes from {shown}."
+    p = min(study.chance_of(name) for name in named)
+    sure = "above 0.99" if p > 0.99 else f"of {p:.2f}"
+    return "explained", f"{names} has a probability {sure}; on days kept apart the error goes from {shown}."
 
 
 def _words(name: str) -> str:
