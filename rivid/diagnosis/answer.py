@@ -227,12 +227,14 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
     tied = () if study.sure else study.group[1:]
     others = [name for name in study.names if name not in study.sure and name not in tied]
     runner_up = tied[0] if tied else next(iter(others), None)
-    last, found = study.last, []
+    last = study.last
+    found: list[NamedEffect] = []
     for step in study.steps:
         effect = step.added
         if effect is None or effect.name not in (study.sure or study.group[:1]):
             continue
-        index = [e.name for e in last.effects].index(effect.name)
+        same = [i for i, e in enumerate(last.effects) if e.name == effect.name]
+        index = same[min(sum(one.name == effect.name for one in found), len(same) - 1)]
         effect = last.effects[index]
         events = next((e.events for e in last.events if e.kind.name == effect.name), ())
         p = study.chance_of(effect.name)

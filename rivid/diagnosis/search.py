@@ -41,12 +41,12 @@ class Candidate:
     log_prior: float  # of its window [nats]
     shift: Floats  # (k,): change of the explanation's own parameters with it
     make: Callable[[float], Effect]  # the effect at a share of its size
-    inflation: float  # variance of its blocks' scores over that of the noise model, 1 or more
+    columns: Floats  # (k, days, n): of its trial on all days
 
     @property
     def worth(self) -> float:
-        """Gain over its inflation, less the price of its window [nats]."""
-        return self.gain / self.inflation + self.log_prior
+        """Gain less the price of its window [nats]."""
+        return self.gain + self.log_prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,14 @@ class Library:
                 columns.append(found)
         return cls(tuple(trials), tuple(columns), kernels)
 
+    def scatter(self, one: Explanation, record: Record, blocks: Ints) -> float:
+        """Median inflation of what an explanation leaves, over the first trial of each name."""
+        first: dict[str, Floats] = {}
+        for trial, columns in zip(self.trials, self.columns, strict=True):
+            if not trial.hourly:
+                first.setdefault(trial.name, columns)
+        return float(np.median([inflation_of(one, columns, record, blocks) for columns in first.values()]))
+
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
     """Output for 1 m3/s in each hour of the day, shape (24, days, n), by convolution with a step response.
@@ -109,10 +117,8 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
-def screened(
-    base: Explanation, library: Library, record: Record, blocks: Ints, best: int = 2
-) -> list[Candidate]:
-    """The best candidates of each name about an explanation, best first; `blocks` (days,)."""
+def screened(base: Explanation, library: Library, record: Record, best: int = 2) -> list[Candidate]:
+    """The best candidates of each name about an explanation, best first."""
     noise = base.model.noise
     assert noise is not None
     open_days = np.flatnonzero(base.weights > 0.0)
@@ -136,7 +142,7 @@ def screened(
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
         inverse = np.asarray(G, float)
-        found += _windows(trial, s, q, c, inverse, base.sd, record, open_days, blocks[open_days])
+        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days)
     by_name: dict[str, list[Candidate]] = {}
     for one in sorted(found, key=lambda one: -one.worth):
         kept = by_name.setdefault(one.effect.name, [])
@@ -147,6 +153,7 @@ def screened(
 
 def _windows(
     trial: Trial,
+    columns: Floats,
     s: Floats,
     q: Floats,
     c: Floats,
@@ -154,12 +161,11 @@ def _windows(
     sd: Floats,
     record: Record,
     open_days: Ints,
-    blocks: Ints,
 ) -> list[Candidate]:
     """A trial in the whole season and in its best window of dates (and hours)."""
     days = s.shape[1]
     if trial.hourly:
-        return _hourly(trial, s, q, record, open_days, np.zeros(len(sd)), blocks)
+        return _hourly(trial, columns, s, q, record, open_days, np.zeros(len(sd)))
     first, end, prior = _spans(trial.dates, days)
 
     def up_to(a: Floats) -> Floats:
@@ -186,21 +192,18 @@ def _windows(
             continue
         window = {} if i == 0 else {"dates": _dates(record, open_days, int(first[i]), int(end[i]))}
         shift = -G @ (C[i] @ b[i]) * sd
-        inside = (np.arange(days) >= first[i]) & (np.arange(days) < end[i])
-        rest = s - np.where(inside, np.einsum("kld,l->kd", q, b[i]), 0.0)
-        large = inflation_of(rest, np.einsum("kkd->kd", q), blocks)
-        found.append(_candidate(trial, b[i], window, float(gain[i]), float(prior[i]), shift, large))
+        found.append(_candidate(trial, columns, b[i], window, float(gain[i]), float(prior[i]), shift))
     return found
 
 
 def _candidate(
     trial: Trial,
+    columns: Floats,
     b: Floats,
     window: dict[str, Any],
     gain: float,
     log_prior: float,
     shift: Floats,
-    inflation: float,
 ) -> Candidate:
     whole = replace(trial.make(b), **window)
     key = trial.free[0]
@@ -208,16 +211,22 @@ def _candidate(
     def make(share: float) -> Effect:
         return whole.with_values(**{key: trial_size(whole, key, share)})
 
-    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, inflation)
+    return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
 
-def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
+def inflation_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
     """Variance of the scores of blocks over that of the noise model, 1 or more.
 
-    Scores and information (k, days) are w'r and w'w of whitened columns w and a residual r to which the
-    columns are fitted: white noise of variance 1 gives 1, and a response that errs in the same way for days
-    gives more. The largest quarter of the blocks is left out, so that a few bad days do not count.
+    The score of a block is w'r, its information w'w, of whitened columns w (k, days, n) and what an
+    explanation leaves, r: white noise gives 1, and a response that errs in the same way for days gives more.
+    The largest quarter of the blocks is left out, so that a few bad days do not count.
     """
+    opened = one.weights > 0.0
+    seen = np.where(record.used, one.residual, np.nan)
+    r = one.noise.whiten(seen, activity=record.activity)[opened]
+    w = one.noise.whiten(columns, like=seen, activity=record.activity)[:, opened]
+    score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
+    blocks = blocks[opened]
     label = np.unique(blocks, return_inverse=True)[1]
     many = int(label.max()) + 1
     found = []
@@ -273,7 +282,13 @@ def _dates(record: Record, open_days: Ints, first: int, end: int) -> tuple[dt.da
 
 
 def _hourly(
-    trial: Trial, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats, blocks: Ints
+    trial: Trial,
+    columns: Floats,
+    s: Floats,
+    q: Floats,
+    record: Record,
+    open_days: Ints,
+    shift: Floats,
 ) -> list[Candidate]:
     """A release in a run of hours: in the whole season, and in its best window of dates."""
     days = s.shape[1]
@@ -320,11 +335,9 @@ def _hourly(
             window["dates"] = _dates(record, open_days, a, b)
         prior_ = log_prior - float(np.log(runs))
         hours = (start + np.arange(length)) % HOURS_A_DAY
-        inside = (np.arange(days) >= a) & (np.arange(days) < b)
-        info = q[np.ix_(hours, hours)].sum(axis=(0, 1))
-        rest = s[hours].sum(axis=0) - np.where(inside, size * info, 0.0)
-        large = inflation_of(rest[None], info[None], blocks)
-        found.append(_candidate(trial, np.array([size]), window, total - log_prior, prior_, shift, large))
+        whole = columns[hours].sum(axis=0)[None]
+        gain = total - log_prior
+        found.append(_candidate(trial, whole, np.array([size]), window, gain, prior_, shift))
     return found
 
 
@@ -392,9 +405,8 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     for key in set(candidate.free) & set(candidate.effect.stepwise):
         larger = _stepped(larger, key, parent, record)
     return fitted(
-        larger, record, opened, start=parent, parent=parent, inflation=candidate.inflation,
-        unknown=parent.unknown, log_prior=log_prior + candidate.log_prior, others=parent.others,
-        events=parent.events,
+        larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search import (
     Candidate,
     Library,
+    inflation_of,
     screened,
     with_effect,
     with_events,
@@ -28,6 +29,7 @@ from rivid.diagnosis.search import (
 )
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
+from rivid.types import Floats
 
 MOST_EFFECTS = 3
 FEWEST_DAYS = 15
@@ -35,7 +37,7 @@ FEWEST_DAYS = 15
 TRIED = 6
 """Names tried in the simulator about an explanation: the right one was among the first three of the linear
 search in nine of ten development seasons, and among the first six in all but those it was too small in."""
-LEAST = 4.0
+LEAST = 8.0
 """Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
 scores a name needs several times as much to be probable."""
 SECOND = 0.8
@@ -160,8 +162,8 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
-        self.grown: dict[int, tuple[str, Grow]] = {}
-        """How each explanation extends its parent, by its identity: the name, and the function."""
+        self.grown: dict[int, tuple[Library, str, Grow, Floats | None]] = {}
+        """How each explanation extends its parent, by its identity."""
         self.tails: float | None = None
         self.notes: list[str] = []
         self._report, self._done = report, 0.0
@@ -258,26 +260,28 @@ class _Search:
         library = self.libraries[name]
         taken = set(parent.names)
         found = [
-            c for c in screened(parent, library, record, self.dealt.block)
+            c for c in screened(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
-        usual = float(np.median([c.inflation for c in found])) if found else 1.0
-        for unknown in latent:  # as all that this parent is compared with
-            self.pool[self.pool.index(unknown)] = replace(unknown, inflation=usual)
+        for unknown in latent:
+            self.pool[self.pool.index(unknown)] = self._inflated(unknown, library)
         for one in _worth_trying(found):
-            self._grow(parent, one.effect.name, partial(with_effect, candidate=one, record=record))
+            grow = partial(with_effect, candidate=one, record=record)
+            self._grow(parent, library, one.effect.name, grow, one.columns)
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as or record.kind == "river" and not effect.acts_on_river:
                 continue
             if effect.found_as in LEVEL_NOISES:
                 gauge = [one for one in latent if one.unknown == "gauge"]
                 noise = partial(with_noise, effect=effect, record=record, latent=gauge)
-                self._grow(parent, name, noise, usual)
+                self._grow(parent, library, name, noise)
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
-                self._grow(parent, name, events, usual)
+                self._grow(parent, library, name, events)
 
-    def _grow(self, parent: Explanation, name: str, grow: Grow, inflation: float | None = None) -> None:
+    def _grow(
+        self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None
+    ) -> None:
         """An explanation with one more effect than `parent`, if the reach can carry the flows with it."""
         self.report(0.06, f"refitting with {name}")
         try:
@@ -285,9 +289,16 @@ class _Search:
         except RividError:
             return
         if more is not None:
-            if inflation is not None:
-                more = replace(more, inflation=inflation)
-            self.grown[id(self.add(more))] = name, grow
+            more = self.add(self._inflated(more, library, columns))
+            self.grown[id(more)] = library, name, grow, columns
+
+    def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
+        """With the scatter of what it leaves, about the library's columns and about its own."""
+        block = self.dealt.block
+        found = [library.scatter(one, self.record, block)]
+        if columns is not None:
+            found.append(inflation_of(one, columns, self.record, block))
+        return replace(one, inflation=max(found))
 
     def level_rivals(self, lead: Explanation) -> None:
         """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without."""
@@ -296,7 +307,7 @@ class _Search:
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
         chances = ranked(before, opened, self.dealt.block).tolist()
-        name, grow = self.grown[id(lead)]
+        library, name, grow, columns = self.grown[id(lead)]
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
             if (
@@ -305,7 +316,7 @@ class _Search:
                 and others != set(lead.parent.names)
                 and name not in others
             ):
-                self._grow(rival, name, grow)
+                self._grow(rival, library, name, grow, columns)
 
     def varied(self, lead: Explanation) -> Explanation:
         """The same with a size of its last effect that varies with the date, where it predicts better."""
