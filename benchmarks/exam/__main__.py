@@ -1,9 +1,10 @@
 """The exam of `rivid diagnose`: seasons without a result are answered, and docs/exam.md is written.
 
-Usage: python -m benchmarks.exam [--seeds A:B] [--shard I/N] [--processes N] [--hours H] [--kept DIR] [--page-only]
-       python -m benchmarks.exam quick      a few dozen short seasons; fails where a share is far from its target
-       python -m benchmarks.exam draw SEED ...      what is hidden in these seasons, a line of JSON each
-       python -m benchmarks.exam sizes [A:B]        1x of every effect in some worlds, as a table
+Usage: python -m benchmarks.exam [--seeds A:B] [--shard I/N] [--processes N] [--hours H] [--kept DIR]
+                                 [--page FILE] [--page-only]
+       python -m benchmarks.exam quick          short seasons; fails where a share is far from its target
+       python -m benchmarks.exam draw SEED ...  what is hidden in these seasons, a line of JSON each
+       python -m benchmarks.exam sizes [A:B]    1x of every effect in some worlds, as a table
 
 Seeds 0 to 9999 are for development; proof seeds begin at 10000. A proof seed that was looked at is one of
 development from then on. Results are kept in build/exam, a line of JSON each: a second call goes on where the

@@ -1,10 +1,10 @@
-"""A third kind of water: Saint-Venant by an implicit box scheme, in compound sections. It shares no hydraulics
-with `rivid.reach`.
+"""A third kind of water: Saint-Venant by an implicit box scheme, in compound sections. It shares no
+hydraulics with `rivid.reach`.
 
 The scheme is Preissmann's: levels z and discharges Q stand at the nodes, both at the same times, and a box of
-length dx and time step dt is weighed by `THETA` in time and one half in space. A section is a main channel with
-sloping banks and, above the bankfull depth, a floodplain; conveyances of the two add. Newton's steps are solved
-by a double sweep, since both ends have a given discharge.
+length dx and time step dt is weighed by `THETA` in time and one half in space. A section is a main channel
+with sloping banks and, above the bankfull depth, a floodplain; conveyances of the two add. Newton's steps are
+solved by a double sweep, since both ends have a given discharge.
 """
 
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ from rivid.types import Floats
 
 G = 9.80665
 THETA = 0.55
-"""Weight of the new time: 0.5 is of second order and rings, 1 damps. Waves spread by its excess over 0.5: after a
-time t by the root of 0.1 LONGEST t, 55 s in a quarter of an hour."""
+"""Weight of the new time: 0.5 is of second order and rings, 1 damps. Waves spread by its excess over 0.5:
+after a time t by the root of 0.1 LONGEST t, 55 s in a quarter of an hour."""
 LONGEST = 30.0
 """Longest time step [s]."""
 STEADY = 40
@@ -169,10 +169,11 @@ def steady(level: float, flow: float, dx: float, n: Nodes, z: Floats) -> bool:
 @njit(cache=True, error_model="numpy")
 def run(
     time: Floats, inflow: Floats, outflow: Floats, sides: Floats, share: Floats, gate: GateArrays,
-    exchange: ExchangeArrays, leak_box: NDArray[np.int64], pond_box: NDArray[np.int64], operators: OperatorArrays,
+    exchange: ExchangeArrays, leak_box: NDArray[np.int64], pond_box: NDArray[np.int64],
+    operators: OperatorArrays,
     nodes: Nodes, dx: float, gate_time: float, z: Floats, level: Floats, released: Floats,
 ) -> int:  # fmt: skip
-    """Go through all samples; `outflow` is written where there are operators. The sample that failed, or -1."""
+    """Go through all samples and write the outflow of operators; the sample that failed, or -1."""
     n, boxes = len(time), len(nodes.bed) - 1
     Q, q, work = np.full(boxes + 1, inflow[0]), np.zeros(boxes), np.empty((10, boxes + 1))
     memory, state = np.empty(MEMORY), np.empty(GATE)

@@ -40,7 +40,8 @@ from rivid.simulation.season import Season
 from rivid.types import Floats
 
 TYPES = {
-    "nothing": 0.22, "operators": 0.06, "one": 0.34, "twin": 0.1, "two": 0.12, "outside": 0.08, "removed": 0.08,
+    "nothing": 0.22, "operators": 0.06, "one": 0.34, "twin": 0.1, "two": 0.12, "outside": 0.08,
+    "removed": 0.08,
 }  # fmt: skip
 """Shares of what is hidden. A twin is one effect too, of :data:`TWINS`."""
 TWINS = (
@@ -105,10 +106,11 @@ def plant(seed: int, longest: int = 1000) -> Planted:
     """The season of a seed.
 
     The truth has `seed`, `attempt`, `kind` (of :data:`TYPES`), `effects` (tables), `times` (sizes in units of
-    1x, for each), `units` (1x of each), `by` (what asks for it), `nats` (how
-    much likelier each makes the logs than nothing, by the reference; None of a noise), `rivals` (of one effect or two: by how many
-    nats they are ahead of each effect that is confounded with one of them), `allowed` (names that are true of the water itself),
-    `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its factors).
+    1x, for each), `units` (1x of each), `by` (what asks for it), `nats` (how much likelier each makes the
+    logs than nothing, by the reference; None of a noise), `rivals` (of one effect or two: by how many nats
+    they are ahead of each effect that is confounded with one of them), `allowed` (names that are true of the
+    water itself), `excluded` (names that the diagnosis does not know), `first_day`, `days` and `world` (its
+    factors).
 
     Parameters
     ----------
@@ -169,9 +171,11 @@ def _planted(world: World, attempt: int) -> Planted:
     if kind == "operators":
         logs = two_crews(logs, world, rng)
     truth = {
-        "seed": world.seed, "attempt": attempt, "kind": "one" if kind == "twin" else kind, "effects": tables, "times": times,
+        "seed": world.seed, "attempt": attempt, "kind": "one" if kind == "twin" else kind, "effects": tables,
+        "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
-        "nats": nats, "rivals": rivals, "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
+        "nats": nats, "rivals": rivals,
+        "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
         "days": (season.dates[-1] - season.dates[0]).days + 1,
     }  # fmt: skip
@@ -202,7 +206,7 @@ def possible(world: World, classes: dict[str, type[Effect]]) -> tuple[str, ...]:
 
 
 def names_of(kind: str, rng: np.random.Generator, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of what is hidden, of those that are possible, for a kind of :data:`TYPES` that hides something."""
+    """Names of what is hidden, of those that are possible, for a kind that hides something."""
     pools = {"removed": tuple(REMOVED), "outside": tuple(OUTSIDERS), "twin": TWINS}
     pool = pools.get(kind, tuple(DRAWN))
     known = [name for name in pool if name in names]
@@ -255,7 +259,7 @@ def rivals_of(
 
 
 def nats_of(ref: Reference, effect: Effect) -> float | None:
-    """How much likelier an effect makes the logs than nothing, beside all that a calibration moves; None of a noise."""
+    """How much likelier an effect makes the logs than the calibration alone [nats]; None of a noise."""
     if effect.name in NOISES:
         return None
     return round(0.5 * beyond(ref, ref.change(changes_of((effect,), ref.season.world)))[1], 1)

@@ -1,7 +1,7 @@
 """Parts of the diagnosis taken out one by one: the exam must fail each time.
 
-The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. A mutation under which
-no share is refused is a part that nothing shows to be needed, or a hole in the exam.
+The short seasons of `python -m benchmarks.exam quick` are answered under each mutation. A mutation under
+which no share is refused is a part that nothing shows to be needed, or a hole in the exam.
 
 Usage: python -m benchmarks.exam.mutations [--only MUTATION ...] [--seeds A:B]
 """
@@ -29,7 +29,8 @@ WORKFLOW = "rivid.diagnosis.workflow.diagnose"
 MATERIAL = "rivid.diagnosis.decision.is_material"
 """Says whether an explanation matters: (one, other, ...) to bool."""
 LATENT = "rivid.diagnosis.workflow._Search._with_unknown"
-"""Adds what competes without a name, a flow and an error of the gauge, to the explanations: (search, parent) to parent."""
+"""Adds what competes without a name, a flow and an error of the gauge, to the explanations: (search, parent)
+to parent."""
 BLOCKS = "rivid.diagnosis.blocks.split"
 """Deals days in blocks: (days, block_days) to Split; it is patched wherever it was imported to."""
 Mutation = Callable[[], contextlib.AbstractContextManager[Any]]

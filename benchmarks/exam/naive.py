@@ -2,8 +2,9 @@
 
     h[k+1] - h[k] = a + b Qi[k - d] - c Qo[k] + g x[k] + e[k]
 
-for each candidate x, as if the measured regressors had no errors and e no memory. It names what has |t| above 3.3. People hold the
-level by the outflow, so that level and unexplained inflow go together, and it sees leaks where none are.
+for each candidate x, as if the measured regressors had no errors and e no memory. It names
+what has |t| above 3.3. Operators hold the level by the outflow, so that level and unexplained inflow go
+together, and it finds leaks where none are.
 """
 
 from typing import Any

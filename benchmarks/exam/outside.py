@@ -1,4 +1,4 @@
-"""Outsiders: what is hidden though no effect of the catalogue is it. Three more stand in configs/scenarios/outside."""
+"""Outsiders, which no effect of the catalogue is; three more stand in configs/scenarios/outside."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ FREEZES, MELTS = 0.3, 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class IceCover(Effect):
-    """``real inflow(t) = spread logged inflow(t - late ice(t))``, the ice from 0 to 1 and back over the dates."""
+    """``real inflow(t) = spread logged inflow(t - late ice(t))``, ice from 0 to 1 and back over the dates."""
 
     name = "ice_cover"
     family = "timing"

@@ -84,8 +84,8 @@ def targets(judged: Sequence[Judged]) -> str:
             else (f"short by {goal_value - value:.2f}")
         )
         lines.append([
-            "", f"gap closed of what the truth would close: {words}", f">= {goal_value:.2f}", str(len(shares)),
-            "-", "-" if value is None else f"{value:.2f}", reached,
+            "", f"gap closed of what the truth would close: {words}", f">= {goal_value:.2f}",
+            str(len(shares)), "-", "-" if value is None else f"{value:.2f}", reached,
         ])  # fmt: skip
     inside = [hit for j in judged for _, hit in j.covered]
     lines.append([
@@ -186,7 +186,8 @@ FACTORS: dict[str, Callable[[Result], str]] = {
     "evidence": _evidence,
 }
 """What the results are told apart by."""
-HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2x)", "wrong (any)", "worse by > 1 %",
+HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2x)", "wrong (any)",
+         "worse by > 1 %",
          "seconds, median"]  # fmt: skip
 
 

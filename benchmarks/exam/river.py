@@ -58,8 +58,8 @@ class RiverWater(Water):
         return int(np.random.default_rng([self.scenario.seed, 41]).integers(FEWEST, MOST + 1))
 
     def run(
-        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats, changes: Changes,
-        start: float,
+        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
+        changes: Changes, start: float,
     ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
         """As of the base class; the outflow is nothing."""
         n, reach, mean = len(time), self.scenario.reach, self.scenario.flow.mean

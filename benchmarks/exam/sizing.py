@@ -1,13 +1,13 @@
 """How large an effect must be to be missing at all: 1x of the exam.
 
-A reference follows the season's logs: Saint-Venant in a smooth channel of the world's mean geometry, kept near
-the true level. It knows the noise, which is the weather, the gauge, and a misfit: no response to be calibrated
-has the unevenness of the water, and what it lacks comes with changes of flow. So the level error walks by
-:data:`MISFIT` of the level's second difference, see :func:`misfit`.
+A reference follows the season's logs: Saint-Venant in a smooth channel of the world's mean geometry, kept
+near the true level. It knows the noise, which is the weather, the gauge, and a misfit: no response to be
+calibrated has the unevenness of the water, and what it lacks comes with changes of flow. So the level error
+walks by :data:`MISFIT` of the level's second difference, see :func:`misfit`.
 
-1x is the larger of two sizes. At the one the effect is as many standard errors away from nothing as 80 % power
-needs, without what the calibration does as well: geometry, the gauge's lag, and what gates and fronts make of
-the first samples of a change. At the other, what is left of it makes :data:`SHARE` of the squared
+1x is the larger of two sizes. At the one the effect is as many standard errors away from nothing as 80 %
+power needs, without what the calibration does as well: geometry, the gauge's lag, and what gates and fronts
+make of the first samples of a change. At the other, what is left of it makes :data:`SHARE` of the squared
 error of a forecast, at one horizon of :data:`HOURS`, over the days on which it acts: a smaller one is nothing
 that a simulation lacks.
 """
@@ -43,13 +43,14 @@ SHARE = 0.1
 HOURS = (0.25, 1.0, 4.0, 24.0)
 """Horizons of the forecasts [h]."""
 MISFIT = 0.15
-"""Step of the level error over the level's second difference. Of twelve worlds without weather and gauge noise, to
-which the diagnosis's own response was calibrated, it was 0.03 to 0.34, the median 0.09; noise makes a calibration
-worse."""
+"""Step of the level error over the level's second difference. Of twelve worlds without weather and gauge
+noise, to which the diagnosis's own response was calibrated, it was 0.03 to 0.34, the median 0.09; noise makes
+a calibration worse."""
 CELLS = 24
 """Of the reference."""
 KNOWN = {"length": 0.03, "width": 0.05, "depth": 0.15, "manning": 0.25}
-"""Relative standard deviations with which a calibration knows the geometry; the fall of the bed to 0.2 depths."""
+"""Relative standard deviations with which a calibration knows the geometry; the fall of the bed to 0.2
+depths."""
 NUDGED = 1e-2
 """Of these, for slopes by differences."""
 GAUGE_LAG = 60.0
@@ -59,8 +60,9 @@ LAGS, FRONTS = (1, 2, 3), (-1, 0, 1, 2)
 CORRECTED = 0.75
 """Prior standard deviation of a correction, in T_s over the surface, as of the diagnosis's response."""
 UNEVEN = 0.03
-"""How far waves may be flatter, and faster at a flow twice as large, than a smooth channel has them, as a share
-of the travel time (standard deviation); 0.13 of it is then 1x at least, as was measured on uneven channels."""
+"""How far waves may be flatter, and faster at a flow twice as large, than a smooth channel has them, as a
+share of the travel time (standard deviation); 0.13 of it is then 1x at least, as was measured on uneven
+channels."""
 BANKS = 0.05
 """Standard deviation of the growth of the surface with the level by banks that a configuration does not name
 [1/m]: those of one metre of run on either side of 40 m."""
@@ -200,7 +202,7 @@ class Reference:
 
     @property
     def rise(self) -> float:
-        """Of the output in a sample by an inflow that enters [m per m3/s]; 0 of a river, which stores nothing."""
+        """Of the output in a sample by an inflow [m per m3/s]; 0 of a river, which stores nothing."""
         reach = self.world.scenario.reach
         return 0.0 if self.world.kind == "river" else reach.sample_time / reach.surface_area
 
@@ -267,8 +269,9 @@ def follow(grid: "Reference | Stretches", channel: Channel, gate_time: float, ch
     """Level of a channel kept near the true one, less the volume that keeps it there [m], (rows, n)."""
     time, at = grid.season.world.time[grid.at], grid.at
     flow = simulate(
-        channel.with_area_slope(changes.area_slope, changes.area_reference), time, grid.season.world.inflow[at], grid.season.all_outflow[at], grid.level[:, 0],
-        changes=changes, gate_time=gate_time, observed=grid.level,
+        channel.with_area_slope(changes.area_slope, changes.area_reference), time,
+        grid.season.world.inflow[at], grid.season.all_outflow[at], grid.level[:, 0], changes=changes,
+        gate_time=gate_time, observed=grid.level,
     )  # fmt: skip
     free = flow.level.copy()
     free[:, 1:] -= np.cumsum(flow.nudge[:, :-1] * np.diff(time, axis=1), axis=1)
@@ -349,8 +352,8 @@ def reference(world: World, season: Season) -> Reference:
 
 
 RIVER = {"delay": 0.3, "spread": 0.25, "held": 1.0, "exponent": 0.2, "gain": 0.03}
-"""What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held, the
-exponent of the delay, and the gain; standard deviations as of the diagnosis's response."""
+"""What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held,
+the exponent of the delay, and the gain; standard deviations as of the diagnosis's response."""
 
 
 def _of_river(world: World, season: Season, grid: Stretches) -> Reference:

@@ -27,7 +27,8 @@ from rivid.types import Floats
 Table = dict[str, Any]
 FIRST_PROOF = 10_000
 KINDS = ("linear", "saint_venant", "box")
-"""A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other sections."""
+"""A store with a delay; the equations (1) as rivid solves them; the same by other numbers, in other
+sections."""
 RIVERS = 0.08
 """Share of the worlds that are no pool but a free river."""
 BOXES = 24
@@ -132,7 +133,8 @@ def draw(seed: int, attempt: int = 0) -> World:
             "set_point": level, "noise": log_uniform(rng, 0.0005, 0.004),
             "quantum": float(rng.choice([0.001, 0.002, 0.005, 0.01])),
             "drawdown": 0.0 if rng.random() < 0.5 else rng.uniform(0.0, 0.1) * depth / mean * 100.0,
-            "drawdown_from": mean, "lag": float(rng.choice([0.0, rng.uniform(10.0, 120.0)])), "gaps_per_day": float(rng.choice([0.0, 0.0, 0.5])),
+            "drawdown_from": mean, "lag": float(rng.choice([0.0, rng.uniform(10.0, 120.0)])),
+            "gaps_per_day": float(rng.choice([0.0, 0.0, 0.5])),
         },
         "weather": {
             "inflow": log_uniform(rng, 0.003, 0.02) * mean, "memory": log_uniform(rng, 3600.0, 43200.0),
@@ -146,7 +148,8 @@ def draw(seed: int, attempt: int = 0) -> World:
             "manning": rng.uniform(0.02, 0.045), "side_slope": side, "cells": 40,
             "width_modes": rng.normal(0.0, (0.12, 0.08, 0.05, 0.03)).tolist(),
             "bed_modes": (0.05 * depth * rng.normal(size=3)).clip(-1, 1).tolist(),
-            "manning_modes": rng.normal(0.0, (0.1, 0.08, 0.06)).tolist(), "gate_time": rng.uniform(10.0, 90.0),
+            "manning_modes": rng.normal(0.0, (0.1, 0.08, 0.06)).tolist(),
+            "gate_time": rng.uniform(10.0, 90.0),
         }  # fmt: skip
     off = {
         name: float(rng.normal(0.0, sd)) for name, sd in (("length", 0.02), ("width", 0.04), ("depth", 0.06))
@@ -246,8 +249,8 @@ class BoxWater(Water):
         return Box(reach.length, nodes, c.gate_time)
 
     def run(
-        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats, changes: Changes,
-        start: float,
+        self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,
+        changes: Changes, start: float,
     ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
         """As of the base class."""
         return self.box.simulate(time, inflow, outflow, start, changes)
