@@ -181,7 +181,8 @@ def test_slopes_agree_with_central_differences(case):
         h[i] = 0.02 * p.sd
         up, down = (response.with_parameters(start + s * h).baseline(record) for s in (1.0, -1.0))
         central = (up - down) / (2.0 * h[i])
-        assert rms(slopes[i] - central) < 0.03 * rms(central) + 1e-9, p.name
+        # the slopes are one-sided, over a tenth of a prior standard deviation
+        assert rms(slopes[i] - central) < 0.1 * rms(central) + 1e-9, p.name
 
 
 def test_sensitivities_are_those_of_runs_one_by_one():
