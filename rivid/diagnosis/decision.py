@@ -43,18 +43,7 @@ def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
 
 def scores_of(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Log densities of the blocks of chosen days, shape (explanations, blocks)."""
-    return np.stack([block_sums(tempered(one), chosen, blocks) for one in pool])
-
-
-def tempered(one: Explanation) -> Floats:
-    """Log densities of days, what each step adds divided by its inflation, shape (days,).
-
-    Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large.
-    """
-    if one.parent is None:
-        return _density(one)
-    return np.asarray(tempered(one.parent) + (_density(one) - _density(one.parent)) / one.inflation)
+    return np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
 
 
 def _density(one: Explanation) -> Floats:
@@ -63,10 +52,16 @@ def _density(one: Explanation) -> Floats:
 
 
 def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
-    """Probability of each explanation, shape (explanations,)."""
+    """Probability of each explanation, shape (explanations,).
+
+    Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
+    times the variance the gain of chance is c times as large. So all scores are divided by the inflation of
+    the likeliest explanation.
+    """
     scores = scores_of(pool, chosen, blocks)
+    temper = TEMPER / pool[int(np.argmax(scores.sum(axis=1)))].inflation
     return probabilities(
-        scores, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1], temper=TEMPER,
+        scores, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1], temper=temper,
         draws=DRAWS,
     )  # fmt: skip
 
@@ -310,7 +305,7 @@ def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for one in pool:
         key = tuple(sorted(one.names)), one.unknown
-        score = TEMPER * float(tempered(one)[opened].sum()) + one.log_prior
+        score = TEMPER * float(_density(one)[opened].sum()) + one.log_prior
         if key not in best or score > best[key][0]:
             best[key] = score, one
     return [one for _, one in best.values()]
