@@ -157,16 +157,6 @@ class Effect(ABC):
         Whether it may be limited to dates and hours.
     acts_on_river : bool
         Whether it is possible in a reach of `kind = "river"`, which has neither an outflow nor a level.
-    absorbed_by_response : bool
-        Whether the parameters of the reach response can reproduce part of it. Such an effect is judged by
-        likelihood, and its fit starts at the nominal reach.
-    depends_on_level : bool
-        Whether it depends on the level, which the operators control. Such an effect must also appear in the
-        part of the level that the inflow alone drives.
-    delays_wave : bool
-        Whether it changes when a wave arrives; a second effect of this kind needs dates of its own.
-    time_shift : str
-        Parameter that is a constant time shift [s], if any: without dates it acts as a travel time.
     repeatable : bool
         Whether a diagnosis may name it more than once.
     varies_with_date : str
@@ -204,10 +194,6 @@ class Effect(ABC):
     looks: ClassVar[str]
     windowed: ClassVar[bool] = True
     acts_on_river: ClassVar[bool] = True
-    absorbed_by_response: ClassVar[bool] = False
-    depends_on_level: ClassVar[bool] = True
-    delays_wave: ClassVar[bool] = False
-    time_shift: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     varies_with_date: ClassVar[str] = ""
     stepwise: ClassVar[tuple[str, ...]] = ()

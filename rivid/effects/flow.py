@@ -87,7 +87,6 @@ class LateralInflow(Effect):
 
     name = "lateral_inflow"
     family = "flow"
-    depends_on_level = False
     varies_with_date = "inflow"
     linear_trials = {"inflow": 1.0}
     trial_dates = "between"
@@ -132,7 +131,6 @@ class DiurnalInflow(Effect):
 
     name = "diurnal_inflow"
     family = "flow"
-    depends_on_level = False
     sentence = "Water that comes and goes with the hour: snow melt, evaporation, pumping by day."
     looks = (
         "A wave of 24 h in what the logs do not explain, at the same hours on working days and Sundays; "
@@ -171,7 +169,6 @@ class RainInflow(Effect):
 
     name = "rain_inflow"
     family = "flow"
-    depends_on_level = False
     found_as = "recession"
     confounded_with = {
         "unlogged_upstream_release": (
@@ -241,7 +238,6 @@ class UnloggedUpstreamRelease(Effect):
 
     name = "unlogged_upstream_release"
     family = "flow"
-    depends_on_level = False
     repeatable = True
     varies_with_date = "size"
     confounded_with = {
@@ -281,7 +277,6 @@ class UnloggedDownstreamRelease(Effect):
     name = "unlogged_downstream_release"
     family = "flow"
     acts_on_river = False
-    depends_on_level = False
     repeatable = True
     found_as = "pulse"
     sentence = "The downstream dam lets water through besides what is logged: a lock, a spill, a pump."
@@ -370,7 +365,6 @@ class _GainError(Effect):
     """An error in proportion to a logged flow."""
 
     family = "flow"
-    depends_on_level = False
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real flow over logged flow, less 1")
 
@@ -424,7 +418,6 @@ class GateHeadEffect(Effect):
     name = "gate_head_effect"
     family = "flow"
     acts_on_river = False
-    absorbed_by_response = True
     linear_trials = {"gain": 0.05}
     trial_sign = 1
     sentence = "The downstream gates let through more the higher the level stands; the log does not show it."
@@ -447,7 +440,6 @@ class StorageAreaSlope(Effect):
     family = "flow"
     windowed = False
     acts_on_river = False
-    absorbed_by_response = True
     linear_trials = {"slope": 0.1}
     sentence = "The water surface grows with the level: banks that slope, flats that flood."
     looks = (
@@ -468,8 +460,6 @@ class SideStorage(Effect):
     name = "side_storage"
     family = "flow"
     acts_on_river = False
-    absorbed_by_response = True
-    depends_on_level = False
     confounded_with = {
         "storage_area_slope": (
             "Step the level and hold it for a day: side storage drains back for hours, a larger surface "

@@ -60,7 +60,6 @@ class SensorDrift(Effect):
     name = "sensor_drift"
     family = "level"
     acts_on_river = False
-    depends_on_level = False
     twins = ("lateral_inflow",)
     linear_trials = {"drift": 0.005}
     trial_dates = "between"
@@ -85,7 +84,6 @@ class SensorStep(Effect):
     name = "sensor_step"
     family = "level"
     acts_on_river = False
-    depends_on_level = False
     found_as = "jump"
     sentence = "The gauge reads too high or too low from a moment on: it was moved, knocked or set anew."
     looks = (
@@ -124,7 +122,6 @@ class WindSetup(Effect):
     name = "wind_setup"
     family = "level"
     acts_on_river = False
-    depends_on_level = False
     found_as = "level noise"
     sentence = "Wind pushes the water towards the gauge or away from it."
     looks = (
@@ -154,7 +151,6 @@ class Seiche(Effect):
     name = "seiche"
     family = "level"
     acts_on_river = False
-    depends_on_level = False
     found_as = "swing"
     sentence = "The reach swings to and fro in its own period, set going by gates, wind and ships."
     looks = (

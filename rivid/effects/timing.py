@@ -24,9 +24,6 @@ class FlowDependentDelay(Effect):
     name = "flow_dependent_delay"
     family = "timing"
     windowed = False
-    absorbed_by_response = True
-    depends_on_level = False
-    delays_wave = True
     sentence = "High water travels faster, or slower, than low water; the fitted delay is the usual flow's."
     looks = (
         "At high flow the level moves before its time, at low flow after it (delay below zero; above zero "
@@ -63,9 +60,6 @@ class WaveAttenuation(Effect):
     sized_trials = {"spread": (300.0, 900.0)}
     family = "timing"
     windowed = False
-    absorbed_by_response = True
-    depends_on_level = False
-    delays_wave = True
     sentence = "Waves flatten on their way: a step of the inflow arrives spread out, its middle on time."
     looks = (
         "Around each arrival the level moves a little before its time and is a little late after it; the "
@@ -86,8 +80,6 @@ class OutflowLag(Effect):
     sized_trials = {"lag": (200.0, 600.0, 1500.0)}
     family = "timing"
     acts_on_river = False
-    absorbed_by_response = True
-    depends_on_level = False
     confounded_with = {
         "clock_offset": (
             "Compare the clocks of both logs, or log one outflow step at the gate itself with seconds."
@@ -115,10 +107,6 @@ class ClockOffset(Effect):
 
     name = "clock_offset"
     family = "timing"
-    absorbed_by_response = True
-    depends_on_level = False
-    delays_wave = True
-    time_shift = "offset"
     sentence = "The clock of the upstream log is wrong, often from a date on: daylight saving, a restart."
     looks = (
         "From one day to the next every inflow arrives earlier (offset above zero: that clock is fast) or "
@@ -153,8 +141,6 @@ class GateDeadband(Effect):
     sized_trials = {"band": (3.0, 8.0)}
     family = "timing"
     acts_on_river = False
-    absorbed_by_response = True
-    depends_on_level = False
     stepwise = ("band",)
     sentence = "Small changes of the outflow are logged, but the gate does not move for them."
     looks = (
@@ -176,8 +162,6 @@ class GateRateLimit(Effect):
     sized_trials = {"rate": (0.02, 0.08)}
     family = "timing"
     acts_on_river = False
-    absorbed_by_response = True
-    depends_on_level = False
     sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
     looks = (
         "After large changes of the outflow the level moves late, the later the larger the change; small "
