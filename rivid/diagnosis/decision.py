@@ -56,7 +56,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
     times the variance the gain of chance is c times as large. So all scores are divided by the inflation of
-    the likeliest explanation.
+    the likeliest explanation; that of something unknown is 1, for there the scatter is what is unknown.
     """
     scores = scores_of(pool, chosen, blocks)
     temper = TEMPER / pool[int(np.argmax(scores.sum(axis=1)))].inflation

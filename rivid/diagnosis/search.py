@@ -96,7 +96,7 @@ class Library:
         for trial, columns in zip(self.trials, self.columns, strict=True):
             if not trial.hourly:
                 first.setdefault(trial.name, columns)
-        return float(np.median([inflation_of(one, columns, record, blocks) for columns in first.values()]))
+        return float(np.median([scatter_of(one, columns, record, blocks) for columns in first.values()]))
 
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
@@ -214,19 +214,13 @@ def _candidate(
     return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
 
-def inflation_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
+def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
     """Variance of the scores of blocks over that of the noise model, 1 or more.
 
-    The score of a block is w'r, its information w'w, of whitened columns w (k, days, n) and what an
-    explanation leaves, r: white noise gives 1, and a response that errs in the same way for days gives more.
-    The largest quarter of the blocks is left out, so that a few bad days do not count.
+    Scores and information (k, days) are w'r and w'w of whitened columns w and what an explanation leaves, r:
+    white noise gives 1, and a response that errs in the same way for days gives more. The largest quarter of
+    the blocks is left out, so that a few bad days do not count.
     """
-    opened = one.weights > 0.0
-    seen = np.where(record.used, one.residual, np.nan)
-    r = one.noise.whiten(seen, activity=record.activity)[opened]
-    w = one.noise.whiten(columns, like=seen, activity=record.activity)[:, opened]
-    score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
-    blocks = blocks[opened]
     label = np.unique(blocks, return_inverse=True)[1]
     many = int(label.max()) + 1
     found = []
@@ -237,6 +231,16 @@ def inflation_of(one: Explanation, columns: Floats, record: Record, blocks: Ints
         kept = squares[: max(1, round(KEPT * len(squares)))]
         found.append(float(kept.mean()) / KEPT_MEAN if len(kept) else 1.0)
     return max(float(np.mean(found)), 1.0)
+
+
+def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
+    """The inflation of what an explanation leaves, about columns (k, days, n); `blocks` (days,)."""
+    opened = one.weights > 0.0
+    seen = np.where(record.used, one.residual, np.nan)
+    r = one.noise.whiten(seen, activity=record.activity)[opened]
+    w = one.noise.whiten(columns, like=seen, activity=record.activity)[:, opened]
+    score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
+    return inflation_of(score, information, blocks[opened])
 
 
 SHOWN = 0.01

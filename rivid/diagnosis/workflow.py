@@ -21,7 +21,7 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search import (
     Candidate,
     Library,
-    inflation_of,
+    scatter_of,
     screened,
     with_effect,
     with_events,
@@ -263,8 +263,6 @@ class _Search:
             c for c in screened(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
-        for unknown in latent:
-            self.pool[self.pool.index(unknown)] = self._inflated(unknown, library)
         for one in _worth_trying(found):
             grow = partial(with_effect, candidate=one, record=record)
             self._grow(parent, library, one.effect.name, grow, one.columns)
@@ -297,7 +295,7 @@ class _Search:
         block = self.dealt.block
         found = [library.scatter(one, self.record, block)]
         if columns is not None:
-            found.append(inflation_of(one, columns, self.record, block))
+            found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
 
     def level_rivals(self, lead: Explanation) -> None:

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.blocks import split
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.search import (
@@ -100,9 +99,7 @@ def library(columns, k, sign=0, dates="between"):
 @pytest.mark.parametrize("seed, k, sign", [(0, 1, 0), (1, 1, 0), (2, 2, 0), (3, 1, 1), (4, 1, -1)])
 def test_the_best_window_is_that_of_all_refits(seed, k, sign):
     base, columns, X, r, w, at = base_of(seed, (3, 9, -3.0 if sign < 0 else 3.0))
-    found = {
-        one.effect.dates is None: one for one in screened(base, library(columns, k, sign), RECORD, BLOCKS)
-    }
+    found = {one.effect.dates is None: one for one in screened(base, library(columns, k, sign), RECORD)}
     first, end, prior = _spans("between", DAYS)
     every = []
     for a, b, log_prior in zip(first, end, prior, strict=True):
@@ -114,7 +111,7 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
         one = found[all_days]
         assert one.gain == pytest.approx(expected[1], rel=1e-5)
         assert one.log_prior == pytest.approx(expected[2])
-        assert one.worth == pytest.approx(expected[1] / one.inflation + expected[2], rel=1e-5)
+        assert one.worth == pytest.approx(expected[1] + expected[2], rel=1e-5)
         assert one.effect.inflow == pytest.approx(expected[5][0], rel=1e-5)
         assert one.shift == pytest.approx(expected[6], rel=1e-4, abs=1e-8)
     assert (best[3], best[4]) == (3, 9)
@@ -140,8 +137,8 @@ def test_what_the_parameters_can_do_as_well_is_no_candidate():
     base, columns, *_ = base_of(5)
     free = replace(base, sd=np.array([1e3, 1e3]))
     same = np.stack([base.columns[0] + 1e-3 * columns[0], columns[1]])
-    assert screened(free, library(same, 1, dates="all"), RECORD, BLOCKS) == []
-    (other,) = screened(free, library(columns, 1, dates="all"), RECORD, BLOCKS)
+    assert screened(free, library(same, 1, dates="all"), RECORD) == []
+    (other,) = screened(free, library(columns, 1, dates="all"), RECORD)
     assert other.gain >= 0.0 and other.make(0.5).inflow == pytest.approx(0.5 * other.effect.inflow)
 
 
@@ -196,7 +193,7 @@ def diurnal():
 
 
 def candidate(effect, free):
-    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, 1.5)
+    return Candidate(effect, free, 0.0, -1.0, np.zeros(5), lambda share: effect, np.zeros((0, 0, 0)))
 
 
 @pytest.mark.parametrize("amplitude, hour", [(15.0, 9.0), (300.0, 9.0), (8.0, 7.0)])
@@ -205,7 +202,7 @@ def test_a_fit_from_a_bad_start_is_likelier_than_what_it_extends(diurnal, amplit
     start = CATALOGUE["diurnal_inflow"](amplitude=amplitude, hour=hour)
     one = with_effect(parent, candidate(start, ("amplitude", "hour")), record, -3.0)
     assert likelihood(one, record) > likelihood(parent, record) + 50.0
-    assert one.log_prior == -4.0 and one.inflation == 1.5
+    assert one.log_prior == -4.0
     assert one.parent is parent and one.names == ("diurnal_inflow",)
     assert one.added.amplitude == pytest.approx(15.0, abs=3.0)
     assert (one.added.hour - 9.0 + 12.0) % 24.0 == pytest.approx(12.0, abs=0.5)
@@ -216,7 +213,7 @@ def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal
     record, parent = diurnal
     names = ("diurnal_inflow", "lateral_inflow")
     columns = Library.of(pools.model_of(record), record, {name: CATALOGUE[name] for name in names})
-    best, *rest = screened(parent, columns, record, split(record.dates).block)
+    best, *rest = screened(parent, columns, record)
     rest = [one for one in rest if one.effect.name != best.effect.name]
     assert best.effect.name == "diurnal_inflow" and best.worth > max(one.worth for one in rest) + 20.0
     assert best.effect.amplitude == pytest.approx(15.0, abs=3.0)
