@@ -116,6 +116,11 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     shown = f"{base:.3g} {gap.unit} to {end:.3g} {gap.unit} after 4 h"
     named = study.sure or study.group
     if not named:
+        if study.unfit:
+            return "unknown", (
+                "No response describes this reach: fronts are early or late by a third of a sample or more. "
+                "Check length, width and depth in the configuration."
+            )
         nothing = study.chance(lambda names, unknown: not names and not unknown)
         if study.unknown >= UNKNOWN:
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
@@ -174,6 +179,8 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
     """What to measure next."""
+    if verdict == "unknown" and study.unfit:
+        return "Measure the reach's length, width and depth, and time one wave between the dams."
     if verdict == "unknown":
         kinds = {one.unknown: p for one, p in reversed(study.ranking) if one.unknown}
         return USUAL["level" if max(kinds, key=lambda kind: kinds[kind]) == "gauge" else "flow"]

@@ -13,7 +13,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
-from rivid.diagnosis.fit import WEATHER, DayErrors, day_errors
+from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.effects import Effect
@@ -237,16 +237,27 @@ class Study:
         found = {name for names, _ in self._cores.values() for name in names}
         return tuple(sorted(found, key=lambda name: -self.chance_of(name)))
 
+    @property
+    def unfit(self) -> bool:
+        """Whether fronts are off by all that is plausible in the most probable explanation.
+
+        Then no response describes the reach, as with a wrong geometry, and effects stand in for it.
+        """
+        lead = self.ranking[0][0]
+        return not lead.unknown and lead.noise.misfit > 0.99 * MISFIT
+
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Names that are probable enough alone."""
+        """Names that are probable enough alone; none where no response describes the reach."""
+        if self.unfit:
+            return ()
         return tuple(name for name in self.names if self.chance_of(name) >= ALONE)
 
     @cached_property
     def group(self) -> tuple[str, ...]:
         """The fewest names that are probable enough together; empty where all names are not."""
         found: list[str] = []
-        for name in self.names:
+        for name in () if self.unfit else self.names:
             found.append(name)
             if self.chance(lambda names, _: not set(names).isdisjoint(found)) >= TOGETHER:
                 return tuple(found)

@@ -188,7 +188,7 @@ def _windows(
         if not len(able):
             continue
         i = able[int(np.argmax(gain[able] + prior[able]))]
-        if gain[i] <= 0.0:
+        if gain[i] <= 0.0 or i == 0 and trial.effects[0].needs_dates:
             continue
         window = {} if i == 0 else {"dates": _dates(record, open_days, int(first[i]), int(end[i]))}
         shift = -G @ (C[i] @ b[i]) * sd

@@ -157,6 +157,8 @@ class Effect(ABC):
         Whether it may be limited to dates and hours.
     acts_on_river : bool
         Whether it is possible in a reach of `kind = "river"`, which has neither an outflow nor a level.
+    needs_dates : bool
+        Whether without dates it is part of the response, as a clock that was always off is a travel time.
     repeatable : bool
         Whether a diagnosis may name it more than once.
     varies_with_date : str
@@ -194,6 +196,7 @@ class Effect(ABC):
     looks: ClassVar[str]
     windowed: ClassVar[bool] = True
     acts_on_river: ClassVar[bool] = True
+    needs_dates: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False
     varies_with_date: ClassVar[str] = ""
     stepwise: ClassVar[tuple[str, ...]] = ()

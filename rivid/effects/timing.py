@@ -106,6 +106,7 @@ class ClockOffset(Effect):
     """``real inflow(t) = logged inflow(t + offset + drift (t - first date))``."""
 
     name = "clock_offset"
+    needs_dates = True
     family = "timing"
     sentence = "The clock of the upstream log is wrong, often from a date on: daylight saving, a restart."
     looks = (
