@@ -86,7 +86,7 @@ class Planted:
 
     @property
     def told(self) -> list[Table] | None:
-        """The effects with their draws given; None where the season has one that no model can be told of."""
+        """The effects with their draws given; None where the season has one that no model can be given."""
         hidden = self.season.effects
         if any(e.name not in CATALOGUE or e.found_as == "swing" for e in hidden) or not hidden:
             return None
@@ -139,7 +139,7 @@ def _planted(world: World, attempt: int) -> Planted:
     rng = np.random.default_rng([world.seed, 42, attempt])
     kind = str(rng.choice(list(TYPES), p=list(TYPES.values())))
     if kind == "operators" and world.kind == "river":
-        kind = "nothing"  # nobody holds a river
+        kind = "nothing"  # a river has no operators
     season, late = season_of(world), None
     tables: list[Table] = []
     units: list[Unit] = []

@@ -16,7 +16,7 @@ LEAST = 0.01
 """Least probability of a name that the reliability diagram counts: below it are all names of the
 catalogue."""
 AHEAD = 16.0
-"""Nats by which an effect is ahead of each rival where it can be told apart: a probability of 0.95 needs log
+"""Nats by which an effect is ahead of each rival where it can be separated: a probability of 0.95 needs log
 19 = 3, and what is won scatters by sqrt(2 x 16) = 6, of which 3 + 2 x 6 = 15 leaves room for two."""
 
 Table = dict[str, Any]

@@ -185,7 +185,7 @@ FACTORS: dict[str, Callable[[Result], str]] = {
     "size": _size,
     "evidence": _evidence,
 }
-"""What the results are told apart by."""
+"""Factors by which the results are split."""
 HEADS = ["factor", "", "seasons", "false (nothing, outsider)", "first (one, >= 2x)", "wrong (any)",
          "worse by > 1 %",
          "seconds, median"]  # fmt: skip

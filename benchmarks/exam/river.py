@@ -50,7 +50,7 @@ def route(
 
 
 class RiverWater(Water):
-    """A river instead of a pool: its "level" is the discharge at the lower end [m3/s], nobody holds it."""
+    """A river instead of a pool: its "level" is the discharge at the lower end [m3/s], and it has no operators."""
 
     @cached_property
     def count(self) -> int:

@@ -76,7 +76,7 @@ class World:
         return float(reach.length / (velocity + np.sqrt(GRAVITY * reach.depth)))
 
     def factors(self) -> Table:
-        """What the results are told apart by, as plain values."""
+        """Factors by which the results are split, as plain values."""
         s = self.scenario
         mean = s.flow.mean
         return {

@@ -1,7 +1,7 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
-Three numbers are set by hand: the probability to name alone, that of a group of names, and the least share of
-the squared error that counts.
+Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
+error that counts; the exponent of the scores as well, until the exam has calibrated it.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ TOGETHER = 0.95
 MATERIAL = 0.10
 """Least share of the squared error, at one horizon, that an effect removes to be named."""
 TEMPER = 0.5
-"""Exponent of the scores."""
+"""Exponent of the scores, over their inflation. Set on some twenty development seasons, not calibrated."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -175,7 +175,7 @@ class Study:
         if parent is None:
             return (), one.unknown
         names, unknown = self.core(parent)
-        if one.added is None and not one.unknown or one.unknown == parent.unknown and one.added is None:
+        if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
         if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
