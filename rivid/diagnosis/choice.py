@@ -34,9 +34,12 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
     reach = config.reach
     bounds = travel_bounds(record.usual_flow, length=reach.length, width=reach.width, depth=reach.depth)
     rest = [
-        LinearPool.nominal(record, fronts, surface_area=reach.surface_area, delay=float(bounds.gravity))
+        LinearPool.nominal(
+            record, fronts, surface_area=reach.surface_area, delay=float(bounds.gravity),
+            speed_share=float(bounds.froude / (1.0 + bounds.froude)),
+        )
         for fronts in FALLBACKS
-    ]
+    ]  # fmt: skip
     return (first, *rest)
 
 

@@ -127,7 +127,8 @@ def _pool(
 ) -> tuple[Floats, Floats]:
     from rivid.reach.integrator import hold
 
-    area, delay, gain = (p.natural for p in reach.parameters[:3])
+    area, _, gain = (p.natural for p in reach.parameters[:3])
+    delay = float(reach.delay(day)[0, 0])
     shape, time, inflow = day.time.shape, day.time[0], day.inflow[0]
     whole = cut(changes, shape, np.s_[0])
     came = supply(LinearReach(surface_area=area, inflow_gain=gain), time, inflow, delay, inflow[0], whole)
@@ -152,7 +153,7 @@ def without_fronts(reach: Response) -> Response:
         if reach.fronts == "none":
             return reach
         return replace(
-            reach, parameters=(*reach.parameters[:3], reach.parameters[-1]), fronts="none", lags=()
+            reach, parameters=(*reach.parameters[:4], reach.parameters[-1]), fronts="none", lags=()
         )
     values = vector_of(reach)
     lagged = [i for i, p in enumerate(reach.parameters) if p.name.startswith(("outflow_lag", "inflow_lag"))]

@@ -43,6 +43,8 @@ MEMORY = (HOUR / 2.0, DAY)
 """Plausible memory of the weather [s]: hours."""
 METER = 0.005
 """Largest plausible scatter of a logged flow over the usual flow."""
+RATING = 0.02
+"""Largest plausible white noise of a river's gauge over the usual flow: a few mm of level and the rating."""
 MISFIT = 0.3
 """Largest plausible misfit: fronts that are early or late by as many samples."""
 GAUGE = 0.015
@@ -135,7 +137,7 @@ class Model:
             known = {
                 "level_sd": (0.0, WEATHER * flow),
                 "level_memory": MEMORY,
-                "gauge_sd": (0.0, METER * flow),
+                "gauge_sd": (0.0, max(RATING * flow, 2.0 * self.gauge_floor)),
             }
             return {} if self.noise_kind in ("flow", "gauge") else known
         limits = {"gauge_sd": (0.0, max(GAUGE, 2.0 * self.gauge_floor))}

@@ -468,6 +468,22 @@ def with_events(
     )  # fmt: skip
 
 
+def swung(one: Explanation, record: Record) -> Explanation | None:
+    """An explanation that has a seiche beside what was fitted last, with the seiche of what it now leaves.
+
+    None where it leaves none: the last effect has explained it.
+    """
+    swings = [i for i, effect in enumerate(one.others) if effect.found_as == "swing"]
+    if not swings or one.bonus is not None:
+        return one
+    found = seiche(record, one, type(one.others[swings[0]]))
+    if found is None:
+        return None
+    made, gains, _ = found
+    others = tuple(made if i == swings[0] else effect for i, effect in enumerate(one.others))
+    return replace(one, others=others, bonus=gains)
+
+
 def with_noise(
     parent: Explanation,
     effect: type[Effect],

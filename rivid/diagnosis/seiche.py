@@ -6,8 +6,10 @@ the fitting days by Whittle's likelihood and confirmed on the selecting days.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import minimize
 
 from rivid.diagnosis.data import Record
@@ -24,6 +26,8 @@ SLOWEST = 1e-6
 """Least damping that the fit tries [1/s]."""
 BAND = 2.5
 """Frequencies within this factor of the peak are fitted."""
+NEARBY = 1.3
+"""The power of a swing is taken from frequencies within this factor of its own."""
 WIDEST = 0.7
 """Largest damping times period: a wider peak is no oscillation."""
 LEAST_CONTRAST = 4.0
@@ -32,6 +36,9 @@ LEAST_PEAK = 2.0
 """Least height of the highest peak of the mean periodogram over its surroundings, for a fit to be begun."""
 PRESENT = 0.8
 """Least share of the days that a seiche gains on."""
+STEADY = 4.0 / 3.0
+"""Largest factor between the power of the swing in the third of the samples with the quietest flows and that
+in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that no response held."""
 SMALLEST = 0.002
 """Amplitude [m]."""
 FITTED = ("period", "damping", "amplitude")
@@ -151,6 +158,21 @@ def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
     return float(periods[able[top]]), len(able), float(height[top])
 
 
+def _in_quiet(record: Record, seen: Floats, noise: NoiseModel, period: float) -> float:
+    """Power near a period in the third of the used samples with the quietest flows, over that in all."""
+    assert record.activity is not None
+    there = np.isfinite(seen)
+    plain = np.where(there, replace(noise, misfit=0.0).whiten(seen), 0.0)  # the same filter at all times
+    lines = np.fft.rfft(plain, axis=1)
+    frequency = np.fft.rfftfreq(plain.shape[1], record.sample_time)
+    lines[:, abs(np.log(np.maximum(frequency, 1e-12) * period)) > np.log(NEARBY)] = 0.0
+    power = np.fft.irfft(lines, plain.shape[1], axis=1) ** 2
+    swings = max(round(period / record.sample_time), 1)
+    moved = uniform_filter1d(record.activity, swings, axis=1)
+    quiet = there & (moved <= np.quantile(moved[there], 1.0 / 3.0))
+    return float(power[quiet].mean() / power[there].mean())
+
+
 def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Effect, Floats, int] | None:
     """The seiche in what an explanation leaves, its gain on each day (days,) [nats], and the periods
     searched.
@@ -179,6 +201,8 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
         return None
     if amplitude < SMALLEST or contrast < LEAST_CONTRAST:
         return None
+    if abs(np.log(_in_quiet(record, seen, noise, period))) > np.log(STEADY):
+        return None  # it depends on the flows: waves of the reach that the response does not hold
     gains = np.where(whole, gains, 0.0)
     if (gains[whole & opened] > 0.0).mean() < PRESENT:
         return None  # a temporary fault of a clock or a gate gives oscillations as well

@@ -16,13 +16,15 @@ from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, Study, harmless, leading, ranked
 from rivid.diagnosis.explanation import Explanation, Unknown, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
-from rivid.diagnosis.response.base import Response, kernels_of
+from rivid.diagnosis.response.base import Response, kernels_of, vector_of
+from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search import (
     Candidate,
     Library,
     scatter_of,
     screened,
+    swung,
     with_effect,
     with_events,
     with_noise,
@@ -45,6 +47,8 @@ SECOND = 0.8
 HOPELESS = 100.0
 """Log-likelihood a day below the best response's from which a response is not fitted to all days [nats]. In
 five development seasons a response of another kind of water lost 230 to 480; effects gained up to 60."""
+CARRIED = 0.8
+"""Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
 """The fit of a response starts on every third open day."""
 Report = Callable[[float, str], None]
@@ -129,6 +133,11 @@ def find_effects(
     for turn in range(most):
         search.extend(parent)
         lead = search.lead()
+        again = search.again(parent, lead)
+        if again is not parent:  # its extensions begin at a better response
+            parent = again
+            search.extend(parent)
+            lead = search.lead()
         search.level_rivals(lead)
         lead = search.varied(lead)
         if lead.names == parent.names or turn == most - 1 or len(lead.names) > turn + 1 + len(start):
@@ -154,6 +163,8 @@ class _Search:
         start: tuple[Effect, ...],
         report: Report,
     ) -> None:
+        self.notes: list[str] = []
+        responses, record = self._carried(responses, record)
         kernels = kernels_of(responses[0], record)
         self.record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
         self.responses, self.classes, self.gauge_floor, self.start = responses, classes, gauge_floor, start
@@ -164,8 +175,33 @@ class _Search:
         self.grown: dict[int, tuple[Library, str, Grow, Floats | None]] = {}
         """How each explanation extends its parent, by its identity."""
         self.tails: float | None = None
-        self.notes: list[str] = []
         self._report, self._done = report, 0.0
+
+    def _carried(
+        self, responses: tuple[Response, ...], record: Record
+    ) -> tuple[tuple[Response, ...], Record]:
+        """Responses that carry most of the days, and the days that these carry."""
+        able: list[Response] = []
+        days = np.ones(record.days, bool)
+        for reach in responses:
+            carried = reach.carried(record) if isinstance(reach, HydraulicResponse) else days
+            if carried.mean() >= CARRIED:
+                able.append(reach)
+                days = days & carried
+            else:
+                self.notes.append(
+                    f"the response {reach.name} was passed over: the configured reach would be dry, or its "
+                    f"flow not subcritical, on {int((~carried).sum())} of {record.days} days; check length, "
+                    "width, depth and bed_level"
+                )
+        if not able:
+            raise RividError(self.notes[-1])
+        if not days.all():
+            self.notes.append(
+                f"{int((~days).sum())} of {record.days} days were left out: at their flows the configured "
+                "reach would be dry, or its flow not subcritical"
+            )
+        return tuple(able), record.take(days)
 
     def report(self, work: float, what: str) -> None:
         """Report a piece of work that begins now; `work` is its share of what is left, as a rule."""
@@ -174,6 +210,7 @@ class _Search:
 
     def add(self, one: Explanation) -> Explanation:
         """An explanation with its score, in the pool."""
+        one = swung(one, self.record) or one
         if self.tails is None:
             self.tails = tails_of(one, self.record)
         one = scored(one, self.record, self.dealt.block, self.tails)
@@ -203,9 +240,11 @@ class _Search:
                 continue
             dynamics = model.reach.name == "fir"
             self.report(0.1, f"calibrating the response: {model.reach.name}")
+            nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
+            model = replace(model, noise=None, reach=_able(nominal, model.reach, self.record))
             self.add(
                 fitted(
-                    replace(model, noise=None), self.record, self.opened, steps=8, fresh=1,
+                    model, self.record, self.opened, steps=8, fresh=1,
                     unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
                 )
             )  # fmt: skip
@@ -283,6 +322,7 @@ class _Search:
         self.report(0.06, f"refitting with {name}")
         try:
             more = grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
+            more = None if more is None else swung(more, self.record)
         except RividError:
             return
         if more is not None:
@@ -296,6 +336,33 @@ class _Search:
         if columns is not None:
             found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
+
+    def again(self, parent: Explanation, lead: Explanation) -> Explanation:
+        """`parent` fitted again from the response of `lead`; itself where that is no better.
+
+        An effect that leads the fit of the response out of a local optimum gains what is not its own.
+        """
+        if lead.parent is not parent or lead.added is None or not lead.count[0] > parent.count[0]:
+            return parent
+        self.report(0.05, "refitting without the effect that leads")
+        model = replace(parent.model, reach=lead.model.reach)
+        try:
+            one = fitted(
+                model, self.record, self.opened, unknown=parent.unknown, log_prior=parent.log_prior,
+                parent=parent.parent, inflation=parent.inflation, others=parent.others, events=parent.events,
+                steps=8, fresh=2,
+            )  # fmt: skip
+        except RividError:
+            return parent
+        one = self.add(one)
+        if self.score(one) < self.score(parent) + LEAST:
+            return parent
+        for i, child in enumerate(self.pool):
+            if child.parent is parent:
+                self.pool[i] = replace(child, parent=one)
+                if id(child) in self.grown:
+                    self.grown[id(self.pool[i])] = self.grown.pop(id(child))
+        return one
 
     def level_rivals(self, lead: Explanation) -> None:
         """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without."""
@@ -380,6 +447,19 @@ class _Search:
 
 UNKNOWNS = 2
 """Unknown flows and unknown gauges, beside the names."""
+
+
+def _able(nominal: Response, reach: Response, record: Record) -> Response:
+    """`reach`, as far from the nominal one as it carries all days."""
+    here, there = vector_of(nominal), vector_of(reach)
+    for way in (1.0, 0.5, 0.25):
+        between = reach.with_parameters(here + way * (there - here))
+        try:
+            between.baseline(record)
+        except RividError:
+            continue
+        return between
+    return nominal
 
 
 def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:

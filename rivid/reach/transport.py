@@ -66,12 +66,12 @@ def arrived_volume(
     return volume
 
 
-def delayed_volume(time: Floats, flow: Floats, delay: float) -> Floats:
+def delayed_volume(time: Floats, flow: Floats, delay: ArrayLike) -> Floats:
     """Cumulative volume of a held flow that comes `delay` [s] >= 0 later, at its own sample times [m3].
 
     The first flow of a row holds before it; the volume is zero at the first sample plus `delay`.
     """
-    return arrived_volume(time - delay, time, held_volume(time, flow), flow[..., 0])
+    return arrived_volume(time - np.asarray(delay), time, held_volume(time, flow), flow[..., 0])
 
 
 def delayed_flow(edges: Floats, flow: Floats, delay: float) -> Floats:

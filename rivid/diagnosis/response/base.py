@@ -148,17 +148,25 @@ def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[Fr
 def slopes_by_differences(
     response: Response, record: Record, base: Floats, changes: Changes, which: range
 ) -> Floats:
-    """Derivatives of the baseline by one run each, into the limits; shape (len(which), days, n)."""
+    """Derivatives of the baseline by one run each, into the limits; shape (len(which), days, n).
+
+    At the edge of what the reach carries they are those of the other side.
+    """
     columns = np.empty((len(which), *base.shape))
     start = vector_of(response)
     for row, i in enumerate(which):
         p = response.parameters[i]
-        h = STEP * p.sd
-        if p.value + h > p.high:
+        h = STEP * p.sd if p.value + STEP * p.sd <= p.high else -STEP * p.sd
+        try:
+            moved = response.with_parameters(start + h * (np.arange(len(start)) == i)).baseline(
+                record, changes
+            )
+        except RividError:
             h = -h
-        moved = start.copy()
-        moved[i] += h
-        columns[row] = (response.with_parameters(moved).baseline(record, changes) - base) / h
+            moved = response.with_parameters(start + h * (np.arange(len(start)) == i)).baseline(
+                record, changes
+            )
+        columns[row] = (moved - base) / h
     return columns
 
 

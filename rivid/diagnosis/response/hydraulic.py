@@ -19,13 +19,14 @@ from rivid.diagnosis.response.base import (
     placed,
     slopes_by_differences,
     start_level,
+    vector_of,
     without_nudge,
 )
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gauge import stilled
-from rivid.reach.saint_venant import Channel, Flow, arrival_time, simulate
-from rivid.types import Floats
+from rivid.reach.saint_venant import Channel, Flow, arrival_time, backwater_lift, simulate
+from rivid.types import Bools, Floats
 
 Run = Callable[[Record, Changes], Floats]
 
@@ -93,8 +94,9 @@ class HydraulicResponse:
         Logarithms of length, width, depth (of the bed under the dam below `level`) and Manning's n; the fall
         of the bed [m], plain since it may be 0; modes of the width and of the bed; corrections; the lag of
         the gauge behind h.
-    level : float
-        Usual level at the dam [m].
+    level, flow : float
+        Usual level at the dam [m] and discharge [m3/s]: the nudge lifts the cells as a higher level at the
+        dam does on the usual flow.
     cells : int
         Cells of the channel.
     width_modes, bed_modes : int
@@ -107,14 +109,14 @@ class HydraulicResponse:
     Notes
     -----
     Source: equation (1); the nudge is a relaxation towards the observed level ("Newtonian nudging"), undone
-    in the result. It lifts all cells alike, while water that is missing lowers a sloping pool more at the dam
-    than upstream: so a lasting flow moves the baseline by its volume over the whole surface, less than it
-    would move an open loop, by some percent within hours. The measurement is compared through the same nudge,
-    and sizes of effects come out right.
+    in the result. It lifts the cells as the level at the dam does in a steady state: the water stays in
+    balance, and a lasting flow moves the baseline as it would move an open loop. With the same lift in all
+    cells the water upstream came down to the dam within hours, as if through a leak.
     """
 
     parameters: tuple[FreeParameter, ...]
     level: float
+    flow: float
     cells: int = 32
     width_modes: int = 0
     bed_modes: int = 0
@@ -197,15 +199,19 @@ class HydraulicResponse:
         for j in range(2, bed_modes + 1):  # the first is nearly the fall
             shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
         made = cls(
-            (*shape, gauge_lag()), level, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
+            (*shape, gauge_lag()), level, flow, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
             gate_time=gate_time,
         )  # fmt: skip
         return made._corrected(sample_time, flow) if corrections else made
 
     @property
     def surface_area(self) -> float:
-        """Water surface at the usual level [m2]."""
-        return self.channel.surface_area(self.level)
+        """Volume for each metre of the usual level [m2]: less than the water surface, as a reach slopes."""
+        return self._lift[1]
+
+    @cached_property
+    def _lift(self) -> tuple[Floats, float]:
+        return backwater_lift(self.channel, self.flow, self.level)
 
     @cached_property
     def channel(self) -> Channel:
@@ -231,6 +237,17 @@ class HydraulicResponse:
             return self
         lags = self._arrival_lags(record.sample_time, record.usual_flow)
         return self if lags == self.inflow_lags else self._corrected(record.sample_time, record.usual_flow)
+
+    def carried(self, record: Record) -> Bools:
+        """Days whose flows the channel carries, steeper and shallower by an sd too; shape (days,)."""
+        steep = vector_of(self)
+        for name, way in (("depth", -1.0), ("fall", 1.0)):
+            i = SHAPE.index(name)
+            steep[i] += way * self.parameters[i].sd
+        able = np.ones(record.days, bool)
+        for reach in (self, self.with_parameters(steep)):
+            able &= np.isfinite(as_far_as_it_goes(reach.baseline, record, NO_CHANGES)[:, -1])
+        return able
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] about the observed course, shape (days, n).
@@ -284,6 +301,7 @@ class HydraulicResponse:
         return simulate(
             channel, record.time, record.inflow, record.outflow, start_level(water, self.level),
             changes=changes, gate_time=self.gate_time, observed=water if nudged else None,
+            lift=self._lift[0] if nudged else None,
         )  # fmt: skip
 
     def _level(self, record: Record, changes: Changes, flow: Flow) -> Floats:
@@ -311,7 +329,7 @@ class HydraulicResponse:
 
     def _corrected(self, sample_time: float, flow: float) -> "HydraulicResponse":
         lags = self._arrival_lags(sample_time, flow)
-        scale = sample_time / self.surface_area
+        scale = sample_time / self.channel.surface_area(self.level)
         old = {p.name: p for p in self.parameters if p.name.startswith("outflow_lag")}
 
         def correction(name: str) -> FreeParameter:

@@ -37,6 +37,8 @@ SLOW = 3600.0
 """Memory of the slow flow on which coefficients depend [s]."""
 COEFFICIENT_SD, COEFFICIENT_LIMIT = 5.0, 50.0
 """Prior and limit of an FIR's coefficients, in T_s / A; fronts in a pool of Table I have 5 to 10."""
+SHARE_SD = 0.3
+"""How well the share of the water's speed is known, as a share: the depth is known to some 15 percent."""
 DENSE = 6
 """Samples beyond the delay up to which an FIR has every lag; then each is a seventh longer."""
 
@@ -47,14 +49,16 @@ class LinearPool:
 
     ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
 
-    with V the volumes that have passed the dams; for ``zero`` one front each, at the delay and at once; for
-    ``fir`` lags with coefficients that grow with the slow flow.
+    with V the volumes that have passed the dams, and tau that of a wave on the day's mean flow Q,
+    ``tau = delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. For
+    ``zero`` one front each, at the delay and at once; for ``fir`` lags with coefficients that grow with the
+    slow flow.
 
     Attributes
     ----------
     parameters : tuple of FreeParameter
-        Logarithms of the area A, the delay tau and the gain G of the inflow over the outflow; the fronts; the
-        lag of the gauge behind h.
+        Logarithms of the area A, of the delay at the usual flow and of the gain G of the inflow over the
+        outflow; s; the fronts; the lag of the gauge behind h.
     fronts : {"none", "zero", "fir"}
     lags : tuple of int
         Of the FIRs [samples].
@@ -63,7 +67,8 @@ class LinearPool:
 
     Notes
     -----
-    Source: equation (7); Litrico and Fromion (2004) for the fronts; (16) for the FIRs, on both flows.
+    Source: equations (5) and (7); Litrico and Fromion (2004) for the fronts; (16) for the FIRs, on both
+    flows.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -80,6 +85,7 @@ class LinearPool:
         *,
         surface_area: float,
         delay: float,
+        speed_share: float = 0.0,
         area_sd: float = 0.2,
         delay_sd: float = 0.2,
         gain_sd: float = 1e-4,
@@ -92,7 +98,9 @@ class LinearPool:
             For T_s, the usual flows and the lead time, which no lag exceeds.
         fronts : {"none", "zero", "fir"}
         surface_area, delay : float
-            A [m2] and tau [s].
+            A [m2] and tau at the usual flow [s].
+        speed_share : float
+            s [-], from 0 to 1.
         area_sd, delay_sd, gain_sd : float
             Relative uncertainties of these and of the gain 1; more of it is an effect, the error of a meter.
 
@@ -107,6 +115,7 @@ class LinearPool:
             FreeParameter.positive("surface_area", "m2", surface_area, area_sd),
             FreeParameter.positive("delay", "s", delay, delay_sd),
             FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd),
+            FreeParameter("speed_share", "-", speed_share, speed_share, SHARE_SD * speed_share, 0.0, 1.0),
         ]
         alpha = record.sample_time / surface_area
         lags: tuple[int, ...] = ()
@@ -173,8 +182,8 @@ class LinearPool:
         return columns
 
     def _level(self, record: Record, flows: RealFlows) -> Floats:
-        area, delay, gain = (p.natural for p in self.parameters[:3])
-        time = record.time
+        area, _, gain = (p.natural for p in self.parameters[:3])
+        time, delay = record.time, self.delay(record)
         came = gain * delayed_volume(time, flows.inflow, delay)
         came -= came[:, :1]
         for part in flows.added:
@@ -184,13 +193,20 @@ class LinearPool:
         rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
         level = np.cumsum(rise, axis=1) / area
         if self.fronts == "zero":
-            up, down = (p.natural for p in self.parameters[3:5])
+            up, down = (p.natural for p in self.parameters[4:6])
             level += up * mean_before(time, came) - down * mean_before(time, held_volume(time, flows.outflow))
         elif self.fronts == "fir":
-            values = [p.value for p in self.parameters[3:-1]]
+            values = [p.value for p in self.parameters[4:-1]]
             if any(values):
                 level += np.tensordot(values, self._columns(record, flows), 1)
         return stilled(time, level - level[:, :1], self.parameters[-1].natural)
+
+    def delay(self, record: Record) -> Floats:
+        """Delay of each row [s], shape (days, 1)."""
+        relative = record.inflow.mean(axis=1, keepdims=True) / self.flow - 1.0
+        return np.asarray(
+            self.parameters[1].natural / np.maximum(1.0 + self.parameters[3].value * relative, 0.1)
+        )
 
     def _columns(self, record: Record, flows: RealFlows) -> Floats:
         """Lagged flows, plain and times the slow flow, shape (4 lags, days, n).
@@ -201,8 +217,7 @@ class LinearPool:
         for part in flows.added:
             inflow = inflow + (1.0 - part.place) * part.flow
             outflow = outflow - part.place * part.flow
-        delay = self.parameters[1].natural
-        late = mean_before(record.time, delayed_volume(record.time, inflow, delay))
+        late = mean_before(record.time, delayed_volume(record.time, inflow, self.delay(record)))
         slow = (leaky(0.5 * (late + outflow), record.sample_time, SLOW) - self.flow) / self.flow_range
         plain = np.stack(
             [lagged(inflow - self.flow, lag) for lag in self.lags]

@@ -1,34 +1,41 @@
-"""A free river: its inflow comes later and spread out, the sooner the more it is."""
+"""A free river: a wave that comes later and spread out, the sooner the more water there is."""
 
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from rivid.core.posterior.response import hayami
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.reach.transport import arrived_volume, held_volume
-from rivid.types import Floats
+from rivid.types import Floats, Ints
 
-SHORTEST = 30.0
-"""A shorter mean delay is none [s]."""
-FINE = 4
-"""Cells in a sample, and points in a cell: the kernel is smooth in its parameters whatever their size."""
-SLOW = 0.5
-"""Memory of the flow that sets the delay, in delays: the flow that a wave meets on its way."""
+CELLS = 24
+"""Cells of the reach: central fluxes hold a spread of a tenth of the delay or more."""
+NARROWEST = 0.1
+"""Least spread over the delay [-]."""
+COURANT = 0.7
+"""Of Heun's method on these fluxes, stable up to 1."""
+EMPTY = 1e-6
+"""Least flow over the usual one: below, the reach runs dry."""
 
 
 @dataclass(frozen=True, eq=False)
 class RiverResponse:
-    """A diffusive wave with a delay that follows the flow; it keeps its water.
+    """A diffusive wave whose speed follows its own flow; it keeps its water.
 
-    What departs at t arrives at ``t + tau(Q) x``, ``tau(Q) = delay (Q / flow)^(-exponent)``, with Q the slow
-    flow and x spread about 1 as the arrivals of a diffusive wave are; times a gain near 1.
+    The reach is a row of N cells with the volumes V_j and the flows of a kinematic wave,
+
+        dV_j/dt = F_{j-1} - F_j,   Q_j = flow (V_j / V_0)^{1 / (1 - exponent)},
+        F_j = Q_j + kappa (Q_j - Q_{j+1}),   kappa = (N spread^2 / delay^2 - 1) / 2,
+
+    V_0 = delay flow / (N (1 - exponent)): a small wave on the flow Q takes delay (Q / flow)^-exponent, and is
+    spread by diffusion as `spread` is to `delay`. A share of what arrives is held back in banks and pools for
+    a while, and all is times a gain near 1.
 
     Attributes
     ----------
@@ -40,7 +47,8 @@ class RiverResponse:
 
     Notes
     -----
-    Source: Hayami (1951) for the wave; the exponent of a wide channel with Manning friction is 0.4.
+    The exponent of a wide channel with Manning friction is 0.4. Source: Cunge (1969, Journal of Hydraulic
+    Research 7, 205-230) for the diffusion of such cells.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -86,7 +94,7 @@ class RiverResponse:
         return cls(
             (
                 FreeParameter.positive("delay", "s", delay, delay_sd),
-                FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 1.2),
+                FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 0.8),
                 FreeParameter.positive("spread", "s", spread, spread_sd, reach=3.0),
                 FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
                 FreeParameter.positive("held_time", "s", delay, 0.5, reach=2.0),
@@ -104,16 +112,33 @@ class RiverResponse:
         return self
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Discharge at the lower end [m3/s], shape (days, n): means about each sample."""
+        """Discharge at the lower end [m3/s], shape (days, n).
+
+        Raises
+        ------
+        RividError
+            Where losses leave no water in the reach.
+        """
         flows = real_flows(record, changes)
-        delay, exponent, _, _, _, gain = (p.natural for p in self.parameters)
-        whole = flows.inflow + sum((1.0 - part.place) * part.flow for part in flows.added)
-        slow = _trailing(record.time, whole, SLOW * delay)  # a wave is as fast as all water makes it
-        later = delay * ((np.maximum(slow, 0.05 * self.flow) / self.flow) ** -exponent - 1.0)
-        came = gain * self._arrived(record, flows.inflow, later, 1.0)
-        for part in flows.added:
-            came += self._arrived(record, part.flow, later, 1.0 - part.place)
-        return came + flows.gauge
+        delay, exponent, spread, held, hold, gain = (p.natural for p in self.parameters)
+        kappa = 0.5 * (CELLS * max(spread / delay, NARROWEST) ** 2 - 1.0)
+        inflow = np.ascontiguousarray(gain * flows.inflow)
+        sides = np.stack([*(part.flow for part in flows.added), np.zeros_like(inflow)])
+        enters = np.array([min(int(part.place * CELLS), CELLS - 1) for part in flows.added] + [0])
+        most = float((inflow + sides.clip(0.0).sum(axis=0)).max())
+        fastest = CELLS / delay * (max(most, self.flow) / self.flow) ** max(exponent, 0.0)
+        T = record.sample_time
+        steps = max(math.ceil(T * fastest * (1.0 + 2.0 * max(kappa, 0.0)) / COURANT), 1)
+        came = np.empty_like(inflow)
+        full = delay * self.flow / (CELLS * (1.0 - exponent))
+        if not route(
+            inflow, sides, enters, record.time, steps, self.flow, full, 1.0 / (1.0 - exponent), kappa, came
+        ):
+            raise RividError("the river runs dry: expected losses smaller than its flow")
+        keep = math.exp(-T / hold)
+        first = came[:, :1]
+        behind, _ = lfilter([1.0 - keep], [1.0, -keep], came - first, axis=1), None
+        return np.asarray((1.0 - held) * came + held * (first + behind) + flows.gauge)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """The same: a river forgets."""
@@ -123,63 +148,77 @@ class RiverResponse:
         """Derivatives of the baseline, shape (p, days, n)."""
         return slopes_by_differences(self, record, base, changes, range(len(self.parameters)))
 
-    def _arrived(self, record: Record, flow: Floats, later: Floats, way: float) -> Floats:
-        """What has come of a flow that has a share of the way to go, means about the samples.
 
-        Each sample's water first moves by what its flow makes the wave later; none overtakes what left
-        before, and the volume stays. Then all spreads by one kernel, on a grid of its own.
-        """
-        T = record.sample_time
-        time, days = record.time, len(record.time)
-        ends = np.concatenate(
-            [time[:, :1] - 0.5 * T, 0.5 * (time[:, 1:] + time[:, :-1]), time[:, -1:] + 0.5 * T], axis=1
-        )
-        cell = T / FINE
-        grid = cell * np.arange(math.ceil(float((ends[:, -1] - ends[:, 0]).max()) / cell - 1e-6) + 1)
-        departed = arrived_volume(
-            ends[:, :1] + grid, np.maximum.accumulate(time + way * later, axis=1), held_volume(time, flow),
-            flow[:, 0], flow[:, -1],
-        )  # fmt: skip
-        rate = np.diff(departed, axis=1) / cell
-        first = flow[:, :1]  # holds before the row
-        came = first + _convolved(rate - first, self._kernel(cell, rate.shape[1], way))
-        arrived = np.concatenate([np.zeros((days, 1)), np.cumsum(came * cell, axis=1)], axis=1)
-        at_ends = np.stack([np.interp(ends[row] - ends[row, 0], grid, arrived[row]) for row in range(days)])
-        return np.asarray(np.diff(at_ends, axis=1) / np.diff(ends, axis=1))
+@njit(cache=True, error_model="numpy")
+def route(
+    inflow: Floats,
+    sides: Floats,
+    enters: Ints,
+    time: Floats,
+    steps: int,
+    usual: float,
+    full: float,
+    power: float,
+    kappa: float,
+    out: Floats,
+) -> bool:
+    """Write the discharge at the lower end (days, n) at the beginning of each sample; False if it runs dry.
 
-    def _kernel(self, cell: float, n: int, way: float) -> Floats:
-        """Weights of the cells before, shape (n,): from means of cells to means of cells [-].
-
-        A wave on a share of the way has that share of the delay, of the variance, and of what is held.
-        """
-        delay, _, spread, held, hold, _ = (p.natural for p in self.parameters)
-        if way * delay < SHORTEST:
-            return np.asarray(np.eye(1, n)[0])
-        time = np.asarray(cell / FINE * np.arange(n * FINE + 1), float)
-        mean, cv = way * delay, spread / (math.sqrt(way) * delay)
-        first, _ = hayami(time / mean, cv)
-        keep = math.exp(-cell / FINE / hold)
-        behind = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], first)
-        share = way * held
-        arrived = (1.0 - share) * first + share * behind
-        twice = np.concatenate([[0.0], np.cumsum(0.5 * (arrived[1:] + arrived[:-1])) * cell / FINE])[::FINE]
-        return np.asarray(np.diff(twice, n=2, prepend=0.0, append=2 * twice[-1] - twice[-2])[:n] / cell)
-
-
-def _trailing(time: Floats, flow: Floats, memory: float) -> Floats:
-    """Leaky mean of a held flow over the time before each sample, from the row's first value."""
-    slow = np.empty_like(flow)
-    slow[:, 0] = flow[:, 0]
-    keep = np.exp(-np.diff(time, axis=1) / memory)
-    for k in range(1, flow.shape[1]):
-        slow[:, k] = keep[:, k - 1] * slow[:, k - 1] + (1.0 - keep[:, k - 1]) * flow[:, k - 1]
-    return slow
+    `inflow` (days, n) and `sides` (k, days, n), which enter the cells `enters` (k,), are held over each
+    sample, which is routed in so many steps; a row begins in the steady state of its first flows.
+    """
+    days, n = inflow.shape
+    flows, first, second = np.empty(CELLS + 1), np.empty(CELLS), np.empty(CELLS)
+    volume, trial, added = np.empty(CELLS), np.empty(CELLS), np.empty(CELLS)
+    for d in range(days):
+        through = inflow[d, 0]
+        for j in range(CELLS):
+            for i in range(len(enters)):
+                if enters[i] == j:
+                    through += sides[i, d, 0]
+            if not through > EMPTY * usual:
+                return False
+            volume[j] = full * (through / usual) ** (1.0 / power)
+        for k in range(n):
+            added[:] = 0.0
+            for i in range(len(enters)):
+                added[enters[i]] += sides[i, d, k]
+            span = time[d, min(k + 1, n - 1)] - time[d, min(k, n - 2)]
+            out[d, k] = usual * (volume[CELLS - 1] / full) ** power
+            dt = span / steps
+            for _ in range(steps):
+                if not rates(volume, inflow[d, k], added, usual, full, power, kappa, flows, first):
+                    return False
+                for j in range(CELLS):
+                    trial[j] = volume[j] + dt * first[j]
+                if not rates(trial, inflow[d, k], added, usual, full, power, kappa, flows, second):
+                    return False
+                for j in range(CELLS):
+                    volume[j] += 0.5 * dt * (first[j] + second[j])
+    return True
 
 
-def _convolved(values: Floats, kernel: Floats) -> Floats:
-    """Values (days, n) through a causal kernel (n,), zero before the first."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    n = values.shape[1]
-    size = next_fast_len(2 * n, real=True)
-    return np.asarray(irfft(rfft(values, size) * rfft(kernel, size), size)[:, :n])
+@njit(cache=True, error_model="numpy")
+def rates(
+    volume: Floats,
+    inflow: float,
+    added: Floats,
+    usual: float,
+    full: float,
+    power: float,
+    kappa: float,
+    flows: Floats,
+    out: Floats,
+) -> bool:
+    """Write the rates (N,) of the volumes [m3/s]; False where a cell is empty."""
+    for j in range(CELLS):
+        if not volume[j] > 0.0:
+            return False
+        flows[j] = usual * (volume[j] / full) ** power
+    flows[CELLS] = flows[CELLS - 1]  # no gradient at the lower end
+    coming = inflow
+    for j in range(CELLS):
+        going = flows[j] + kappa * (flows[j] - flows[j + 1])
+        out[j] = coming + added[j] - going
+        coming = going
+    return True

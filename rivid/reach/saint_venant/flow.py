@@ -17,7 +17,7 @@ from rivid.reach.gate import NO_OPERATORS, OperatorArrays, exchange_arrays, gate
 from rivid.reach.saint_venant.channel import COURANT_LIMIT, MAX_CELLS, Channel
 from rivid.types import Floats
 
-NUDGE_TIME = 7200.0
+NUDGE_TIME = 1800.0
 """Time in which a nudge would close the gap between the observed level and the water's [s]."""
 ENOUGH = 200_000
 """Cells times samples from which threads share the rows: about 10 ms of work; they start in 0.2 ms."""
@@ -83,6 +83,7 @@ def simulate(
     step: float | None = None,
     observed: ArrayLike | None = None,
     nudge_time: float = NUDGE_TIME,
+    lift: ArrayLike | None = None,
 ) -> Flow:
     """Solve Saint-Venant's equations for known flows at both dams.
 
@@ -115,10 +116,12 @@ def simulate(
     step : float, optional
         Longest time step [s], instead of `courant`; refused where it is unstable.
     observed : array_like, shape (n,) or (days, n), optional
-        A level [m] to stay near: ``(observed - level) / nudge_time`` is added to the rise of every cell.
-        NaN adds nothing.
+        A level [m] to stay near: ``(observed - level) / nudge_time`` times `lift` is added to the rise of
+        each cell. NaN adds nothing.
     nudge_time : float
         See `observed` [s].
+    lift : array_like, shape (cells,), optional
+        See `observed`; 1 by default, and :func:`backwater_lift` where the water is to stay in balance.
 
     Returns
     -------
@@ -189,7 +192,9 @@ def simulate(
         gate_arrays(changes, shape), exchange_arrays(changes, shape),
         _shares(channel.cells, [leak.place for leak in changes.leaks]),
         _shares(channel.cells, [pond.place for pond in changes.ponds]),
-        operators, target, 0.0 if observed is None else float(nudge_time), channel.sections, channel.dx,
+        operators, target, 0.0 if observed is None else float(nudge_time),
+        np.ones(c) if lift is None else np.array(np.broadcast_to(np.asarray(lift, float), (c,))),
+        channel.sections, channel.dx,
         float(gate_time), float(courant), 0.0 if step is None else float(step),
         state.area, state.discharge, state.gates, state.clock, state.gate, state.ponds,
         np.array([i for i, _ in cells], np.int64), np.array([w for _, w in cells]),
@@ -218,6 +223,48 @@ def simulate(
     return Flow(
         level[day], q_out[day], released[day], levels[day], discharges[day], volume[day], nudge[day], state
     )
+
+
+LIFT_BY = 0.05
+"""Rise of the level from which the lift is taken [m]."""
+
+
+def backwater_lift(channel: Channel, flow: float, level: float) -> tuple[Floats, float]:
+    """Rise of each cell over that of the level at x = L, from one steady state to the next, and its volume.
+
+    Far upstream the depth is that of the flow alone: there the rise is 0.
+
+    Parameters
+    ----------
+    channel : Channel
+    flow : float
+        Steady discharge [m3/s].
+    level : float
+        At x = L [m].
+
+    Returns
+    -------
+    lift : ndarray, shape (cells,)
+        [-].
+    store : float
+        Volume for each metre at x = L [m2]: less than the water surface.
+
+    Raises
+    ------
+    RividError
+        Where no subcritical steady flow has the level.
+    """
+    from rivid.reach.saint_venant import kernel
+
+    c, s = channel.cells, channel.sections
+    levels, volumes = [], []
+    for start in (level, level + LIFT_BY):
+        area = np.empty(c)
+        if not kernel.settle(flow, flow, np.zeros(c), start, s, channel.dx, area, np.empty(c + 1)):
+            raise _unsteady(channel, np.array([flow]), np.array([start]), 0)
+        levels.append(channel.level(area))
+        volumes.append(float(area.sum()) * channel.dx)
+    return np.asarray((levels[1] - levels[0]) / LIFT_BY), (volumes[1] - volumes[0]) / LIFT_BY
 
 
 def _threads(rows: int, row: int) -> int:

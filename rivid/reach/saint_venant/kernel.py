@@ -53,12 +53,12 @@ STRIDE = MAX_CELLS + 56
 (
     A, Z, P, M,  # area, level, wetted perimeter, momentum flux Q^2 / A
     Q, Q_OLD, Q_X,  # discharge half a step ahead and behind; at the step, with one more face at each end
-    SIDE,  # flow that enters [m2/s]
+    SIDE, LIFT,  # flow that enters [m2/s]; a nudge's rise of a cell over that at x = L
     BED, A_0, B_0, S, P_0, W_P, FRICTION,  # the sections; 2 g n^2
     PER_A, B, Z_REF, Z_A, BEND, P_REF,  # at the last divide: 1 / A, B, z, A / B, s A / B^2, P
     K_REF, PER_A2, PER_P2,  # and on the faces: K, 1 / (A + A), 1 / (P + P) of the cells on either side
     SCRATCH, FIELDS,
-) = range(0, 26 * STRIDE, STRIDE)  # fmt: skip
+) = range(0, 27 * STRIDE, STRIDE)  # fmt: skip
 CHANGE = 0.01
 """Largest relative change of an area that the series take."""
 ONE, CENTRE = 0x3FF0000000000000, 0x0000CCCCCCCCCCCC
@@ -181,7 +181,7 @@ def fill(W: Floats, n: int, dt: float, dx: float, rise: float, rectangular: bool
         width = W[B + i]
         if not rectangular:
             width += 2.0 * W[S + i] * (W[Z + i] - W[Z_REF + i])
-        area = W[A + i] + dt * ((W[Q + i] - W[Q + i + 1]) * per_dx + W[SIDE + i] + rise * width)
+        area = W[A + i] + dt * ((W[Q + i] - W[Q + i + 1]) * per_dx + W[SIDE + i] + rise * W[LIFT + i] * width)
         x = area * W[PER_A + i] - 1.0
         large += not abs(x) < CHANGE
         dz = x * W[Z_A + i]
@@ -231,6 +231,7 @@ def advance(
     operators: OperatorArrays,
     observed: Floats,
     nudge_time: float,
+    lift: Floats,
     sections: Sections,
     dx: float,
     gate_time: float,
@@ -269,6 +270,7 @@ def advance(
     c = len(sections.bed)
     W, memory = np.zeros(FIELDS), np.empty(MEMORY)
     lay_out(W, sections)
+    W[LIFT : LIFT + c] = lift
     rectangular = not (sections.s.any() or sections.a.any())
     commanded = len(operators.inflow) > 0
     for day in range(first, last):
