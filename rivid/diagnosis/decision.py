@@ -180,6 +180,8 @@ class Study:
         if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
         swing = one.added is not None and one.added.found_as == "swing" and self._swings(one, parent)
+        if parent.parent is None and not parent.unknown:  # of several responses, the best one
+            parent = self.first
         if not swing and not self._material(one, parent, one.active(self.record)):
             return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)

@@ -129,8 +129,10 @@ def find_effects(
 ) -> Study:
     """All steps but the report; see :func:`diagnose`."""
     search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report)
-    parent = search.begun()
+    parent, *promising = search.begun()
     for turn in range(most):
+        for other in promising if turn == 0 else ():
+            search.extend(other)
         search.extend(parent)
         lead = search.lead()
         again = search.again(parent, lead)
@@ -217,38 +219,51 @@ class _Search:
         self.pool.append(one)
         return one
 
-    def begun(self) -> Explanation:
-        """All responses without further effects; the best of them."""
+    def begun(self) -> list[Explanation]:
+        """The best response without further effects, and those that one effect might make better."""
         refused: list[RividError] = []
         part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
-        rough: list[tuple[float, Model]] = []
+        rough: list[tuple[float, float, Model]] = []  # likelihood a day, and the same with an effect
         for reach in self.responses:
             self.report(0.1, f"calibrating the response: {reach.name}")
             try:
                 one = fitted(self._plain(reach), part, np.ones(part.days, bool), steps=8, fresh=5)
+                seen = np.where(part.used, one.residual, np.nan)
+                likely = float(one.noise.log_likelihood(seen, part.activity).mean())
+                rough.append((likely, likely + self._promise(one, part), one.model))
             except RividError as error:
                 refused.append(error)
-                continue
-            seen = np.where(part.used, one.residual, np.nan)
-            rough.append((float(one.noise.log_likelihood(seen, part.activity).mean()), one.model))
         if not rough:
             raise refused[0]
         self.notes += [f"a response was passed over: {why}" for why in refused]
-        best = max(likely for likely, model in rough if model.reach.name != "fir" or len(rough) == 1)
-        for likely, model in rough:
-            if likely < best - HOPELESS:
+        best = max(likely for likely, _, model in rough if model.reach.name != "fir" or len(rough) == 1)
+        promising = []
+        for likely, promise, model in rough:
+            if likely < best - HOPELESS and promise < best:
                 continue
             dynamics = model.reach.name == "fir"
             self.report(0.1, f"calibrating the response: {model.reach.name}")
             nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
             model = replace(model, noise=None, reach=_able(nominal, model.reach, self.record))
-            self.add(
+            one = self.add(
                 fitted(
                     model, self.record, self.opened, steps=8, fresh=1,
                     unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
                 )
             )  # fmt: skip
-        return max((one for one in self.pool if not one.unknown), key=self.score, default=self.pool[0])
+            if promise >= best and not dynamics:
+                promising.append(one)
+        return sorted(promising or self.pool, key=self.score, reverse=True)
+
+    def _promise(self, one: Explanation, part: Record) -> float:
+        """What an effect may gain on a response [nats a day]: twice the linear gain, for the noise shrinks."""
+        if one.model.reach.name == "fir":  # no ground for effects
+            return 0.0
+        library = Library.of(
+            replace(one.model, effects=self.start, free=((),) * len(self.start)), part, self.classes
+        )
+        found = screened(one, library, part)
+        return 2.0 * found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
         """A response with the effects that are known from the start."""
