@@ -103,7 +103,10 @@ def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) 
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
-    """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter."""
+    """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter.
+
+    The density and the errors an hour or more ahead are tests of their own: each has its part of the chance.
+    """
     from scipy.stats import t
 
     gain = block_sums(_density(one) - _density(other), chosen, blocks)
@@ -112,7 +115,8 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
         return False
     share, draws = shares(one, other, chosen, blocks)
     # The draws of few blocks scatter too little: by their number, and as Student's t has it.
-    wide = float(t.ppf(1.0 - DOUBT, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
+    tests = len(share)  # the density, and all horizons but the first
+    wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
     unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 

@@ -219,7 +219,7 @@ def fitted(
     seen = np.where(record.used, z, np.nan)
     noise, weights = _noise(model, record, seen, open_days, weights, alone=False)
     return Explanation(
-        replace(model, noise=noise),
+        replace(model, noise=replace(noise, recall=model.recall(record))),
         unknown,
         log_prior,
         z,

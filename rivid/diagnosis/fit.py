@@ -24,6 +24,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.noise.model import NoiseModel, fit_noise
 from rivid.diagnosis.response.base import Response, sensitivities
 from rivid.effects import Effect, changes_of
+from rivid.errors import RividError
 from rivid.reach.changes import Changes
 from rivid.types import DAY, HOUR, Floats
 
@@ -98,6 +99,8 @@ def day_errors(
     return DayErrors(squares, counts)
 
 
+OFF, SOME = 0.01, 4
+"""Shift of the observed levels [m], and days, from which the fall of an error of the level is taken."""
 WIDE = 10.0
 """Prior standard deviation of an effect's parameter, in units of its value: nearly flat."""
 ENOUGH = 2.0
@@ -157,6 +160,24 @@ class Model:
     def baseline(self, record: Record, more: tuple[Effect, ...] = ()) -> Floats:
         """Output about the observed course, with further effects; shape (days, n)."""
         return self.reach.baseline(record, self.changes(record, more))
+
+    def recall(self, record: Record) -> float:
+        """Share of an error of the level that the effects leave after a sample; 1 for most.
+
+        From the baselines of some days about levels that are off by :data:`OFF`.
+        """
+        if record.kind == "river" or not self.effects:
+            return 1.0
+        few = record.take(np.linspace(0, record.days - 1, min(record.days, SOME)).astype(int))
+        off = replace(few, output=few.output + OFF)
+        bare = replace(self, effects=(), free=())
+        try:
+            more, plain = (one.baseline(off) - one.baseline(few) for one in (self, bare))
+        except RividError:
+            return 1.0
+        steps = min(max(round(HOURS[1] * HOUR / record.sample_time), 1), few.time.shape[1] - 1)
+        fallen = float(np.median((plain - more)[:, steps])) / OFF
+        return float(np.clip(1.0 - fallen, 0.05, 1.0) ** (1.0 / steps))
 
     def values(self) -> Floats:
         """The effects' free parameters, one after the other."""

@@ -256,7 +256,7 @@ class _Search:
         return sorted(promising or self.pool, key=self.score, reverse=True)
 
     def _promise(self, one: Explanation, part: Record) -> float:
-        """What an effect may gain on a response [nats a day]: twice the linear gain, for the noise shrinks."""
+        """What an effect may gain on a response [nats a day]: twice the linear gain, as the noise shrinks."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
         library = Library.of(

@@ -59,6 +59,9 @@ class NoiseModel:
     misfit : float
         Error of the response over what the flows have just changed: of a front, by how many samples it is
         early or late [-].
+    recall : float
+        Share of an error of the level that is left after a sample, below 1 where what the reach loses grows
+        with its level: forecasts run on from their origin, while the residual is about the observed level.
 
     Raises
     ------
@@ -75,6 +78,7 @@ class NoiseModel:
     sample_time: float
     surface_area: float | None
     misfit: float = 0.0
+    recall: float = 1.0
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -194,10 +198,19 @@ class NoiseModel:
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
-        forecast = x + m.c * w * (m.phi ** np.arange(horizon)).sum() + m.psi**horizon * s
+        from scipy.signal import lfilter
+
+        left = self.recall ** np.arange(horizon, -1, -1)
+        rise = m.c * w * (m.phi ** np.arange(horizon) * left[1:]).sum()
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]
         known = there[:, origin + horizon] & (seen | (not m.diffuse))
-        return np.where(known, values[:, origin + horizon] - forecast, np.nan)
+        # Each rise of the residual falls back from its sample on; at the origin, but for the gauge's noise.
+        at = np.maximum.accumulate(np.where(there, np.arange(n), 0), axis=1)
+        last = np.take_along_axis(values, at, axis=1)
+        fell = lfilter([1.0], [1.0, -self.recall], np.diff(last, axis=1, prepend=0.0), axis=1)
+        begun = left[0] * (fell[:, origin] + x - last[:, origin])
+        errors = fell[:, origin + horizon] - begun - rise - m.psi**horizon * s
+        return np.where(known, errors, np.nan)
 
     def smooth(self, residual: ArrayLike, activity: ArrayLike | None = None) -> Smoothed:
         """The hidden parts given whole days of a residual (days, n) [m]; NaN is missing."""
