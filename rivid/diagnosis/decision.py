@@ -183,18 +183,22 @@ class Study:
             return names, unknown
         if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
-        swing = one.added is not None and one.added.found_as == "swing" and self._swings(one, parent)
+        swing = one.added is not None and one.added.found_as == "swing" and self._swings(one)
         if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
         if not swing and not self._material(one, parent, one.active(self.record)):
             return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
 
-    def _swings(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether the variance of a seiche is a share that counts of a squared error."""
-        assert parent.errors is not None and one.added is not None
+    def _swings(self, one: Explanation) -> bool:
+        """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
+
+        What it extends may forecast worse than needed: the filter takes the swing for weather.
+        """
+        assert one.added is not None
         amplitude = float(getattr(one.added, "amplitude"))  # noqa: B009 - every seiche has one
-        return bool((0.5 * amplitude**2 >= MATERIAL * parent.errors.rmse(self.opened) ** 2).any())
+        rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
+        return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def excess(self, one: Explanation) -> bool:
         """Whether an explanation's error exceeds what its own weather, gauge and misfit make, by what counts.

@@ -423,7 +423,9 @@ class _Search:
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
         """Add an unknown flow and an unknown gauge; the parent again, where they led to a better fit."""
-        if parent.unknown:
+        if (
+            parent.unknown or parent.bonus is not None
+        ):  # with a seiche the noise is what the filter made of it
             return parent, []
         self.report(0.1, "an unknown flow, an unknown gauge")
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
