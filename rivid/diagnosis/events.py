@@ -414,11 +414,11 @@ def find_events(
     if refine and kind.shape != "jump":
         (found,) = rows.search([_refined(rows)], every, timed=2)
     else:
-        found = max(rows.search([Form((x,)) for x in kind.samples(sample_time)], every), key=lambda f: f.gain)
+        (found,) = rows.search([_usual(rows)], every)
     return rows.as_events(found)
 
 
-FEW_ROWS = 30
+FEW_ROWS = 16
 """Rows, those with most to explain, from which durations are refined: with an event on each they are right to
 some percent."""
 
@@ -427,10 +427,21 @@ PASSES, FINER = 2, 4
 to one of 1.04, within which the gain is flat."""
 
 
+def _some(rows: Rows) -> list[int]:
+    """The rows with most to explain, in order."""
+    size = rows.weights * (rows.white**2).sum(1)
+    return sorted(np.argsort(-size, kind="stable")[:FEW_ROWS].tolist())
+
+
+def _usual(rows: Rows) -> Form:
+    """The duration of the grid of largest gain."""
+    forms = [Form((x,)) for x in rows.kind.samples(rows.T)]
+    return max(rows.search(forms, _some(rows)), key=lambda f: f.gain).form if len(forms) > 1 else forms[0]
+
+
 def _refined(rows: Rows) -> Form:
     """The form of largest gain, first of the grid and then about it."""
-    kind, grid = rows.kind, rows.kind.samples(rows.T)
-    some = np.sort(np.argsort(-rows.weights * (rows.white**2).sum(1), kind="stable")[:FEW_ROWS]).tolist()
+    kind, grid, some = rows.kind, rows.kind.samples(rows.T), _some(rows)
 
     def best(forms: list[Form], timed: int = 0) -> _Found:
         return max(rows.search(forms, some, timed), key=lambda f: f.gain)

@@ -368,8 +368,9 @@ def _gain(score: Floats, information: Floats, sign: int) -> Floats:
     return np.asarray(0.5 * s * s / safe)
 
 
-SHARES = (1.0, 0.3, 0.1)
-"""Shares of a candidate's size at which its fit may begin."""
+SHARES = (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
+"""Shares of a candidate's size at which its fit may begin: of a delay that follows the flow, to which the
+response had bent, the first estimate was a sixth."""
 CODINGS = 2
 """Searches for events: the second one with the noise of what the first one leaves, and refined."""
 
@@ -387,10 +388,12 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     p = len(model.reach.parameters)
     opened = parent.weights > 0.0
     root = np.sqrt(parent.weights)[:, None]
-    best: tuple[float, Model] | None = None
-    for share in SHARES:  # the columns hold near the fit: a large effect is begun with a part of it
+    tried: list[tuple[float, float, Model]] = []
+    for share in SHARES:  # the columns hold near the fit, and its response may have bent to the effect
         try:
-            reach = model.reach.with_parameters(vector_of(model.reach) + share * candidate.shift[:p])
+            reach = model.reach.with_parameters(
+                vector_of(model.reach) + min(share, 1.0) * candidate.shift[:p]
+            )
             larger = replace(
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),
                 free=(*model.free, candidate.free),
@@ -399,18 +402,16 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
             white = noise.whiten(np.where(record.used, left, np.nan), activity=record.activity)
         except RividError:
             continue
-        cost = float(((white * root)[opened] ** 2).sum())
-        if best is not None and cost >= best[0]:
-            break
-        best = cost, larger
-    if best is None:
+        tried.append((float(((white * root)[opened] ** 2).sum()), share, larger))
+    if not tried:
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
-    larger = best[1]
+    _, share, larger = min(tried, key=lambda one: one[0])
     for key in set(candidate.free) & set(candidate.effect.stepwise):
         larger = _stepped(larger, key, parent, record)
     return fitted(
         larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
+        steps=10 if share > 1.0 else 6, fresh=4 if share > 1.0 else 0,
     )  # fmt: skip
 
 
@@ -439,6 +440,10 @@ def _stepped(model: Model, key: str, parent: Explanation, record: Record) -> Mod
     return models[int(np.argmin(costs))]
 
 
+LEAST_EVENTS = 8.0
+"""Least gain of all events together, less their prices [nats]: as of a candidate that is tried."""
+
+
 def with_events(
     parent: Explanation, effect: type[Effect], kernels: dict[str, Floats], record: Record, log_prior: float
 ) -> Explanation | None:
@@ -456,11 +461,9 @@ def with_events(
             seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows,
             refine=turn == CODINGS - 1,
         )  # fmt: skip
-        if not found.events:
+        if found.gain < LEAST_EVENTS or not plausible(found):  # no refinement makes them so
             return None
     assert found is not None
-    if not plausible(found):
-        return None
     return fitted(
         parent.model, record, opened, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),

@@ -134,7 +134,7 @@ def find_effects(
         for other in promising if turn == 0 else ():
             search.extend(other)
         search.extend(parent)
-        lead = search.lead()
+        lead = search.polished(search.lead())
         again = search.again(parent, lead)
         if again is not parent:  # its extensions begin at a better response
             parent = again
@@ -351,6 +351,26 @@ class _Search:
         if columns is not None:
             found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
+
+    def polished(self, lead: Explanation) -> Explanation:
+        """`lead` fitted on with columns about its own response, where that is better."""
+        if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
+            return lead
+        self.report(0.05, f"refitting with {lead.added.name}")
+        try:
+            one = fitted(
+                lead.model, self.record, self.opened, unknown=lead.unknown, log_prior=lead.log_prior,
+                parent=lead.parent, inflation=lead.inflation, others=lead.others, events=lead.events,
+                steps=6, fresh=2,
+            )  # fmt: skip
+        except RividError:
+            return lead
+        one = self.add(one)
+        if self.score(one) <= self.score(lead):
+            return lead
+        if id(lead) in self.grown:
+            self.grown[id(one)] = self.grown[id(lead)]
+        return one
 
     def again(self, parent: Explanation, lead: Explanation) -> Explanation:
         """`parent` fitted again from the response of `lead`; itself where that is no better.
