@@ -27,6 +27,9 @@ MATERIAL = 0.10
 """Least share of the squared error, at one horizon, that an effect removes to be named."""
 TEMPER = 0.5
 """Exponent of the scores, over their inflation. Set on some twenty development seasons, not calibrated."""
+BEYOND = 2.0
+"""Least shift of fronts by an effect on timing, over the misfit that is left: what a response misses in one way
+it may miss as much in another."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -169,12 +172,22 @@ class Study:
         return is_material(one, other, self.opened & days, self.split.block)
 
     @cached_property
+    def _found(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
+        """Results of :meth:`core`, by identity."""
+        return {}
+
+    @cached_property
     def _cores(self) -> dict[int, tuple[tuple[str, ...], Unknown]]:
         """Of each ranked explanation, by its identity: names that are material, and what is unknown."""
         return {id(one): self.core(one) for one, _ in self.ranking}
 
     def core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
         """Names of an explanation that are material given those before them, and what is unknown if it is."""
+        if id(one) not in self._found:
+            self._found[id(one)] = self._core(one)
+        return self._found[id(one)]
+
+    def _core(self, one: Explanation) -> tuple[tuple[str, ...], Unknown]:
         parent = one.parent
         if parent is None:
             return (), one.unknown
@@ -188,7 +201,24 @@ class Study:
             parent = self.first
         if not swing and not self._material(one, parent, one.active(self.record)):
             return names, unknown
+        if one.added is not None and one.added.family == "timing" and not self._moves(one):
+            return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
+
+    def _moves(self, one: Explanation) -> bool:
+        """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
+
+        In samples, as the misfit: the changes that it makes from sample to sample over the activity.
+        """
+        assert one.parent is not None and self.record.activity is not None
+        if one.count[0] == one.parent.count[0]:
+            return True
+        model, record = one.model, self.record
+        less = replace(model, effects=model.effects[:-1], free=model.free[:-1])
+        change = np.diff(model.baseline(record) - less.baseline(record), axis=1)
+        counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
+        moved = float((change[counted] ** 2).sum())
+        return moved > (BEYOND * one.noise.misfit) ** 2 * float(record.activity[:, :-1][counted].sum())
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
