@@ -28,8 +28,8 @@ MATERIAL = 0.10
 TEMPER = 0.5
 """Exponent of the scores, over their inflation. Set on some twenty development seasons, not calibrated."""
 BEYOND = 2.0
-"""Least shift of fronts by an effect on timing, over the misfit that is left: what a response misses in one way
-it may miss as much in another."""
+"""Least shift of fronts by an effect on timing, over the misfit that is left: a response misses as much in one
+way as in another."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -210,7 +210,8 @@ class Study:
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
         """
-        assert one.parent is not None and self.record.activity is not None
+        activity = self.record.activity
+        assert one.parent is not None and activity is not None
         if one.count[0] == one.parent.count[0]:
             return True
         model, record = one.model, self.record
@@ -218,7 +219,7 @@ class Study:
         change = np.diff(model.baseline(record) - less.baseline(record), axis=1)
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
         moved = float((change[counted] ** 2).sum())
-        return moved > (BEYOND * one.noise.misfit) ** 2 * float(record.activity[:, :-1][counted].sum())
+        return moved > (BEYOND * one.noise.misfit) ** 2 * float(activity[:, :-1][counted].sum())
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
