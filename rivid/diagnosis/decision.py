@@ -28,8 +28,8 @@ MATERIAL = 0.10
 TEMPER = 0.5
 """Exponent of the scores, over their inflation. Set on some twenty development seasons, not calibrated."""
 BEYOND = 2.0
-"""Least shift of fronts by an effect on timing, over the misfit that is left: a response misses as much in one
-way as in another."""
+"""Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
+wrong in another."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -211,8 +211,8 @@ class Study:
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
         """
         activity = self.record.activity
-        assert one.parent is not None and activity is not None
-        if one.count[0] == one.parent.count[0]:
+        assert one.parent is not None
+        if activity is None or one.count[0] == one.parent.count[0]:
             return True
         model, record = one.model, self.record
         less = replace(model, effects=model.effects[:-1], free=model.free[:-1])

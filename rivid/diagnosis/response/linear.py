@@ -115,7 +115,9 @@ class LinearPool:
             FreeParameter.positive("surface_area", "m2", surface_area, area_sd),
             FreeParameter.positive("delay", "s", delay, delay_sd),
             FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd),
-            FreeParameter("speed_share", "-", speed_share, speed_share, SHARE_SD * speed_share, 0.0, 1.0),
+            FreeParameter(
+                "speed_share", "-", speed_share, speed_share, SHARE_SD * max(speed_share, 0.1), 0.0, 1.0
+            ),
         ]
         alpha = record.sample_time / surface_area
         lags: tuple[int, ...] = ()
