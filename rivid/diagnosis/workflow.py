@@ -4,7 +4,7 @@ Steps as in docs/diagnose.md. Open days fit and, each by a fit without its block
 used once, at the end.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -50,7 +50,9 @@ five development seasons a response of another kind of water lost 230 to 480; ef
 CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
-"""The fit of a response starts on every third open day."""
+"""The fit of a response starts on every third open day, that of each of its starts on every sixth."""
+CARRIED_ON = 2
+"""Starts from which a response is fitted to every third open day."""
 Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
@@ -227,9 +229,7 @@ class _Search:
         for reach in self.responses:
             self.report(0.1, f"calibrating the response: {reach.name}")
             try:
-                one = fitted(self._plain(reach), part, np.ones(part.days, bool), steps=8, fresh=5)
-                seen = np.where(part.used, one.residual, np.nan)
-                likely = float(one.noise.log_likelihood(seen, part.activity).mean())
+                likely, one = self._calibrated(reach, part)
                 rough.append((likely, likely + self._promise(one, part), one.model))
             except RividError as error:
                 refused.append(error)
@@ -254,6 +254,15 @@ class _Search:
             if promise >= best and not dynamics:
                 promising.append(one)
         return sorted(promising or self.pool, key=self.score, reverse=True)
+
+    def _calibrated(self, reach: Response, part: Record) -> tuple[float, Explanation]:
+        """The best fit of a response to some days, from its best starts, and its likelihood [nats a day]."""
+        starts: Sequence[Response] = (reach,)
+        if isinstance(reach, HydraulicResponse):
+            few = part.take(np.arange(0, part.days, 2))
+            begun = _best_fits(map(self._plain, reach.starts()), few, steps=5, fresh=3)
+            starts = [one.model.reach for _, one in begun[:CARRIED_ON]]
+        return _best_fits(map(self._plain, starts), part, steps=8, fresh=5)[0]
 
     def _promise(self, one: Explanation, part: Record) -> float:
         """What an effect may gain on a response [nats a day]: twice the linear gain, as the noise shrinks."""
@@ -484,6 +493,30 @@ class _Search:
 
 UNKNOWNS = 2
 """Unknown flows and unknown gauges, beside the names."""
+
+
+def _best_fits(
+    models: Iterable[Model], record: Record, *, steps: int, fresh: int
+) -> list[tuple[float, Explanation]]:
+    """Fits of models to all days of a record, with their likelihoods [nats a day], the best one first.
+
+    Raises
+    ------
+    RividError
+        Where none of them carries the flows.
+    """
+    found, refused = [], []
+    for model in models:
+        try:
+            one = fitted(model, record, np.ones(record.days, bool), steps=steps, fresh=fresh)
+        except RividError as error:
+            refused.append(error)
+            continue
+        seen = np.where(record.used, one.residual, np.nan)
+        found.append((float(one.noise.log_likelihood(seen, record.activity).mean()), one))
+    if not found:
+        raise refused[0]
+    return sorted(found, key=lambda pair: -pair[0])
 
 
 def _able(nominal: Response, reach: Response, record: Record) -> Response:

@@ -60,13 +60,16 @@ def as_far_as_it_goes(run: Run, record: Record, changes: Changes) -> Floats:
     return output
 
 
-SHAPE = ("length", "width", "depth", "fall", "manning", "bank")
+SHAPE = ("length", "width", "depth", "fall", "manning", "bank", "gate_time")
 BANKS = 1.0, 1.0, 4.0
 """Run of the banks for each metre up, its uncertainty and limit [-]: walls to meadows."""
 CELLS, FEWEST_CELLS, MOST_CELLS = 4.0, 24, 32
 """Cells in a sample's way of a wave, and limits: on three of four reaches with waves of 2 to 5 samples, 24
 days each, 12 to 16 cells described the logs as well as 32, in a third to a half of the time; on the fourth,
 with 2 samples, they lost 16 nats a day."""
+DEPTHS = (0.0, -2.0, -1.0, 1.0, 2.0)
+"""Depths at which a fit begins, in prior standard deviations from the nominal one: in one of three seasons a
+fit from two of them was 200 nats a day likelier than that from the nominal depth."""
 NARROWEST = 0.1
 """Least width of the bed over that of the surface."""
 GATE_LAGS = (1, 2, 3)
@@ -92,8 +95,8 @@ class HydraulicResponse:
     ----------
     parameters : tuple of FreeParameter
         Logarithms of length, width, depth (of the bed under the dam below `level`) and Manning's n; the fall
-        of the bed [m], plain since it may be 0; modes of the width and of the bed; corrections; the lag of
-        the gauge behind h.
+        of the bed [m], plain since it may be 0; the run of the banks; the logarithm of the time of the gates;
+        modes of the width and of the bed; corrections; the lag of the gauge behind h.
     level, flow : float
         Usual level at the dam [m] and discharge [m3/s]: the nudge lifts the cells as a higher level at the
         dam does on the usual flow.
@@ -103,8 +106,6 @@ class HydraulicResponse:
         How many modes.
     outflow_lags, inflow_lags : tuple of int
         Lags of the corrections [samples].
-    gate_time : float
-        Time that a dam takes from one command to the next [s].
 
     Notes
     -----
@@ -122,7 +123,6 @@ class HydraulicResponse:
     bed_modes: int = 0
     outflow_lags: tuple[int, ...] = ()
     inflow_lags: tuple[int, ...] = ()
-    gate_time: float = 30.0
     name: str = field(default="saint-venant", init=False)
 
     @classmethod
@@ -146,6 +146,7 @@ class HydraulicResponse:
         corrections: bool = True,
         cells: int | None = None,
         gate_time: float = 30.0,
+        gate_time_sd: float = 0.7,
     ) -> "HydraulicResponse":
         """From the configured geometry.
 
@@ -161,7 +162,7 @@ class HydraulicResponse:
             Of the bed [-]; default: a fall of 0.15 depths over the reach.
         manning : float
             Manning's n [s/m^(1/3)].
-        length_sd, width_sd, depth_sd, manning_sd : float
+        length_sd, width_sd, depth_sd, manning_sd, gate_time_sd : float
             Relative uncertainties.
         width_modes, bed_modes : int
             Modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed.
@@ -193,6 +194,7 @@ class HydraulicResponse:
             FreeParameter("fall", "m", fall, fall, 0.2 * depth, 0.0, 2.0 * depth),
             FreeParameter.positive("manning", "s/m^(1/3)", manning, manning_sd),
             FreeParameter("bank", "-", BANKS[0], *BANKS[:2], 0.0, BANKS[2]),
+            FreeParameter.positive("gate_time", "s", gate_time, gate_time_sd, reach=3.0),
         ]
         for j in range(1, width_modes + 1):
             shape.append(FreeParameter(f"width_mode_{j}", "-", 0.0, 0.0, 0.15, -0.5, 0.5))
@@ -200,7 +202,6 @@ class HydraulicResponse:
             shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
         made = cls(
             (*shape, gauge_lag()), level, flow, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
-            gate_time=gate_time,
         )  # fmt: skip
         return made._corrected(sample_time, flow) if corrections else made
 
@@ -216,7 +217,7 @@ class HydraulicResponse:
     @cached_property
     def channel(self) -> Channel:
         """The channel of the parameters."""
-        length, width, depth, fall, manning, bank = (p.natural for p in self.parameters[: len(SHAPE)])
+        length, width, depth, fall, manning, bank, _ = (p.natural for p in self.parameters[: len(SHAPE)])
         modes = [p.natural for p in self.parameters[len(SHAPE) : self._shape_count]]
         bed_modes = [0.0, *modes[self.width_modes :]]
         end_wave = sum(mode * (-1) ** j for j, mode in enumerate(bed_modes, start=1))
@@ -237,6 +238,12 @@ class HydraulicResponse:
             return self
         lags = self._arrival_lags(record.sample_time, record.usual_flow)
         return self if lags == self.inflow_lags else self._corrected(record.sample_time, record.usual_flow)
+
+    def starts(self) -> "tuple[HydraulicResponse, ...]":
+        """The channel at several depths: a fit has a maximum wherever waves to and fro are in step."""
+        i, nominal = SHAPE.index("depth"), vector_of(self)
+        unit = self.parameters[i].sd * (np.arange(len(nominal)) == i)
+        return tuple(self.with_parameters(nominal + way * unit) for way in DEPTHS)
 
     def carried(self, record: Record) -> Bools:
         """Days whose flows the channel carries, steeper and shallower by an sd too; shape (days,)."""
@@ -286,6 +293,11 @@ class HydraulicResponse:
         columns[-1] = stilled(record.time, level, later) - stilled(record.time, level, self._lag)
         columns[-1] /= LAG_STEP
         return columns
+
+    @property
+    def gate_time(self) -> float:
+        """Time that a dam takes from one command to the next [s]."""
+        return self.parameters[SHAPE.index("gate_time")].natural
 
     @property
     def _lag(self) -> float:
