@@ -59,8 +59,9 @@ REMOVED: dict[str, tuple[str, ...]] = {
 """Effects hidden while the library lacks them, with those that are nearly the same and are lacking too."""
 EVENTS = {"rain_inflow": ("peak", "peak_m3s"), "unlogged_downstream_release": ("size", "size_m3s")}
 """Effects whose events are drawn: the parameter that each event has for itself, and its key among them."""
-BANKED = ("storage_area_slope",)
-"""True of a channel with banks that the configuration does not name: not counted, unless hidden."""
+CHANNELED = ("storage_area_slope", "seiche")
+"""True of a channel by itself, and not counted unless hidden: it has banks that the configuration does not name,
+and its weather makes it swing in its own period, in one season by 7 mm."""
 OUTSIDERS: dict[str, tuple[str, ...]] = {
     "hunting_governor": (), "bent_rating": (), "siphon": (), "silting_well": ("stilling_well",),
     "ice_cover": (),
@@ -175,7 +176,7 @@ def _planted(world: World, attempt: int) -> Planted:
         "times": times,
         "units": [size_of(one.table) for one in units], "by": [one.by for one in units],
         "nats": nats, "rivals": rivals,
-        "allowed": list(BANKED) if world.kind in ("saint_venant", "box") else [],
+        "allowed": list(CHANNELED) if world.kind in ("saint_venant", "box") else [],
         "excluded": list(excluded), "first_day": season.dates[0], "world": world.factors(),
         "days": (season.dates[-1] - season.dates[0]).days + 1,
     }  # fmt: skip

@@ -104,7 +104,7 @@ def test_parameters_stay_inside_their_limits():
     for far, which in ((999.0, "high"), (-999.0, "low")):
         moved = response.with_parameters(vector_of(response) + far)
         assert vector_of(moved).tolist() == [getattr(p, which) for p in response.parameters]
-    with pytest.raises(RividError, match="expected 7 finite numbers, for length, width"):
+    with pytest.raises(RividError, match="expected 8 finite numbers, for length, width"):
         response.with_parameters([1.0, 2.0])
     with pytest.raises(RividError, match="slope = 0.1: expected 0 to"):
         few(season(4, days=2), slope=0.1)
@@ -199,10 +199,10 @@ def test_sensitivities_are_those_of_runs_one_by_one():
 def test_slopes_turn_round_at_a_limit():
     record, response = pool_of("zero")
     jump = vector_of(response)
-    jump[3] = response.parameters[3].high
+    jump[4] = response.parameters[4].high
     edge = response.with_parameters(jump)
-    slope = slopes_by_differences(edge, record, edge.baseline(record), Changes(), range(3, 4))
-    inner = response.slopes(record, response.baseline(record))[3]
+    slope = slopes_by_differences(edge, record, edge.baseline(record), Changes(), range(4, 5))
+    inner = response.slopes(record, response.baseline(record))[4]
     np.testing.assert_allclose(slope[0], inner, atol=1e-6)
 
 
