@@ -166,7 +166,15 @@ class Study:
             return tuple(able)
         pool = leading(known, self.opened)
         best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
-        return (*known, *(one for one in flexible if self._material(one, best, self.opened)))
+        return (*known, *(one for one in flexible if self._nearer(one, best)))
+
+    def _nearer(self, one: Explanation, best: Explanation) -> bool:
+        """Whether unknown dynamics remove a share that counts at the nearest horizon.
+
+        Further ahead a flexible response reads what is unlogged from how the operators answer it.
+        """
+        share, draws = shares(one, best, self.opened, self.split.block)
+        return bool(share[0] >= MATERIAL and np.quantile(draws[:, 0], DOUBT) > 0.0)
 
     def _material(self, one: Explanation, other: Explanation, days: Bools) -> bool:
         return is_material(one, other, self.opened & days, self.split.block)

@@ -45,8 +45,8 @@ scores a name needs several times as much to be probable."""
 SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
 HOPELESS = 100.0
-"""Log-likelihood a day below the best response's from which a response is not fitted to all days [nats]. In
-five development seasons a response of another kind of water lost 230 to 480; effects gained up to 60."""
+"""Log-likelihood a day below the best response's from which unknown dynamics are not fitted to all days
+[nats]: in five development seasons effects gained up to 60."""
 CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
@@ -132,6 +132,9 @@ def find_effects(
     """All steps but the report; see :func:`diagnose`."""
     search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report)
     parent, *promising = search.begun()
+    for other in search.pool[:]:
+        if other.model.reach.name not in ("fir", parent.model.reach.name):
+            search.scouted(other, parent)
     for turn in range(most):
         for other in promising if turn == 0 else ():
             search.extend(other)
@@ -239,9 +242,9 @@ class _Search:
         best = max(likely for likely, _, model in rough if model.reach.name != "fir" or len(rough) == 1)
         promising = []
         for likely, promise, model in rough:
-            if likely < best - HOPELESS and promise < best:
-                continue
             dynamics = model.reach.name == "fir"
+            if likely < best - HOPELESS and promise < best and dynamics:
+                continue
             self.report(0.1, f"calibrating the response: {model.reach.name}")
             nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
             model = replace(model, noise=None, reach=_able(nominal, model.reach, self.record))
@@ -360,6 +363,32 @@ class _Search:
         if columns is not None:
             found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
+
+    def scouted(self, other: Explanation, parent: Explanation) -> None:
+        """The effect that a simple response shows best, tried on the nominal response of `parent`.
+
+        The fitted response of `parent` may have bent to it so far that no small step shows it.
+        """
+        reach = next(reach for reach in self.responses if reach.name == parent.model.reach.name)
+        part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
+        bare = replace(other.model, effects=self.start, free=((),) * len(self.start))
+        found = screened(other, Library.of(bare, self.record, self.classes), self.record)
+        if not found or found[0].worth < LEAST:
+            return
+        effect = found[0].effect
+        self.report(0.05, f"refitting with {effect.name}")
+        simple = replace(bare, effects=(*self.start, effect), free=(*bare.free, found[0].free))
+        try:
+            shown = _best_fits([simple], part, steps=8, fresh=5)[0][1].model
+            full = replace(shown, reach=reach, noise=None)
+            rough = _best_fits([full], part, steps=8, fresh=5)[0][1].model
+            one = fitted(
+                rough, self.record, self.opened, steps=5, fresh=1, parent=parent,
+                log_prior=self.log_prior(1) + found[0].log_prior,
+            )  # fmt: skip
+        except RividError:
+            return
+        self.add(one)
 
     def polished(self, lead: Explanation) -> Explanation:
         """`lead` fitted on with columns about its own response, where that is better."""
