@@ -33,9 +33,10 @@ class Explanation:
     unknown: Unknown
     log_prior: float  # of its names and windows [nats]
     residual: Floats  # (days, n): measured less simulated and coded, NaN where nothing was measured
-    # (k, days, n): change of the simulated output for one unit of each free parameter, of the response and of
-    # the effects; and their prior standard deviations (k,).
-    columns: Floats
+    # (p, days, n) and (q, days, n): change of the simulated output for one unit of each free parameter of the
+    # response, which explanations share, and of the effects; and prior standard deviations of all, (p + q,).
+    shared: Floats
+    own: Floats
     sd: Floats
     weights: Floats  # (days,): of the fit; 0 on sealed days
     # Effects that the simulator does not hold: events, coded day by day, and noises; with the events.
@@ -56,10 +57,18 @@ class Explanation:
         return self.model.noise
 
     @property
+    def columns(self) -> Floats:
+        """Change of the simulated output for one unit of each free parameter, shape (p + q, days, n)."""
+        return np.concatenate([self.shared, self.own])
+
+    @property
     def predicted(self) -> Floats:
         """Residual of each day by the fit without its block, shape (days, n)."""
         assert self.change is not None
-        return np.asarray(self.residual - np.einsum("dk,kdn->dn", self.change, self.columns, optimize=True))
+        left, p = self.residual, len(self.shared)
+        for change, columns in ((self.change[:, :p], self.shared), (self.change[:, p:], self.own)):
+            left = left - np.einsum("dk,kdn->dn", change, columns, optimize=True)
+        return np.asarray(left)
 
     @property
     def whole(self) -> Model:
@@ -173,7 +182,8 @@ def fitted(
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
     z = residual_of(record, model.baseline(record)) - coded
-    J = _columns(model, record, None if start is None else start.columns[:p])
+    shared = None if start is None else start.shared
+    J = _columns(model, record, shared)
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights = 1e-3, None
     for step in range(steps):
@@ -213,7 +223,7 @@ def fitted(
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         if step < fresh:
-            J = _columns(model, record, None)
+            J, shared = _columns(model, record, None), None
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
     seen = np.where(record.used, z, np.nan)
@@ -223,7 +233,8 @@ def fitted(
         unknown,
         log_prior,
         z,
-        J,
+        J[:p].copy() if shared is None else shared,
+        J[p:].copy(),
         sd,
         weights,
         others,

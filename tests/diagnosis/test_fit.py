@@ -196,7 +196,7 @@ def test_weather_has_limits_and_an_unknown_flow_has_none():
 
 # Saint-Venant
 
-TRUTH = {"length": 8200.0, "width": 81.6, "depth": DEPTH, "fall": 1.64, "manning": 0.03, "bank": 0.0}
+TRUTH = {"length": 8200.0, "width": 81.6, "depth": DEPTH, "fall": 1.64, "manning": 0.03, "bank": 0.0, "gate_time": 30.0}
 
 
 def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noise():

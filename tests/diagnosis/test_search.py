@@ -68,7 +68,7 @@ def base_of(seed, planted=None):
     r = (RIVER.whiten(seen)[OPEN] * root).ravel()
     at = np.linalg.solve(X @ X.T + np.diag(sd**-2.0), X @ r)
     left = y - np.tensordot(at, columns, 1)
-    base = Explanation(SimpleNamespace(noise=RIVER), "", 0.0, left, columns, sd, weights)
+    base = Explanation(SimpleNamespace(noise=RIVER), "", 0.0, left, columns, columns[:0], sd, weights)
     w = RIVER.whiten(trial, like=seen)[:, OPEN] * root
     return base, trial, X, (r - at @ X), w, at
 
