@@ -176,8 +176,8 @@ class Model:
         except RividError:
             return 1.0
         steps = min(max(round(HOURS[1] * HOUR / record.sample_time), 1), few.time.shape[1] - 1)
-        fallen = float(np.median((plain - more)[:, steps])) / OFF
-        return float(np.clip(1.0 - fallen, 0.05, 1.0) ** (1.0 / steps))
+        fallen = float(np.median((plain - more)[:, steps])) / OFF  # the shift stays: by as much each sample
+        return 1.0 - min(max(fallen / steps, 0.0), 0.95)
 
     def values(self) -> Floats:
         """The effects' free parameters, one after the other."""

@@ -196,7 +196,10 @@ def test_weather_has_limits_and_an_unknown_flow_has_none():
 
 # Saint-Venant
 
-TRUTH = {"length": 8200.0, "width": 81.6, "depth": DEPTH, "fall": 1.64, "manning": 0.03, "bank": 0.0, "gate_time": 30.0}
+TRUTH = {
+    "length": 8200.0, "width": 81.6, "depth": DEPTH, "fall": 1.64, "manning": 0.03, "bank": 0.0,
+    "gate_time": 30.0,
+}  # fmt: skip
 
 
 def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noise():
@@ -234,3 +237,15 @@ def test_effects_that_are_given_are_not_fitted_again_and_free_ones_are_found():
     assert known.effects[0].error == 0.08
     assert known.noise.inflow_sd < 0.2 * blind.noise.inflow_sd
     assert free.effects[0].error == pytest.approx(0.08, abs=0.006)
+
+
+def test_an_error_of_the_level_falls_back_as_the_leak_of_the_model_has_it():
+    record = pools.season(3, days=6)
+    plain = pools.model_of(record)
+    assert plain.recall(record) == 1.0
+    area, loss = plain.reach.surface_area, 40.0
+    leaky = replace(plain, effects=(CATALOGUE["leakage"](loss=loss, place=1.0),), free=(("loss",),))
+    share = loss * record.sample_time / area
+    assert leaky.recall(record) == pytest.approx(1.0 - share, abs=0.1 * share)
+    gain = replace(plain, effects=(CATALOGUE["outflow_gain_error"](error=0.02),), free=(("error",),))
+    assert gain.recall(record) == pytest.approx(1.0, abs=1e-6)

@@ -123,6 +123,24 @@ def test_smoothing_is_conditioning_on_the_whole_day(model, gap):
     assert np.allclose(got.level[0], x_0 + x, atol=1e-9)
 
 
+@pytest.mark.parametrize("horizon", [1, 7, 20])
+def test_forecasts_of_a_level_that_falls_back_run_on_from_their_origin(horizon):
+    """A pool with a leak: the residual about the observed level beside a simulation step by step."""
+    recall, model = 0.9, dataclasses.replace(POOL, gauge_sd=1e-9, inflow_sd=1e-9)
+    rng = np.random.default_rng(5)
+    rises = 1e-3 * rng.standard_normal(N)  # what is unlogged lifts the level by, each sample
+    level = np.zeros(N)
+    for k in range(N - 1):
+        level[k + 1] = recall * level[k] + rises[k]  # the logged flows hold 0
+    residual = np.concatenate([[0.0], np.cumsum(np.diff(level) + (1.0 - recall) * level[:-1])])
+    got = dataclasses.replace(model, recall=recall).forecast_errors(
+        residual[None], horizon, every=4, first=5
+    )[0]
+    for error, origin in zip(got, range(5, N - horizon, 4), strict=True):
+        ahead = level[origin] * recall**horizon
+        assert error == pytest.approx(level[origin + horizon] - ahead, abs=1e-6)
+
+
 @every_model
 @every_gap
 @pytest.mark.parametrize("horizon", [1, 9])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.stats import invgauss
 
 from rivid.diagnosis.explanation import fitted
@@ -47,6 +48,31 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
         added = np.cumsum(flow.nudge[:-1] * np.diff(record.time[day]))
         level = flow.level - np.append(0.0, added)
         np.testing.assert_allclose(response.baseline(record)[day], level, atol=1e-9)
+
+
+def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
+    """Along a sloping pool: the nudge leaves the water in balance, at the dam and half-way."""
+    record = season(4, days=2)
+    steep = few(record, slope=1.2e-3, depth=7.0)
+    for place in (0.5, 1.0):
+        more = Changes(added=(AddedFlow(place, np.full(record.time.shape, 2.0)),))
+        moved = steep.baseline(record, more) - steep.baseline(record)
+        hours = (record.time - record.time[:, :1]) / 3600.0
+        rate = moved[:, -1] / (2.0 * 3600.0 * hours[:, -1] / steep.surface_area)
+        np.testing.assert_allclose(rate, 1.0, atol=0.03)
+    assert steep.surface_area < 0.97 * steep.channel.surface_area(steep.level)
+
+
+def test_days_that_the_channel_cannot_carry_are_known():
+    record = season(4, days=3)
+    response = few(record)
+    assert response.carried(record).all()
+    inflow = record.inflow.copy()
+    inflow[1] *= 12.0
+    flood = replace(
+        record, inflow=inflow, outflow=np.where(np.arange(3)[:, None] == 1, inflow, record.outflow)
+    )
+    np.testing.assert_array_equal(response.carried(flood), [True, False, True])
 
 
 def test_a_gap_in_the_level_changes_little_and_leaves_no_gap():
@@ -209,6 +235,19 @@ def test_slopes_turn_round_at_a_limit():
 # Linear pools
 
 
+def test_the_delay_of_a_linear_pool_follows_the_flow_of_the_day():
+    record = season(4, days=2)
+    response = LinearPool.nominal(record, "none", surface_area=6e5, delay=700.0, speed_share=0.2)
+    means = record.inflow.mean(axis=1, keepdims=True)
+    wanted = 700.0 / (1.0 + 0.2 * (means / record.usual_flow - 1.0))
+    np.testing.assert_allclose(response.delay(record), wanted, rtol=1e-12)
+    alone = [
+        LinearPool.nominal(record, "none", surface_area=6e5, delay=delay).baseline(record.take([day]))[0]
+        for day, delay in enumerate(wanted[:, 0].tolist())
+    ]
+    np.testing.assert_allclose(response.baseline(record), alone, atol=1e-9)
+
+
 def test_the_integrator_is_the_model_of_the_reach():
     record = season(4, days=2)
     response = LinearPool.nominal(record, "none", surface_area=6e5, delay=700.0)
@@ -324,6 +363,29 @@ def test_high_water_arrives_sooner_by_the_exponent():
         means.append((came * after).sum() / came.sum() - 450.0)
     # A pulse on a river is a wave: faster than its water by 1 + exponent, as dQ / dA is than Q / A.
     assert means[0] / means[1] == pytest.approx(2.0**exponent, rel=0.01)
+
+
+def test_a_river_is_the_row_of_cells_of_its_equations():
+    """Beside scipy's integrator of the same equations, written again."""
+    rng = np.random.default_rng(4)
+    record = one_row(np.repeat(rng.uniform(100.0, 400.0, 20), 6))
+    response = nothing_held(RiverResponse.nominal(1e4, 3500.0, 200.0, exponent=0.4))
+    delay, e, spread = (p.natural for p in response.parameters[:3])
+    cells, time, inflow = 24, record.time[0], record.inflow[0]
+    kappa, full = 0.5 * (cells * (spread / delay) ** 2 - 1.0), delay * 200.0 / (cells * (1.0 - e))
+
+    def rise(t, V):
+        Q = 200.0 * (V / full) ** (1.0 / (1.0 - e))
+        Q = np.append(Q, Q[-1])
+        F = Q[:-1] + kappa * (Q[:-1] - Q[1:])
+        coming = inflow[min(int(t // 900.0), len(inflow) - 1)]
+        return np.append(coming, F[:-1]) - F
+
+    start = np.full(cells, full * (inflow[0] / 200.0) ** (1.0 - e))
+    clock = time - time[0]
+    slow = solve_ivp(rise, (0.0, clock[-1]), start, t_eval=clock, max_step=60.0, rtol=1e-6)
+    wanted = 200.0 * (slow.y[-1] / full) ** (1.0 / (1.0 - e))
+    assert np.abs(response.baseline(record)[0] - wanted).max() < 0.005 * np.ptp(wanted)
 
 
 def test_a_river_keeps_its_water_whatever_its_flow():
