@@ -177,7 +177,7 @@ class Model:
             return 1.0
         steps = min(max(round(HOURS[1] * HOUR / record.sample_time), 1), few.time.shape[1] - 1)
         fallen = float(np.median((plain - more)[:, steps])) / OFF  # the shift stays: by as much each sample
-        return 1.0 - min(max(fallen / steps, 0.0), 0.95)
+        return float(1.0 - min(max(fallen / steps, 0.0), 0.95))
 
     def values(self) -> Floats:
         """The effects' free parameters, one after the other."""
