@@ -15,6 +15,7 @@ from rivid.atomic import write_text
 from rivid.config import Config, read_toml
 from rivid.core.hydraulics import GRAVITY
 from rivid.diagnosis.data import Record
+from rivid.diagnosis.response.hydraulic import bed_width
 from rivid.effects import Effect, build, effect_classes
 from rivid.errors import ConfigError
 
@@ -474,10 +475,13 @@ def write_model(
         tables["reach"] |= {"depth": reach.depth, "wave_depth": _wave_depth(config, record, found["delay"])}
     if record.kind == "pool" and "length" in found:
         modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
+        modes["bed"] = [0.0, *modes["bed"]]  # the first is the fall
         end_wave = sum(mode * (-1) ** j for j, mode in enumerate(modes["bed"], start=1))
+        tables["reach"]["width"] = bed_width(*(found[name] for name in ("width", "bank", "depth", "fall")))
         tables["channel"] = {
             "bed_level": level - found["depth"] - end_wave, "slope": found["fall"] / found["length"],
-            "manning": found["manning"], "width_modes": modes["width"], "bed_modes": modes["bed"],
+            "manning": found["manning"], "side_slope": found["bank"], "gate_time": found["gate_time"],
+            "width_modes": modes["width"], "bed_modes": modes["bed"],
         }  # fmt: skip
     tables["flow"] = {
         "mean": float(np.median(daily)), "lowest": float(daily.min()), "highest": float(daily.max()),

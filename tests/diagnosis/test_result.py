@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from rivid.config import Config, parse
+from rivid.diagnosis.response.base import vector_of
+from rivid.diagnosis.result import Estimate, write_model
+from rivid.simulation.scenario import load_scenario
+from rivid.simulation.season import Water
 from tests.diagnosis.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of
+from tests.diagnosis.responses import nominal, season
 
 EVIDENCE = evidence_of()
 
@@ -46,3 +52,34 @@ def test_without_a_ranking_its_fields_are_empty():
     plain = dataclasses.replace(diagnosis("no_gap", EVIDENCE), ranking=(), gap=None)
     found = document(plain)
     assert (found["ranking"], found["small"], found["next_measurement"], found["gap"]) == ([], [], None, None)
+
+
+def test_the_exported_channel_is_the_calibrated_one(tmp_path):
+    """Banks, modes and the time of the gates included."""
+    record = season(4, days=2)
+    response = nominal(record).with_parameters(
+        vector_of(nominal(record))
+        + np.random.default_rng(2).normal(0.0, 0.02, len(nominal(record).parameters))
+    )
+    found = tuple(Estimate(p.name, p.natural, p.unit, p.natural, p.natural) for p in response.parameters)
+    answer = dataclasses.replace(diagnosis("no_gap", EVIDENCE), effects=(), reach_parameters=found)
+    table = {
+        "length": 8200.0,
+        "width": 81.6,
+        "depth": 4.9,
+        "sample_time": 133.0,
+        "discharge_range": [50, 900],
+    }
+    config = parse({"reach": {"name": "reach"} | table}, Config, "test")
+    write_model(tmp_path / "model.toml", answer, record, config)
+    scenario = load_scenario(tmp_path / "model.toml")
+    made, wanted = Water(scenario).channel, response.channel
+    levels = np.array([[record.usual_output - 0.5], [record.usual_output + 0.5]])
+    cells = np.linspace(0.0, 1.0, 9)
+    for channel in (made, wanted):
+        assert channel.length == pytest.approx(response.parameters[0].natural, rel=1e-4)
+    middle = [np.interp(cells, (np.arange(c.cells) + 0.5) / c.cells, c.bed) for c in (made, wanted)]
+    np.testing.assert_allclose(*middle, atol=0.02)
+    assert made.surface_area(levels[1]) == pytest.approx(wanted.surface_area(levels[1]), rel=2e-3)
+    assert made.surface_area(levels[0]) == pytest.approx(wanted.surface_area(levels[0]), rel=2e-3)
+    assert scenario.channel.gate_time == pytest.approx(response.gate_time, rel=1e-3)

@@ -82,6 +82,11 @@ LAG_STEP = 0.5
 """Of the gauge's lag, for its derivative [s]: short beside the shortest samples."""
 
 
+def bed_width(width: float, bank: float, depth: float, fall: float) -> float:
+    """Width of the bed [m] of a channel of a mean width of the surface."""
+    return max(width - 2.0 * bank * (depth - 0.5 * fall), NARROWEST * width)
+
+
 @dataclass(frozen=True, eq=False)
 class HydraulicResponse:
     """A pool as equation (1) with Manning friction, short linear corrections, and a gauge with a lag.
@@ -221,9 +226,8 @@ class HydraulicResponse:
         modes = [p.natural for p in self.parameters[len(SHAPE) : self._shape_count]]
         bed_modes = [0.0, *modes[self.width_modes :]]
         end_wave = sum(mode * (-1) ** j for j, mode in enumerate(bed_modes, start=1))
-        bed = max(width - 2.0 * bank * (depth - 0.5 * fall), NARROWEST * width)
         return Channel.smooth(
-            length, bed, fall / length, manning, self.cells, side_slope=bank,
+            length, bed_width(width, bank, depth, fall), fall / length, manning, self.cells, side_slope=bank,
             end_bed=self.level - depth - end_wave,
             width_modes=modes[: self.width_modes], bed_modes=bed_modes,
         )  # fmt: skip
