@@ -15,13 +15,13 @@ from rivid.reach.gauge import stilled
 from rivid.types import Floats
 
 CELLS = 24
-"""Cells of the reach: central fluxes hold a spread of a tenth of the delay or more."""
+"""Cells of the reach: the fluxes of so many hold a spread of a tenth of the delay or more."""
 NARROWEST = 0.1
 """Least spread over the delay [-]."""
 COURANT = 0.7
 """Of Heun's method on these fluxes, stable up to 1."""
-EMPTY = 1e-6
-"""Least flow over the usual one: below, the reach runs dry."""
+TABLE, BEYOND = 4096, 2.0
+"""Entries of the table of flows by volumes, straight between them, and its end over the largest volume."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class RiverResponse:
             (
                 FreeParameter.positive("delay", "s", delay, delay_sd),
                 FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 0.8),
-                FreeParameter.positive("spread", "s", spread, spread_sd, reach=3.0),
+                FreeParameter.positive("spread", "s", spread, spread_sd, reach=1.0),
                 FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
                 FreeParameter.positive("held_time", "s", delay, 0.5, reach=2.0),
                 FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=3.0),
@@ -134,7 +134,9 @@ class RiverResponse:
         steps = max(math.ceil(T * fastest * (1.0 + 2.0 * max(kappa, 0.0)) / COURANT), 1)
         came = np.empty_like(inflow)
         full = delay * self.flow / (CELLS * (1.0 - exponent))
-        if not route(inflow, sides, record.time, steps, self.flow, full, 1.0 / (1.0 - exponent), kappa, came):
+        top = BEYOND * full * (max(most, self.flow) / self.flow) ** (1.0 - exponent)
+        flow_of = self.flow * (np.linspace(0.0, top, TABLE) / full) ** (1.0 / (1.0 - exponent))
+        if not route(inflow, sides, record.time, steps, flow_of, top, kappa, came):
             raise RividError("the river runs dry: expected losses smaller than its flow")
         behind = stilled(record.time, came, hold)
         return np.asarray((1.0 - held) * came + held * behind + flows.gauge)
@@ -154,9 +156,8 @@ def route(
     sides: Floats,
     time: Floats,
     steps: int,
-    usual: float,
-    full: float,
-    power: float,
+    flow_of: Floats,
+    top: float,
     kappa: float,
     out: Floats,
 ) -> bool:
@@ -164,9 +165,10 @@ def route(
 
     `inflow` (days, n) and `sides` (N + 1, days, n), or (0, days, n), which enter at the cells' upper faces
     and at the lower end, are held over each sample, which is routed in so many steps; a row begins in the
-    steady state of its first flows.
+    steady state of its first flows. `flow_of` is the flow out of a cell by its volume, up to `top`.
     """
     days, n = inflow.shape
+    unit = top / (len(flow_of) - 1)
     flows, first, second = np.empty(CELLS + 1), np.empty(CELLS), np.empty(CELLS)
     volume, trial, added = np.empty(CELLS), np.empty(CELLS), np.zeros(CELLS)
     for d in range(days):
@@ -174,27 +176,36 @@ def route(
         for j in range(CELLS):
             if len(sides) > 0:
                 through += sides[j, d, 0]
-            if not through > EMPTY * usual:
+            if not through > flow_of[1]:
                 return False
-            volume[j] = full * (through / usual) ** (1.0 / power)
+            i = np.searchsorted(flow_of, through)
+            if i >= len(flow_of):
+                return False
+            volume[j] = unit * (i - (flow_of[i] - through) / (flow_of[i] - flow_of[i - 1]))
         for k in range(n):
             if len(sides) > 0:
                 added[:] = sides[:-1, d, k]
-            span = time[d, min(k + 1, n - 1)] - time[d, min(k, n - 2)]
-            out[d, k] = usual * (volume[CELLS - 1] / full) ** power
+            out[d, k] = at(flow_of, volume[CELLS - 1] / unit)
             if len(sides) > 0:
                 out[d, k] += 0.5 * (sides[-1, d, k] + sides[-1, d, max(k - 1, 0)])
-            dt = span / steps
+            dt = (time[d, min(k + 1, n - 1)] - time[d, min(k, n - 2)]) / steps
             for _ in range(steps):
-                if not rates(volume, inflow[d, k], added, usual, full, power, kappa, flows, first):
+                if not rates(volume, inflow[d, k], added, flow_of, unit, kappa, flows, first):
                     return False
                 for j in range(CELLS):
                     trial[j] = volume[j] + dt * first[j]
-                if not rates(trial, inflow[d, k], added, usual, full, power, kappa, flows, second):
+                if not rates(trial, inflow[d, k], added, flow_of, unit, kappa, flows, second):
                     return False
                 for j in range(CELLS):
                     volume[j] += 0.5 * dt * (first[j] + second[j])
     return True
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def at(table: Floats, place: float) -> float:
+    """A table between its entries, straight on beyond its end."""
+    i = min(int(place), len(table) - 2)
+    return float(table[i] + (place - i) * (table[i + 1] - table[i]))
 
 
 @njit(cache=True, error_model="numpy")
@@ -202,9 +213,8 @@ def rates(
     volume: Floats,
     inflow: float,
     added: Floats,
-    usual: float,
-    full: float,
-    power: float,
+    flow_of: Floats,
+    unit: float,
     kappa: float,
     flows: Floats,
     out: Floats,
@@ -213,7 +223,7 @@ def rates(
     for j in range(CELLS):
         if not volume[j] > 0.0:
             return False
-        flows[j] = usual * (volume[j] / full) ** power
+        flows[j] = at(flow_of, volume[j] / unit)
     flows[CELLS] = flows[CELLS - 1]  # no gradient at the lower end
     coming = inflow
     for j in range(CELLS):
