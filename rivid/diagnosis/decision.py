@@ -1,7 +1,8 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
 Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; the exponent of the scores as well, until the exam has calibrated it.
+error that counts; and, until the exam has calibrated them, the exponent of the scores and the least shift of
+fronts.
 """
 
 from collections.abc import Callable, Sequence

@@ -419,8 +419,7 @@ def find_events(
 
 
 FEW_ROWS = 16
-"""Rows, those with most to explain, from which durations are refined: with an event on each they are right to
-some percent."""
+"""Rows, those with most to explain, from which durations are chosen and refined."""
 
 PASSES, FINER = 2, 4
 """Passes of the refinement of a duration, and steps between neighbours of the pass before: from a factor of 2

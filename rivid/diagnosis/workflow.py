@@ -243,7 +243,7 @@ class _Search:
         promising = []
         for likely, promise, model in rough:
             dynamics = model.reach.name == "fir"
-            if likely < best - HOPELESS and promise < best and dynamics:
+            if dynamics and likely < best - HOPELESS:
                 continue
             self.report(0.1, f"calibrating the response: {model.reach.name}")
             nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
@@ -267,14 +267,23 @@ class _Search:
             starts = [one.model.reach for _, one in begun[:CARRIED_ON]]
         return _best_fits(map(self._plain, starts), part, steps=8, fresh=5)[0]
 
+    def _bare(self, model: Model) -> Model:
+        """A model with the effects known from the start alone."""
+        return replace(model, effects=self.start, free=((),) * len(self.start))
+
+    def _library(self, one: Explanation) -> Library:
+        """The columns of all trials about the response of an explanation."""
+        name = one.model.reach.name
+        if name not in self.libraries:
+            self.report(0.2, f"{len(self.classes)} effects in the simulator")
+            self.libraries[name] = Library.of(self._bare(one.model), self.record, self.classes)
+        return self.libraries[name]
+
     def _promise(self, one: Explanation, part: Record) -> float:
         """What an effect may gain on a response [nats a day]: twice the linear gain, as the noise shrinks."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
-        library = Library.of(
-            replace(one.model, effects=self.start, free=((),) * len(self.start)), part, self.classes
-        )
-        found = screened(one, library, part)
+        found = screened(one, Library.of(self._bare(one.model), part, self.classes), part)
         return 2.0 * found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
@@ -317,12 +326,7 @@ class _Search:
     def extend(self, parent: Explanation) -> None:
         """Explanations with one more effect, or something unknown, than `parent`."""
         parent, latent = self._with_unknown(parent)
-        name, record = parent.model.reach.name, self.record
-        if name not in self.libraries:
-            self.report(0.2, f"{len(self.classes)} effects in the simulator")
-            bare = replace(parent.model, effects=self.start, free=((),) * len(self.start))
-            self.libraries[name] = Library.of(bare, record, self.classes)
-        library = self.libraries[name]
+        record, library = self.record, self._library(parent)
         taken = set(parent.names)
         found = [
             c for c in screened(parent, library, record)
@@ -371,8 +375,8 @@ class _Search:
         """
         reach = next(reach for reach in self.responses if reach.name == parent.model.reach.name)
         part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
-        bare = replace(other.model, effects=self.start, free=((),) * len(self.start))
-        found = screened(other, Library.of(bare, self.record, self.classes), self.record)
+        bare = self._bare(other.model)
+        found = screened(other, self._library(other), self.record)
         if not found or found[0].worth < LEAST:
             return
         effect = found[0].effect
@@ -388,23 +392,27 @@ class _Search:
             )  # fmt: skip
         except RividError:
             return
-        self.add(one)
+        self.add(self._inflated(one, self._library(parent), found[0].columns))
+
+    def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
+        """An explanation fitted again from a model, with columns about it; None where it carries no flows."""
+        try:
+            again = fitted(
+                model, self.record, self.opened, unknown=one.unknown, log_prior=one.log_prior,
+                parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
+                steps=steps, fresh=2,
+            )  # fmt: skip
+        except RividError:
+            return None
+        return self.add(again)
 
     def polished(self, lead: Explanation) -> Explanation:
         """`lead` fitted on with columns about its own response, where that is better."""
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
         self.report(0.05, f"refitting with {lead.added.name}")
-        try:
-            one = fitted(
-                lead.model, self.record, self.opened, unknown=lead.unknown, log_prior=lead.log_prior,
-                parent=lead.parent, inflation=lead.inflation, others=lead.others, events=lead.events,
-                steps=6, fresh=2,
-            )  # fmt: skip
-        except RividError:
-            return lead
-        one = self.add(one)
-        if self.score(one) <= self.score(lead):
+        one = self._refitted(lead, lead.model, steps=6)
+        if one is None or self.score(one) <= self.score(lead):
             return lead
         if id(lead) in self.grown:
             self.grown[id(one)] = self.grown[id(lead)]
@@ -418,17 +426,8 @@ class _Search:
         if lead.parent is not parent or lead.added is None or not lead.count[0] > parent.count[0]:
             return parent
         self.report(0.05, "refitting without the effect that leads")
-        model = replace(parent.model, reach=lead.model.reach)
-        try:
-            one = fitted(
-                model, self.record, self.opened, unknown=parent.unknown, log_prior=parent.log_prior,
-                parent=parent.parent, inflation=parent.inflation, others=parent.others, events=parent.events,
-                steps=8, fresh=2,
-            )  # fmt: skip
-        except RividError:
-            return parent
-        one = self.add(one)
-        if self.score(one) < self.score(parent) + LEAST:
+        one = self._refitted(parent, replace(parent.model, reach=lead.model.reach), steps=8)
+        if one is None or self.score(one) < self.score(parent) + LEAST:
             return parent
         for i, child in enumerate(self.pool):
             if child.parent is parent:
@@ -481,9 +480,7 @@ class _Search:
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
         """Add an unknown flow and an unknown gauge; the parent again, where they led to a better fit."""
-        if (
-            parent.unknown or parent.bonus is not None
-        ):  # with a seiche the noise is what the filter made of it
+        if parent.unknown or parent.bonus is not None:  # beside a seiche no noise is fitted
             return parent, []
         self.report(0.1, "an unknown flow, an unknown gauge")
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)

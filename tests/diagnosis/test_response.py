@@ -16,7 +16,7 @@ from rivid.diagnosis.response.base import (
     vector_of,
 )
 from rivid.diagnosis.response.linear import LinearPool
-from rivid.diagnosis.response.river import RiverResponse
+from rivid.diagnosis.response.river import CELLS, RiverResponse, rates
 from rivid.effects import CATALOGUE, changes_of
 from rivid.errors import RividError
 from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
@@ -386,6 +386,15 @@ def test_a_river_is_the_row_of_cells_of_its_equations():
     slow = solve_ivp(rise, (0.0, clock[-1]), start, t_eval=clock, max_step=60.0, rtol=1e-6)
     wanted = 200.0 * (slow.y[-1] / full) ** (1.0 / (1.0 - e))
     assert np.abs(response.baseline(record)[0] - wanted).max() < 0.005 * np.ptp(wanted)
+
+
+def test_the_cells_of_a_river_exchange_their_water_exactly():
+    rng = np.random.default_rng(1)
+    volume, added, out = rng.uniform(5.0, 90.0, CELLS), rng.uniform(-2.0, 5.0, CELLS), np.empty(CELLS)
+    table, flows = np.linspace(0.0, 30.0, 101) ** 1.6, np.empty(CELLS + 1)
+    for kappa in (-0.3, 0.0, 2.5):
+        assert rates(volume, 70.0, added, table, kappa, flows, out)
+        assert out.sum() == pytest.approx(70.0 + added.sum() - flows[CELLS - 1], abs=1e-10)
 
 
 def test_a_river_keeps_its_water_whatever_its_flow():

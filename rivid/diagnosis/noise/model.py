@@ -184,6 +184,8 @@ class NoiseModel:
         ndarray, shape (days, origins)
             NaN where the target is missing, or no sample precedes the origin.
         """
+        from scipy.signal import lfilter
+
         from rivid.diagnosis.noise.kalman import filtered, gains, gather
 
         values, there = gather(residual)
@@ -198,8 +200,6 @@ class NoiseModel:
         states, _ = filtered(values, K, m)
         origin = np.arange(first, n - horizon, every)
         x, w, s = np.moveaxis(states[:, origin], -1, 0)
-        from scipy.signal import lfilter
-
         left = self.recall ** np.arange(horizon, -1, -1)
         rise = m.c * w * (m.phi ** np.arange(horizon) * left[1:]).sum()
         seen = np.logical_or.accumulate(there, axis=1)[:, origin]

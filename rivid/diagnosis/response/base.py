@@ -157,15 +157,12 @@ def slopes_by_differences(
     for row, i in enumerate(which):
         p = response.parameters[i]
         h = STEP * p.sd if p.value + STEP * p.sd <= p.high else -STEP * p.sd
+        unit = np.arange(len(start)) == i
         try:
-            moved = response.with_parameters(start + h * (np.arange(len(start)) == i)).baseline(
-                record, changes
-            )
+            moved = response.with_parameters(start + h * unit).baseline(record, changes)
         except RividError:
             h = -h
-            moved = response.with_parameters(start + h * (np.arange(len(start)) == i)).baseline(
-                record, changes
-            )
+            moved = response.with_parameters(start + h * unit).baseline(record, changes)
         columns[row] = (moved - base) / h
     return columns
 
