@@ -6,7 +6,7 @@ from rivid.config import Config
 from rivid.core.hydraulics import travel_bounds
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import Response
-from rivid.diagnosis.response.hydraulic import HydraulicResponse
+from rivid.diagnosis.response.hydraulic import FALL, HydraulicResponse
 from rivid.diagnosis.response.linear import Fronts, LinearPool
 from rivid.diagnosis.response.river import RiverResponse
 from rivid.effects import Effect, effect_classes
@@ -56,12 +56,19 @@ def response_of(config: Config, record: Record) -> Response:
             )
         return RiverResponse.nominal(delay, SPREAD * delay, flow)
     level = record.usual_output
-    depth = reach.depth if reach.bed_level is None else level - reach.bed_level
-    if not depth > 0:
-        raise ConfigError(
-            f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m"
+    settings, depth = config.diagnose, reach.depth
+    if reach.bed_level is not None:  # under the dam: by half of the fall more than the mean depth
+        deepest = level - reach.bed_level
+        depth = (
+            deepest / (1.0 + 0.5 * FALL)
+            if settings.slope is None
+            else deepest - 0.5 * settings.slope * reach.length
         )
-    settings = config.diagnose
+        if not depth > 0:
+            raise ConfigError(
+                f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m, "
+                "and with [diagnose] slope a bed that rises to less than it"
+            )
     return HydraulicResponse.nominal(
         reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow,
         slope=settings.slope, manning=settings.manning,

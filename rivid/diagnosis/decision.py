@@ -83,6 +83,18 @@ def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) ->
     return share(with_.sum(axis=1), without.sum(axis=1)), share(weights @ with_.T, weights @ without.T)
 
 
+def as_volume(one: Explanation, other: Explanation) -> Explanation:
+    """`one` with errors of the level as `other` would make them by the same volumes, where these are smaller.
+
+    Where operators hold the level, the logged outflow answers what comes in: a response with too large a
+    surface then forecasts the level better than the true one.
+    """
+    area, its = one.noise.surface_area, other.noise.surface_area
+    if area is None or its is None or area >= its or one.errors is None:
+        return one
+    return replace(one, errors=one.errors._replace(squares=one.errors.squares * (area / its) ** 2))
+
+
 def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
     """Whether an explanation removes enough of another one's error, and makes no horizon worse.
 
@@ -102,7 +114,7 @@ def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) 
     """
     if not one.names or one is first:
         return True
-    _, draws = shares(one, first, chosen, blocks)
+    _, draws = shares(as_volume(one, first), first, chosen, blocks)
     return not bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
 
 
@@ -117,7 +129,7 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     many = len(gain)
     if many < 2:  # one block has no scatter
         return False
-    share, draws = shares(one, other, chosen, blocks)
+    share, draws = shares(as_volume(one, other), other, chosen, blocks)
     # The draws of few blocks scatter too little: by their number, and as Student's t has it.
     tests = len(share)  # the density, and all horizons but the first
     wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
@@ -206,28 +218,59 @@ class Study:
         if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
         swing = one.added is not None and one.added.found_as == "swing" and self._swings(one)
-        if parent.parent is None and not parent.unknown:  # of several responses, the best one
+        if swing:
+            return (*names, one.added.name), unknown  # type: ignore[union-attr]
+        made = self._made(one)
+        if made is not None and one.errors is not None:
+            # Without it its squares would be added. The errors of a run without it may be less all the same:
+            # operators answer what the weather does, and the logged outflow foretells the level.
+            more = day_errors(self.record, np.where(np.isfinite(one.residual), made, np.nan), one.noise, HORIZONS)
+            left = one.errors._replace(squares=one.errors.squares + more.squares)
+            parent = replace(one, errors=left)
+        elif parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
-        if not swing and not self._material(one, parent, one.active(self.record)):
+        if not self._material(one, parent, one.active(self.record)):
             return names, unknown
-        if one.added is not None and one.added.family == "timing" and not self._moves(one):
-            return names, unknown
+        if made is not None and one.added is not None and one.added.family == "timing":
+            if not self._moves(one, made):
+                return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
 
-    def _moves(self, one: Explanation) -> bool:
+    def _made(self, one: Explanation) -> Floats | None:
+        """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
+
+        All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect
+        of the simulator and no event came last.
+        """
+        assert one.parent is not None
+        record, seen = self.record, np.where(self.record.used, one.residual, np.nan)
+        if one.count[0] > one.parent.count[0]:
+            less = replace(one.model, effects=one.model.effects[:-1], free=one.model.free[:-1])
+            made = one.model.baseline(record) - less.baseline(record)
+            kept = len(one.shared) + len(less.values())
+        elif one.events and len(one.events) > len(one.parent.events):
+            made, kept = one.events[-1].coded, len(one.columns)
+        else:
+            return None
+        columns, sd = one.columns[:kept], one.sd[:kept]
+        root = np.sqrt(one.weights)[:, None]
+        X = (one.noise.whiten(columns, like=seen, activity=record.activity) * root).reshape(kept, -1)
+        X = X * sd[:, None]
+        like = np.where(np.isfinite(seen), made, np.nan)
+        r = (one.noise.whiten(like, activity=record.activity) * root).ravel()
+        x = np.linalg.solve(X @ X.T + np.eye(kept), X @ r)
+        return np.asarray(made - np.tensordot(x * sd, columns, 1))
+
+    def _moves(self, one: Explanation, made: Floats) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
         """
-        activity = self.record.activity
-        assert one.parent is not None
-        if activity is None or one.count[0] == one.parent.count[0]:
+        activity, record = self.record.activity, self.record
+        if activity is None:
             return True
-        model, record = one.model, self.record
-        less = replace(model, effects=model.effects[:-1], free=model.free[:-1])
-        change = np.diff(model.baseline(record) - less.baseline(record), axis=1)
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
-        moved = float((change[counted] ** 2).sum())
+        moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
         return moved > (BEYOND * one.noise.misfit) ** 2 * float(activity[:, :-1][counted].sum())
 
     def _swings(self, one: Explanation) -> bool:

@@ -185,7 +185,7 @@ def fitted(
     shared = None if start is None else start.shared
     J = _columns(model, record, shared)
     same = start is not None and start.model.noise_kind == model.noise_kind
-    damping, weights = 1e-3, None
+    damping, weights = 1e-2, None
     for step in range(steps):
         seen = np.where(record.used, z, np.nan)
         if same and start is not None and step < FIXED:
@@ -200,13 +200,10 @@ def fitted(
         off = (_values(model) - middle) / sd
         G, g = X @ X.T + np.eye(len(sd)), X @ r - off
         cost, fell = 0.5 * float(r @ r + off @ off), 0.0
-        inside = np.flatnonzero(~_held(model, g))
-        G, g = G[np.ix_(inside, inside)], g[inside]
-        hopeless = 0.5 * float(g @ np.linalg.solve(G, g)) < LEAST_STEP
+        low, high = _room(model, sd)
+        hopeless = _predicted(G, g, step_within(G, g, low, high)) < LEAST_STEP
         for _ in range(0 if hopeless else TRIES):
-            move = np.zeros(len(sd))
-            move[inside] = np.linalg.solve(G + damping * np.diag(np.diag(G)), g)
-            move[:p] = np.clip(move[:p], -2.0, 2.0)
+            move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
             try:
                 other = _moved(model, move * sd)
                 z_other = residual_of(record, other.baseline(record)) - coded
@@ -261,12 +258,42 @@ def _moved(model: Model, move: Floats) -> Model:
     return replace(model, reach=model.reach.with_parameters(there[:p])).with_values(there[p:])
 
 
-def _held(model: Model, slope: Floats) -> Bools:
-    """Parameters of the response at a limit that the fit would cross; shape of `slope`."""
-    held = np.zeros(len(slope), bool)
-    for i, free in enumerate(model.reach.parameters):
-        held[i] = (free.value <= free.low and slope[i] < 0.0) or (free.value >= free.high and slope[i] > 0.0)
-    return held
+def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest step of each parameter, in prior standard deviations.
+
+    Those of the response stay within their limits and within :data:`LONGEST`; effects know theirs themselves.
+    """
+    free, at = model.reach.parameters, vector_of(model.reach)
+    low, high = np.full(len(sd), -np.inf), np.full(len(sd), np.inf)
+    for i, one in enumerate(free):
+        low[i] = max((one.low - at[i]) / sd[i], -LONGEST)
+        high[i] = min((one.high - at[i]) / sd[i], LONGEST)
+    return low, high
+
+
+LONGEST = 2.0
+"""Longest step of a parameter of the response, in prior standard deviations: its columns hold near by."""
+
+
+def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
+    """The step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
+
+    Cut off at the limits afterwards, the step of all other parameters would be wrong.
+    """
+    from scipy.optimize import lsq_linear
+
+    x = np.linalg.solve(G, g)
+    if ((x >= low) & (x <= high)).all():
+        return np.asarray(x)
+    root = np.linalg.cholesky(G)
+    wide = np.maximum(high, low + 1e-9)  # the library asks for some room
+    found = lsq_linear(root.T, np.linalg.solve(root, g), (low, wide), method="bvls")
+    return np.asarray(found.x)
+
+
+def _predicted(G: Floats, g: Floats, move: Floats) -> float:
+    """Gain of a step [nats] where the columns hold."""
+    return float(g @ move - 0.5 * move @ G @ move)
 
 
 def _columns(model: Model, record: Record, given: Floats | None) -> Floats:

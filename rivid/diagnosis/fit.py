@@ -105,7 +105,7 @@ WIDE = 10.0
 """Prior standard deviation of an effect's parameter, in units of its value: nearly flat."""
 ENOUGH = 2.0
 """Steps end when the cost falls by less [nats]."""
-TRIES = 5
+TRIES = 8
 """Dampings tried in a step."""
 
 

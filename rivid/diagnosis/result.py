@@ -476,10 +476,10 @@ def write_model(
     if record.kind == "pool" and "length" in found:
         modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
         modes["bed"] = [0.0, *modes["bed"]]  # the first is the fall
-        end_wave = sum(mode * (-1) ** j for j, mode in enumerate(modes["bed"], start=1))
-        tables["reach"]["width"] = bed_width(*(found[name] for name in ("width", "bank", "depth", "fall")))
+        tables["reach"]["width"] = bed_width(found["width"], found["bank"], found["depth"])
         tables["channel"] = {
-            "bed_level": level - found["depth"] - end_wave, "slope": found["fall"] / found["length"],
+            "bed_level": level - found["depth"] - 0.5 * found["fall"],
+            "slope": found["fall"] / found["length"],
             "manning": found["manning"], "side_slope": found["bank"], "gate_time": found["gate_time"],
             "width_modes": modes["width"], "bed_modes": modes["bed"],
         }  # fmt: skip

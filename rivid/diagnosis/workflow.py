@@ -42,6 +42,8 @@ name is not among them has not been measured."""
 LEAST = 8.0
 """Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
 scores a name needs several times as much to be probable."""
+DEEP, DEEPEST = 3, 2
+"""Names tried with the response from its nominal start, on every sixth open day; and of these on all days."""
 SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
 HOPELESS = 100.0
@@ -132,19 +134,15 @@ def find_effects(
     """All steps but the report; see :func:`diagnose`."""
     search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report)
     parent, *promising = search.begun()
-    for other in search.pool[:]:
-        if other.model.reach.name not in ("fir", parent.model.reach.name):
-            search.scouted(other, parent)
     for turn in range(most):
         for other in promising if turn == 0 else ():
             search.extend(other)
         search.extend(parent)
-        lead = search.polished(search.lead())
-        again = search.again(parent, lead)
+        again = search.again(parent)
         if again is not parent:  # its extensions begin at a better response
             parent = again
             search.extend(parent)
-            lead = search.lead()
+        lead = search.polished(search.lead())
         search.level_rivals(lead)
         lead = search.varied(lead)
         if lead.names == parent.names or turn == most - 1 or len(lead.names) > turn + 1 + len(start):
@@ -332,9 +330,11 @@ class _Search:
             c for c in screened(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
-        for one in _worth_trying(found):
+        tried = _worth_trying(found)
+        for one in tried:
             grow = partial(with_effect, candidate=one, record=record)
             self._grow(parent, library, one.effect.name, grow, one.columns)
+        self._deepened(parent, library, tried)
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as or record.kind == "river" and not effect.acts_on_river:
                 continue
@@ -368,31 +368,47 @@ class _Search:
             found.append(scatter_of(one, columns, self.record, block))
         return replace(one, inflation=max(found))
 
-    def scouted(self, other: Explanation, parent: Explanation) -> None:
-        """The effect that a simple response shows best, tried on the nominal response of `parent`.
+    def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> None:
+        """The likeliest of some candidates on some days, fitted with the response from there."""
+        found: list[tuple[float, Candidate, Model]] = []
+        for one in _firsts(tried)[:DEEP]:
+            self.report(0.05, f"the response with {one.effect.name}")
+            try:
+                likely, model = self._joint(parent, one)
+            except RividError:
+                continue
+            found.append((likely, one, model))
+        for _, one, model in sorted(found, key=lambda each: -each[0])[:DEEPEST]:
+            self._grow(parent, library, one.effect.name, partial(self._from, one, model), one.columns)
 
-        The fitted response of `parent` may have bent to it so far that no small step shows it.
+    def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
+        """`parent` with a candidate, fitted to all open days from a model."""
+        return fitted(
+            model, self.record, self.opened, steps=6, fresh=1, parent=parent, unknown=parent.unknown,
+            log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
+        )  # fmt: skip
+
+    def _joint(self, parent: Explanation, candidate: Candidate) -> tuple[float, Model]:
+        """A model with one more effect than `parent`, fitted to some days, and its likelihood [nats a day].
+
+        From the response of `parent` and from the nominal one: the first may have bent to the effect so far
+        that no small step shows it.
+
+        Raises
+        ------
+        RividError
+            Where the reach cannot carry the flows with it.
         """
-        reach = next(reach for reach in self.responses if reach.name == parent.model.reach.name)
-        part = self.record.take(np.flatnonzero(self.opened)[::COARSE])
-        bare = self._bare(other.model)
-        found = screened(other, self._library(other), self.record)
-        if not found or found[0].worth < LEAST:
-            return
-        effect = found[0].effect
-        self.report(0.05, f"refitting with {effect.name}")
-        simple = replace(bare, effects=(*self.start, effect), free=(*bare.free, found[0].free))
-        try:
-            shown = _best_fits([simple], part, steps=8, fresh=5)[0][1].model
-            full = replace(shown, reach=reach, noise=None)
-            rough = _best_fits([full], part, steps=8, fresh=5)[0][1].model
-            one = fitted(
-                rough, self.record, self.opened, steps=5, fresh=1, parent=parent,
-                log_prior=self.log_prior(1) + found[0].log_prior,
-            )  # fmt: skip
-        except RividError:
-            return
-        self.add(self._inflated(one, self._library(parent), found[0].columns))
+        chosen = np.flatnonzero(self.opened)[:: 2 * COARSE]
+        few = self.record.take(chosen)
+        few = replace(few, output=few.output - parent.coded[chosen])
+        model = parent.model
+        nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
+        larger = replace(
+            model, noise=None, effects=(*model.effects, candidate.effect), free=(*model.free, candidate.free)
+        )
+        likely, one = _best_fits((larger, replace(larger, reach=nominal)), few, steps=6, fresh=4)[0]
+        return likely, one.model
 
     def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
         """An explanation fitted again from a model, with columns about it; None where it carries no flows."""
@@ -418,12 +434,14 @@ class _Search:
             self.grown[id(one)] = self.grown[id(lead)]
         return one
 
-    def again(self, parent: Explanation, lead: Explanation) -> Explanation:
-        """`parent` fitted again from the response of `lead`; itself where that is no better.
+    def again(self, parent: Explanation) -> Explanation:
+        """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
 
         An effect that leads the fit of the response out of a local optimum gains what is not its own.
         """
-        if lead.parent is not parent or lead.added is None or not lead.count[0] > parent.count[0]:
+        more = [one for one in self.pool if one.parent is parent and one.count[0] > parent.count[0]]
+        lead = max(more, key=self.score, default=parent)
+        if self.score(lead) < self.score(parent) + LEAST:
             return parent
         self.report(0.05, "refitting without the effect that leads")
         one = self._refitted(parent, replace(parent.model, reach=lead.model.reach), steps=8)
@@ -556,6 +574,14 @@ def _able(nominal: Response, reach: Response, record: Record) -> Response:
             continue
         return between
     return nominal
+
+
+def _firsts(found: Sequence[Candidate]) -> list[Candidate]:
+    """The best candidate of each name."""
+    best: dict[str, Candidate] = {}
+    for one in found:
+        best.setdefault(one.effect.name, one)
+    return list(best.values())
 
 
 def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:

@@ -77,6 +77,7 @@ class OutflowLag(Effect):
     """``lag d(real outflow)/dt = logged outflow - real outflow``."""
 
     name = "outflow_lag"
+    trial_dates = "between"
     sized_trials = {"lag": (200.0, 600.0, 1500.0)}
     family = "timing"
     acts_on_river = False

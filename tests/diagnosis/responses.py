@@ -15,7 +15,8 @@ from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
 PLAIN = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "hydraulic.toml")
-DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level
+DEPTH = PLAIN.level.set_point - PLAIN.channel.bed_level - 0.5 * 1.64
+"""Mean depth of the channel: under the dam it is more by half of the fall."""
 GAUGE = 0.0035
 
 

@@ -67,6 +67,8 @@ CELLS, FEWEST_CELLS, MOST_CELLS = 4.0, 24, 32
 """Cells in a sample's way of a wave, and limits: on three of four reaches with waves of 2 to 5 samples, 24
 days each, 12 to 16 cells described the logs as well as 32, in a third to a half of the time; on the fourth,
 with 2 samples, they lost 16 nats a day."""
+FALL = 0.15
+"""Fall of the bed of a pool, first guess, in depths: its uncertainty is more."""
 DEPTHS = (0.0, -2.0, -1.0, 1.0, 2.0)
 """Depths at which a fit begins, in prior standard deviations from the nominal one: in one of three seasons a
 fit from two of them was 200 nats a day likelier than that from the nominal depth."""
@@ -82,9 +84,9 @@ LAG_STEP = 0.5
 """Of the gauge's lag, for its derivative [s]: short beside the shortest samples."""
 
 
-def bed_width(width: float, bank: float, depth: float, fall: float) -> float:
-    """Width of the bed [m] of a channel of a mean width of the surface."""
-    return max(width - 2.0 * bank * (depth - 0.5 * fall), NARROWEST * width)
+def bed_width(width: float, bank: float, depth: float) -> float:
+    """Width of the bed [m] of a channel of a mean width of the surface and a mean depth."""
+    return max(width - 2.0 * bank * depth, NARROWEST * width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +101,9 @@ class HydraulicResponse:
     Attributes
     ----------
     parameters : tuple of FreeParameter
-        Logarithms of length, width, depth (of the bed under the dam below `level`) and Manning's n; the fall
-        of the bed [m], plain since it may be 0; the run of the banks; the logarithm of the time of the gates;
-        modes of the width and of the bed; corrections; the lag of the gauge behind h.
+        Logarithms of length, width, mean depth at the usual level and Manning's n; the fall of the bed [m],
+        plain since it may be 0; the run of the banks; the logarithm of the time of the gates; modes of the
+        width and of the bed; corrections; the lag of the gauge behind h.
     level, flow : float
         Usual level at the dam [m] and discharge [m3/s]: the nudge lifts the cells as a higher level at the
         dam does on the usual flow.
@@ -158,13 +160,13 @@ class HydraulicResponse:
         Parameters
         ----------
         length, width, depth : float
-            L, mean width, and depth under the dam at the usual level [m].
+            L, mean width and mean depth at the usual level [m].
         level : float
             Usual level at the dam [m].
         sample_time, flow : float
             T_s [s] and usual discharge [m3/s]: for the size and place of the corrections.
         slope : float, optional
-            Of the bed [-]; default: a fall of 0.15 depths over the reach.
+            Of the bed [-]; default: a fall of :data:`FALL` depths over the reach.
         manning : float
             Manning's n [s/m^(1/3)].
         length_sd, width_sd, depth_sd, manning_sd, gate_time_sd : float
@@ -191,7 +193,7 @@ class HydraulicResponse:
         if cells is None:
             travel = length / (flow / (width * depth) + math.sqrt(GRAVITY * depth))
             cells = min(max(math.ceil(CELLS * travel / sample_time), FEWEST_CELLS), MOST_CELLS)
-        fall = 0.15 * depth if slope is None else slope * length
+        fall = FALL * depth if slope is None else slope * length
         shape = [
             FreeParameter.positive("length", "m", length, length_sd),
             FreeParameter.positive("width", "m", width, width_sd),
@@ -224,12 +226,10 @@ class HydraulicResponse:
         """The channel of the parameters."""
         length, width, depth, fall, manning, bank, _ = (p.natural for p in self.parameters[: len(SHAPE)])
         modes = [p.natural for p in self.parameters[len(SHAPE) : self._shape_count]]
-        bed_modes = [0.0, *modes[self.width_modes :]]
-        end_wave = sum(mode * (-1) ** j for j, mode in enumerate(bed_modes, start=1))
         return Channel.smooth(
-            length, bed_width(width, bank, depth, fall), fall / length, manning, self.cells, side_slope=bank,
-            end_bed=self.level - depth - end_wave,
-            width_modes=modes[: self.width_modes], bed_modes=bed_modes,
+            length, bed_width(width, bank, depth), fall / length, manning, self.cells, side_slope=bank,
+            end_bed=self.level - depth - 0.5 * fall,
+            width_modes=modes[: self.width_modes], bed_modes=[0.0, *modes[self.width_modes :]],
         )  # fmt: skip
 
     def with_parameters(self, vector: ArrayLike) -> "HydraulicResponse":
