@@ -186,7 +186,7 @@ class Study:
 
         Further ahead a flexible response reads what is unlogged from how the operators answer it.
         """
-        share, draws = shares(one, best, self.opened, self.split.block)
+        share, draws = shares(one, as_volume(best, one), self.opened, self.split.block)
         return bool(share[0] >= MATERIAL and np.quantile(draws[:, 0], DOUBT) > 0.0)
 
     def _material(self, one: Explanation, other: Explanation, days: Bools) -> bool:
@@ -224,7 +224,9 @@ class Study:
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:
             # operators answer what the weather does, and the logged outflow foretells the level.
-            more = day_errors(self.record, np.where(np.isfinite(one.residual), made, np.nan), one.noise, HORIZONS)
+            more = day_errors(
+                self.record, np.where(np.isfinite(one.residual), made, np.nan), one.noise, HORIZONS
+            )
             left = one.errors._replace(squares=one.errors.squares + more.squares)
             parent = replace(one, errors=left)
         elif parent.parent is None and not parent.unknown:  # of several responses, the best one
