@@ -137,6 +137,33 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
+def made_alone(one: Explanation, record: Record) -> Floats | None:
+    """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
+
+    All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect of
+    the simulator and no event came last.
+    """
+    assert one.parent is not None
+    if one.count[0] > one.parent.count[0]:
+        less = replace(one.model, effects=one.model.effects[:-1], free=one.model.free[:-1])
+        made = one.model.baseline(record) - less.baseline(record)
+        kept = len(one.shared) + len(less.values())
+    elif len(one.events) > len(one.parent.events):
+        made, kept = one.events[-1].coded, len(one.columns)
+    else:
+        return None
+    seen = np.where(record.used & np.isfinite(one.residual), made, np.nan)
+    root = np.sqrt(one.weights)[:, None]
+
+    def white(values: Floats) -> Floats:
+        return np.asarray(one.noise.whiten(values, like=seen, activity=record.activity) * root)
+
+    columns = one.columns[:kept] * one.sd[:kept, None, None]
+    X, r = white(columns).reshape(kept, -1), white(seen[None]).ravel()
+    x = np.linalg.solve(X @ X.T + np.eye(kept), X @ r)
+    return np.asarray(made - np.tensordot(x, columns, 1))
+
+
 UNKNOWN = 0.5
 """Probability of something unknown from which it is the verdict: more likely than all names together."""
 
@@ -220,7 +247,7 @@ class Study:
         swing = one.added is not None and one.added.found_as == "swing" and self._swings(one)
         if swing:
             return (*names, one.added.name), unknown  # type: ignore[union-attr]
-        made = self._made(one)
+        made = made_alone(one, self.record)
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:
             # operators answer what the weather does, and the logged outflow foretells the level.
@@ -237,31 +264,6 @@ class Study:
             if not self._moves(one, made):
                 return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
-
-    def _made(self, one: Explanation) -> Floats | None:
-        """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
-
-        All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect
-        of the simulator and no event came last.
-        """
-        assert one.parent is not None
-        record, seen = self.record, np.where(self.record.used, one.residual, np.nan)
-        if one.count[0] > one.parent.count[0]:
-            less = replace(one.model, effects=one.model.effects[:-1], free=one.model.free[:-1])
-            made = one.model.baseline(record) - less.baseline(record)
-            kept = len(one.shared) + len(less.values())
-        elif one.events and len(one.events) > len(one.parent.events):
-            made, kept = one.events[-1].coded, len(one.columns)
-        else:
-            return None
-        columns, sd = one.columns[:kept], one.sd[:kept]
-        root = np.sqrt(one.weights)[:, None]
-        X = (one.noise.whiten(columns, like=seen, activity=record.activity) * root).reshape(kept, -1)
-        X = X * sd[:, None]
-        like = np.where(np.isfinite(seen), made, np.nan)
-        r = (one.noise.whiten(like, activity=record.activity) * root).ravel()
-        x = np.linalg.solve(X @ X.T + np.eye(kept), X @ r)
-        return np.asarray(made - np.tensordot(x * sd, columns, 1))
 
     def _moves(self, one: Explanation, made: Floats) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.

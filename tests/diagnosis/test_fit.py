@@ -8,7 +8,8 @@ import pytest
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.explanation import LEAST_STEP, fitted, scored
+from rivid.diagnosis.decision import made_alone
+from rivid.diagnosis.explanation import LEAST_STEP, fitted, scored, step_within
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, residual_of
 from rivid.diagnosis.response.base import FreeParameter, placed
 from rivid.effects import CATALOGUE
@@ -249,3 +250,47 @@ def test_an_error_of_the_level_falls_back_as_the_leak_of_the_model_has_it():
     assert leaky.recall(record) == pytest.approx(1.0 - share, abs=0.1 * share)
     gain = replace(plain, effects=(CATALOGUE["outflow_gain_error"](error=0.02),), free=(("error",),))
     assert gain.recall(record) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_step_within_limits_is_that_of_a_slow_search_on_many_seeds():
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        k = int(rng.integers(1, 9))
+        A = rng.standard_normal((k + 2, k)) * 10.0 ** rng.uniform(-1.0, 1.0, k)
+        G, g = A.T @ A + np.eye(k), 5.0 * rng.standard_normal(k)
+        low, high = -rng.uniform(0.0, 1.0, k), rng.uniform(0.0, 1.0, k)
+        low[rng.random(k) < 0.3], high[rng.random(k) < 0.3] = -np.inf, np.inf
+        x = step_within(G, g, low, high)
+        assert (x >= low - 1e-8).all() and (x <= high + 1e-8).all()
+        slope = G @ x - g  # zero inside, and outwards at a limit: the conditions of Karush, Kuhn and Tucker
+        inside = (x > low + 1e-7) & (x < high - 1e-7)
+        assert np.abs(slope[inside]).max(initial=0.0) < 1e-6 * np.abs(g).max()
+        assert (slope[x <= low + 1e-7] > -1e-6).all() and (slope[x >= high - 1e-7] < 1e-6).all()
+
+
+def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
+    planted = season(5, days=5, effects=(("outflow_gain_error", "error", 0.08),))
+    every, gain = np.ones(planted.days, bool), CATALOGUE["outflow_gain_error"]
+    plain = Model(few(planted), None, planted.usual_output, planted.usual_flow, 0.0)
+    parent = fitted(plain, planted, every, steps=2)
+    model = replace(plain, effects=(gain(error=0.08),), free=(("error",),))
+    one = fitted(model, planted, every, steps=3, parent=parent)
+    made = one.model.baseline(planted) - replace(one.model, effects=(), free=()).baseline(planted)
+    alone = made_alone(one, planted)
+
+    def white(values):
+        seen = np.where(planted.used & np.isfinite(one.residual), values, np.nan)
+        return (one.noise.whiten(seen, activity=planted.activity) * np.sqrt(one.weights)[:, None]).ravel()
+
+    p = len(one.shared)
+    X = np.stack([white(column * sd) for column, sd in zip(one.shared, one.sd[:p], strict=True)])
+    taken = made - alone
+    share = np.linalg.lstsq(
+        (one.shared * one.sd[:p, None, None]).reshape(p, -1).T, taken.ravel(), rcond=None
+    )[0]
+    assert X @ white(alone) == pytest.approx(share, rel=1e-4, abs=1e-4 * np.abs(share).max())  # the prior's
+    assert np.linalg.norm(white(alone)) < np.linalg.norm(white(made))
+
+    twin = replace(one, shared=np.concatenate([one.shared, 1e3 * made[None]]), sd=np.append(one.sd, 1.0))
+    assert np.abs(made_alone(twin, planted)).max() < 1e-2 * np.abs(made).max()
+    assert made_alone(replace(one, parent=one), planted) is None
