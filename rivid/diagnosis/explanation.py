@@ -185,7 +185,7 @@ def fitted(
     shared = None if start is None else start.shared
     J = _columns(model, record, shared)
     same = start is not None and start.model.noise_kind == model.noise_kind
-    damping, weights = 1e-2, None
+    damping, weights = 1e-3, None
     for step in range(steps):
         seen = np.where(record.used, z, np.nan)
         if same and start is not None and step < FIXED:

@@ -192,7 +192,8 @@ def channel(s, record):
     """The response that is the truth of a plain hydraulic season."""
     bed, reach = s.scenario.channel, s.scenario.reach
     made = HydraulicResponse.nominal(
-        reach.length, reach.width, s.scenario.level.set_point - bed.bed_level, s.scenario.level.set_point,
+        reach.length, reach.width, s.scenario.level.set_point - bed.bed_level - 0.5 * bed.slope * reach.length,
+        s.scenario.level.set_point,
         sample_time=record.sample_time, flow=record.usual_flow, slope=bed.slope, manning=bed.manning,
         width_modes=0, bed_modes=0,
     )  # fmt: skip
