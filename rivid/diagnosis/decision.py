@@ -247,18 +247,18 @@ class Study:
         swing = one.added is not None and one.added.found_as == "swing" and self._swings(one)
         if swing:
             return (*names, one.added.name), unknown  # type: ignore[union-attr]
-        made = made_alone(one, self.record)
+        made, active = made_alone(one, self.record), one.active(self.record)
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:
             # operators answer what the weather does, and the logged outflow foretells the level.
-            more = day_errors(
-                self.record, np.where(np.isfinite(one.residual), made, np.nan), one.noise, HORIZONS
-            )
+            seen = np.where(np.isfinite(one.residual), made, np.nan)
+            more = day_errors(self.record, seen, one.noise, HORIZONS)
             left = one.errors._replace(squares=one.errors.squares + more.squares)
-            parent = replace(one, errors=left)
-        elif parent.parent is None and not parent.unknown:  # of several responses, the best one
+            if not self._material(one, replace(one, errors=left), active):
+                return names, unknown
+        if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
-        if not self._material(one, parent, one.active(self.record)):
+        if not self._material(as_volume(one, parent), parent, active):
             return names, unknown
         if made is not None and one.added is not None and one.added.family == "timing":
             if not self._moves(one, made):
