@@ -460,7 +460,11 @@ class _Search:
         return one
 
     def level_rivals(self, lead: Explanation) -> None:
-        """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without."""
+        """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without.
+
+        Effects that are easily mistaken for each other stay rivals however far one is ahead: what is added
+        to one alone would carry it further.
+        """
         if lead.parent is None or id(lead) not in self.grown:
             return
         count, opened = len(lead.parent.names), self.opened
@@ -469,12 +473,9 @@ class _Search:
         library, name, grow, columns = self.grown[id(lead)]
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
-            if (
-                p >= 1.0 - ALONE
-                and len(others) == count
-                and others != set(lead.parent.names)
-                and name not in others
-            ):
+            if len(others) != count or name in others or others == set(lead.parent.names):
+                continue
+            if p >= 1.0 - ALONE or _alike(rival, lead.parent, self.classes):
                 self._grow(rival, library, name, grow, columns)
 
     def varied(self, lead: Explanation) -> Explanation:
@@ -538,6 +539,15 @@ class _Search:
         first = self.first
         kernels = kernels_of(first.model.reach, self.record)
         return Study(self.record, self.dealt, tuple(self.pool), first, kernels, tuple(self.notes), self.start)
+
+
+def _alike(one: Explanation, other: Explanation, classes: dict[str, type[Effect]]) -> bool:
+    """Whether two explanations differ by one effect each, of which one is confounded with the other."""
+    only, its = set(one.names) - set(other.names), set(other.names) - set(one.names)
+    if len(only) != 1 or len(its) != 1:
+        return False
+    (a,), (b,) = only, its
+    return b in classes[a].confounded_with or a in classes[b].confounded_with
 
 
 UNKNOWNS = 2

@@ -191,9 +191,9 @@ def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
 def channel(s, record):
     """The response that is the truth of a plain hydraulic season."""
     bed, reach = s.scenario.channel, s.scenario.reach
+    level = s.scenario.level.set_point
     made = HydraulicResponse.nominal(
-        reach.length, reach.width, s.scenario.level.set_point - bed.bed_level - 0.5 * bed.slope * reach.length,
-        s.scenario.level.set_point,
+        reach.length, reach.width, level - bed.bed_level - 0.5 * bed.slope * reach.length, level,
         sample_time=record.sample_time, flow=record.usual_flow, slope=bed.slope, manning=bed.manning,
         width_modes=0, bed_modes=0,
     )  # fmt: skip

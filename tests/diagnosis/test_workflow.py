@@ -1,12 +1,13 @@
 """The whole workflow on short seasons of the linear pool whose truth is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
-from rivid.diagnosis.workflow import diagnose, find_effects
+from rivid.diagnosis.workflow import _alike, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from tests.diagnosis import pools
@@ -159,3 +160,23 @@ def test_tied_effects_have_a_measurement_that_separates_them():
     assert "Hold the level" in breaker(leak, (head,))
     assert breaker(head, (wave, leak)) == breaker(leak, (head,))
     assert breaker(wave, (CATALOGUE["rain_inflow"],)) == USUAL["flow"]
+
+
+@pytest.mark.parametrize(
+    "one, other, alike",
+    [
+        (("inflow_gain_error",), ("outflow_gain_error",), True),
+        (("outflow_gain_error",), ("inflow_gain_error",), True),
+        (("inflow_gain_error", "wave_attenuation"), ("wave_attenuation", "outflow_gain_error"), True),
+        (("inflow_gain_error",), ("inflow_gain_error",), False),
+        (("inflow_gain_error",), ("wind_setup",), False),
+        (("inflow_gain_error",), ("outflow_gain_error", "wave_attenuation"), False),
+        (("inflow_gain_error", "leakage"), ("outflow_gain_error", "wave_attenuation"), False),
+    ],
+)
+def test_rivals_that_are_easily_mistaken_differ_by_one_confounded_effect(one, other, alike):
+    assert _alike(explained_by(*one), explained_by(*other), CATALOGUE) == alike
+
+
+def explained_by(*names):
+    return SimpleNamespace(names=names)
