@@ -1,7 +1,7 @@
 """Worlds of the exam: each seed draws a reach, its water, its operators, its gauge and its weather.
 
-Seeds 0 to 11199 are for development; proof seeds begin at :data:`FIRST_PROOF`. A proof seed whose season was
-looked at counts as a development seed from then on. The ranges are those of run-of-river and peaking reaches;
+Seeds 0 to 11199 are for development; proof seeds begin at :data:`FIRST_PROOF`. Once its season
+has been looked at, a proof seed is one of development. The ranges are those of run-of-river and peaking reaches;
 nothing in them was chosen by looking at answers.
 """
 

@@ -66,8 +66,8 @@ def response_of(config: Config, record: Record) -> Response:
         )
         if not depth > 0:
             raise ConfigError(
-                f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m, "
-                "and with [diagnose] slope a bed that rises to less than it"
+                f"reach.bed_level = {reach.bed_level} m: expected less than the usual level {level:.2f} m by "
+                "more than half of the fall of the bed ([diagnose] slope times the length)"
             )
     return HydraulicResponse.nominal(
         reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow,

@@ -244,9 +244,8 @@ class Study:
             return names, unknown
         if one.added is None and (self.excess(parent) or self.large(one)):
             return names, one.unknown
-        swing = one.added is not None and one.added.found_as == "swing" and self._swings(one)
-        if swing:
-            return (*names, one.added.name), unknown  # type: ignore[union-attr]
+        if one.added is not None and one.added.found_as == "swing" and self._swings(one):
+            return (*names, one.added.name), unknown
         made, active = made_alone(one, self.record), one.active(self.record)
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:

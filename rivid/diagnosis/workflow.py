@@ -335,7 +335,7 @@ class _Search:
         tried = _worth_trying(found)
         deepest = self._deepened(parent, library, tried)
         for one in tried:
-            if one not in deepest:
+            if one not in deepest or parent.names:  # beside another effect the near fit may hold better
                 grow = partial(with_effect, candidate=one, record=record)
                 self._grow(parent, library, one.effect.name, grow, one.columns)
         for name, effect in self.classes.items():
