@@ -36,7 +36,7 @@ class State:
     gates: Floats
     """Flows that the two dams let through at the last sample [m3/s], shape (days, 2)."""
     clock: Floats
-    """The last two time steps [s], and the wave speed at the start [m/s] that sets the usual step."""
+    """The last two time steps [s], and the wave speed [m/s] that sets the usual step."""
     gate: Floats
     """The downstream gate's target, position, and the flow that follows it [m3/s], shape (days, 3)."""
     ponds: Floats
@@ -81,6 +81,7 @@ def simulate(
     gate_time: float = 30.0,
     courant: float = 0.5,
     step: float | None = None,
+    speed: float | None = None,
     observed: ArrayLike | None = None,
     nudge_time: float = NUDGE_TIME,
     lift: ArrayLike | None = None,
@@ -115,6 +116,9 @@ def simulate(
         speed at the start; it becomes shorter where a later flow would bring it above 0.6.
     step : float, optional
         Longest time step [s], instead of `courant`; refused where it is unstable.
+    speed : float, optional
+        Wave speed [m/s] that sets the usual step, instead of that at the start: channels that differ little
+        then have the same steps, and their levels differ smoothly.
     observed : array_like, shape (n,) or (days, n), optional
         A level [m] to stay near: ``(observed - level) / nudge_time`` times `lift` is added to the rise of
         each cell. NaN adds nothing.
@@ -177,6 +181,7 @@ def simulate(
             np.zeros((days, 3)), np.zeros((days, len(changes.ponds))),
         )  # fmt: skip
         levels_0 = np.array(np.broadcast_to(np.asarray(start, float), (days,)))
+        state.clock[:, 2] = 0.0 if speed is None else speed
     if state.area.shape != (days, c):
         raise RividError(
             f"the start has (days, cells) = {state.area.shape}: expected {(days, c)} "
@@ -363,6 +368,18 @@ def _failure(
         f"the reach runs dry {when}, {channel.x[cell]:.0f} m below the upstream dam: check inflow and "
         f"outflow, raise the start level, or give a smaller courant ({courant:g}; dx = {channel.dx:.4g} m)"
     )
+
+
+def fastest_wave(channel: Channel, flow: float, level: float) -> float:
+    """Largest |v| + sqrt(g A / B) of a steady flow, with `level` at x = L [m/s].
+
+    Raises
+    ------
+    RividError
+        Where no subcritical steady flow has the level.
+    """
+    steady = simulate(channel, [0.0], [flow], [flow], level)
+    return float(steady.end.clock[0, 2])
 
 
 def arrival_time(channel: Channel, flow: ArrayLike, level: ArrayLike) -> Floats:

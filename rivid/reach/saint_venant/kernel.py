@@ -282,7 +282,7 @@ def advance(
             discharge[day, 1] = Q_0
             gates[day, 0], gates[day, 1] = known
         dt_1, dt_2, usual = clock[day, 0], clock[day, 1], clock[day, 2]
-        fresh = usual == 0.0
+        fresh = dt_1 == 0.0
         W[A : A + c] = area[day]
         W[Q : Q + c + 1], W[Q_OLD : Q_OLD + c + 1] = discharge[day, 0], discharge[day, 1]
         if commanded:
@@ -311,7 +311,8 @@ def advance(
                 outflow[day, k] = operate(operators, k, time[day, k], level[day, k], memory)
             speed = wave_speed(W, c) if np.isfinite(volume[day, k]) else np.nan
             if k == 0 and fresh:
-                usual = clock[day, 2] = speed
+                if usual == 0.0:
+                    usual = clock[day, 2] = speed
                 gate_state[day, TARGET] = gate_state[day, POSITION] = gate_state[day, FLOW] = outflow[day, 0]
                 for j in range(len(pond_share)):
                     ponds[day, j] = level_at(W, pond_share[j])
