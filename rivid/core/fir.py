@@ -452,7 +452,8 @@ class _Candidates:
 
     def __init__(self, G: Floats, b: Floats, yy: Floats, alpha: Floats, settings: JmapSettings) -> None:
         D_0 = second_difference(settings.order)
-        D_0[:3] = 0.0
+        if settings.jumps == "both":
+            D_0[:3] = 0.0
         D_0 = D_0[:, ::-1]
         E = D_0[settings.d_max + 2 : settings.d_min : -1]  # every d + 1 and d + 2, the longest first
         A = G.copy()
@@ -555,9 +556,7 @@ class _Block:
         h = back_substitute(R, z)  # (17)
         fidelity = self.yy - np.einsum("kb,kb->b", z, z)
         if s.inverse_gamma:
-            Dh = h.copy()
-            Dh[:-1] -= 2 * h[1:]
-            Dh[:-2] += h[2:]
+            Dh = _second_differences(h)
             alpha_h, beta_h = M / 2, np.einsum("ib,ib->b", Dh, Dh) / 2
         else:  # the flat prior of (31): sigma_hD2 = ||D_d h||^2 / M
             alpha_h, beta_h = -1.0, np.zeros(self.n)
@@ -602,8 +601,18 @@ class _Block:
 
     def _roughness(self, h: Floats, index: Ints) -> Floats:
         """||D_d h||^2 of each lane, d being candidate number `index`."""
-        x = h[:-3] - 2 * h[1:-2] + h[2:-1]  # rows M-1 .. 3 of D h
-        row = np.arange(len(h) - 1, 2, -1)[:, None]
+        x = _second_differences(h)
+        row = np.arange(len(h) - 1, -1, -1)[:, None]
         free = self.settings.d_min + index + 1
         x[(row == free) | (row == free + 1)] = 0.0
+        if self.settings.jumps == "both":
+            x = x[:-3]
         return np.asarray(np.einsum("ib,ib->b", x, x))
+
+
+def _second_differences(h: Floats) -> Floats:
+    """D h of FIRs that stand backwards, shape (M, lanes): rows M - 1 to 0."""
+    x = h.copy()
+    x[:-1] -= 2 * h[1:]
+    x[:-2] += h[2:]
+    return x

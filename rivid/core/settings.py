@@ -82,6 +82,7 @@ Share = Annotated[float, Limits(ge=0, le=1)]
 Part = Annotated[float, Limits(ge=0, lt=1)]
 Spread = Annotated[float, Limits(gt=0, le=100)]
 Prior = Literal["rayleigh", "uniform"]
+Jumps = Literal["both", "delay"]
 Moment = Literal["onset", "alarm"]
 
 
@@ -145,6 +146,9 @@ class JmapSettings(_Delays):
         time before the first sample is left open. Only rows of (16) with all M samples of u count, and a
         constant is fitted as well. This costs M - 1 rows, and is right where the delay is not short
         compared with the data set.
+    jumps : {"both", "delay"}
+        Where the response may jump, our readings of (24): at lags 1 and d + 1, as in Fig. 10, or at d + 1
+        alone, as in section I. D_d has no rows there.
 
     Raises
     ------
@@ -163,6 +167,7 @@ class JmapSettings(_Delays):
     tolerance: Tolerance = 1e-3
     max_iterations: Rounds = 200
     free_start: bool = False
+    jumps: Jumps = "both"
 
     def __post_init__(self) -> None:
         super().__post_init__()

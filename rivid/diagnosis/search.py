@@ -214,6 +214,18 @@ def _candidate(
     return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
 
+def whole_season(library: Library, record: Record) -> list[Candidate]:
+    """Every trial as it stands, without a window of dates and without a first estimate of its size."""
+    found = []
+    for trial, columns in zip(library.trials, library.columns, strict=True):
+        if not trial.hourly and not trial.effects[0].needs_dates:
+            size = np.zeros(len(columns))
+            size[0] = trial.sizes[0]
+            prior = float(_spans(trial.dates, record.days)[2][0])
+            found.append(_candidate(trial, columns, size, {}, 0.0, prior, np.zeros(0)))
+    return found
+
+
 def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
     """Variance of the scores of blocks over that of the noise model, 1 or more.
 
@@ -419,20 +431,24 @@ MOST_STEPS = 40
 """Most values tried of a parameter in which the output changes in steps."""
 
 
-def _stepped(model: Model, key: str, parent: Explanation, record: Record) -> Model:
-    """The model with the best value of a parameter of its last effect in which the output changes in steps.
+def stepped(effect: Effect, key: str, record: Record) -> list[Effect]:
+    """An effect with other values of a parameter in which the output changes in steps.
 
     Commands are quantised, and a band between two of them acts as the larger one: all values half-way between
-    commands are tried, up to 2.5 times the present one.
+    commands, up to 2.5 times the present one.
     """
-    effect, opened = model.effects[-1], parent.weights > 0.0
     moves = np.abs(np.diff(record.outflow, axis=1))
     step = float(np.quantile(moves[moves > 1e-6], 0.02)) if (moves > 1e-6).any() else 1.0
     values = (np.arange(min(int(2.5 * float(getattr(effect, key)) / step) + 2, MOST_STEPS)) + 0.5) * step
+    return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]
+
+
+def _stepped(model: Model, key: str, parent: Explanation, record: Record) -> Model:
+    """The model with the best value of such a parameter of its last effect."""
+    opened = parent.weights > 0.0
     root, few = np.sqrt(parent.weights[opened])[:, None], record.take(opened)
     costs, models = [], []
-    for value in values.tolist():
-        other = effect.with_values(**{key: effect.clipped(key, value)})
+    for other in stepped(model.effects[-1], key, record):
         models.append(replace(model, effects=(*model.effects[:-1], other)))
         left = residual_of(few, models[-1].baseline(few)) - parent.coded[opened]
         white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)

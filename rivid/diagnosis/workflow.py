@@ -24,7 +24,9 @@ from rivid.diagnosis.search import (
     Library,
     scatter_of,
     screened,
+    stepped,
     swung,
+    whole_season,
     with_effect,
     with_events,
     with_noise,
@@ -44,6 +46,8 @@ LEAST = 8.0
 scores a name needs several times as much to be probable."""
 DEEP, DEEPEST = 3, 2
 """Names tried with the response from its nominal start, on every sixth open day; and of these on all days."""
+FURTHER = 1.25
+"""Least ratio of two values of a parameter in which the output changes in steps, of the starts of a fit."""
 SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
 HOPELESS = 100.0
@@ -373,11 +377,16 @@ class _Search:
 
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
+        nominal = self._nominal(parent)
+        firsts = {one.effect.name: (one, nominal) for one in _firsts(tried)[:DEEP]}
+        if not parent.names:
+            for one, reach in self._scanned(parent, library):
+                firsts[one.effect.name] = (firsts.get(one.effect.name, (one, reach))[0], reach)
         found: list[tuple[float, Candidate, Model]] = []
-        for one in _firsts(tried)[:DEEP]:
+        for one, reach in firsts.values():
             self.report(0.05, f"the response with {one.effect.name}")
             try:
-                likely, model = self._joint(parent, one)
+                likely, model = self._joint(parent, one, reach)
             except RividError:
                 continue
             found.append((likely, one, model))
@@ -386,6 +395,45 @@ class _Search:
             self._grow(parent, library, one.effect.name, partial(self._from, one, model), one.columns)
         return [one for _, one, _ in best]
 
+    def _nominal(self, one: Explanation) -> Response:
+        """The nominal response of an explanation's kind."""
+        return next(reach for reach in self.responses if reach.name == one.model.reach.name)
+
+    def _some_days(self, parent: Explanation) -> Record:
+        """Every sixth open day, less the events of an explanation."""
+        chosen = np.flatnonzero(self.opened)[:: 2 * COARSE]
+        few = self.record.take(chosen)
+        return replace(few, output=few.output - parent.coded[chosen])
+
+    def _scanned(self, parent: Explanation, library: Library) -> list[tuple[Candidate, Response]]:
+        """The likeliest names on some days, each with the response from its nominal start, and that response.
+
+        A response that was fitted without the effect may have bent to it so far that no column shows it.
+        """
+        self.report(0.1, "every effect with the nominal response")
+        few, nominal = self._some_days(parent), self._nominal(parent)
+        rough = (
+            replace(nominal, cells=nominal.cells // 2) if isinstance(nominal, HydraulicResponse) else nominal
+        )
+        found: dict[str, tuple[float, Candidate, Response]] = {}
+        for one in whole_season(library, self.record):
+            model = replace(
+                parent.model, reach=rough, noise=None, effects=(*parent.model.effects, one.effect),
+                free=(*parent.model.free, one.free),
+            )  # fmt: skip
+            try:
+                likely, fit = _best_fits([model], few, steps=5, fresh=2)[0]
+            except RividError:
+                continue
+            if one.effect.name not in found or likely > found[one.effect.name][0]:
+                reach = fit.model.reach
+                if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
+                    reach = replace(reach, cells=nominal.cells)
+                effect = fit.model.effects[-1]
+                found[one.effect.name] = likely, replace(one, effect=effect), reach
+        best = sorted(found.values(), key=lambda each: -each[0])[:DEEP]
+        return [(one, reach) for _, one, reach in best]
+
     def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
         """`parent` with a candidate, fitted to all open days from a model."""
         return fitted(
@@ -393,10 +441,10 @@ class _Search:
             log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
         )  # fmt: skip
 
-    def _joint(self, parent: Explanation, candidate: Candidate) -> tuple[float, Model]:
+    def _joint(self, parent: Explanation, candidate: Candidate, reach: Response) -> tuple[float, Model]:
         """A model with one more effect than `parent`, fitted to some days, and its likelihood [nats a day].
 
-        From the response of `parent` and from the nominal one: the first may have bent to the effect so far
+        From the response of `parent` and from another one: the first may have bent to the effect so far
         that no small step shows it.
 
         Raises
@@ -404,15 +452,18 @@ class _Search:
         RividError
             Where the reach cannot carry the flows with it.
         """
-        chosen = np.flatnonzero(self.opened)[:: 2 * COARSE]
-        few = self.record.take(chosen)
-        few = replace(few, output=few.output - parent.coded[chosen])
-        model = parent.model
-        nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
+        model, effect = parent.model, candidate.effect
         larger = replace(
-            model, noise=None, effects=(*model.effects, candidate.effect), free=(*model.free, candidate.free)
+            model, noise=None, effects=(*model.effects, effect), free=(*model.free, candidate.free)
         )
-        likely, one = _best_fits((larger, replace(larger, reach=nominal)), few, steps=6, fresh=4)[0]
+        starts = [larger, replace(larger, reach=reach)]
+        for key in set(candidate.free) & set(effect.stepwise):  # no step of a fit changes it
+            last = 0.0
+            for other in stepped(effect, key, self.record):
+                if float(getattr(other, key)) >= FURTHER * last:
+                    last = float(getattr(other, key))
+                    starts.append(replace(larger, reach=reach, effects=(*model.effects, other)))
+        likely, one = _best_fits(starts, self._some_days(parent), steps=6, fresh=2)[0]
         return likely, one.model
 
     def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
