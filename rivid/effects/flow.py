@@ -261,7 +261,7 @@ class UnloggedUpstreamRelease(Effect):
 
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.hourly_trial("up")]
+        return [cls.linear_trial("size", 10.0, dates="between", sign=1), cls.hourly_trial("up")]
 
     def changes(self, world: World) -> Changes:
         return Changes(added=(AddedFlow(0.0, over_dates(self, self.size, world) * self.active(world)),))
