@@ -65,6 +65,17 @@ class JmapConfig(Section):
     alpha: Annotated[
         core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
     ] = core.DEFAULT_ALPHA
+    jumps: Annotated[
+        core.Jumps, Means("-", "jumps of the response (24): at lags 1 and d + 1 (`both`), or at d + 1")
+    ] = JmapSettings.jumps
+    alpha_h: Annotated[core.Shape | None, Means("-", "inverse-gamma prior (32); not given: M / 2")] = None
+    beta_h: Annotated[
+        core.Scale | None, Means("(m per m3/s)^2", "inverse-gamma prior (32); not given: ||D h_ML||^2 / 2")
+    ] = None
+    alpha_w: Annotated[core.Shape, Means("-", "the same of sigma_w^2; -1 with beta_w 0 is uniform (31)")] = (
+        JmapSettings.alpha_w
+    )
+    beta_w: Annotated[core.Scale, Means("m^2", "the same of sigma_w^2")] = JmapSettings.beta_w
     d_init: core.Delay = JmapSettings.d_init
     tolerance: core.Tolerance = JmapSettings.tolerance
     max_iterations: core.Rounds = JmapSettings.max_iterations
@@ -362,6 +373,11 @@ class Config(Section):
             delay_scale=float(sigma_d),
             alpha=j.alpha if fixed_alpha else None,
             inverse_gamma=inverse_gamma,
+            alpha_h=j.alpha_h if inverse_gamma else None,
+            beta_h=j.beta_h if inverse_gamma else None,
+            alpha_w=j.alpha_w,
+            beta_w=j.beta_w,
+            jumps=j.jumps,
             d_init=j.d_init,
             tolerance=j.tolerance,
             max_iterations=j.max_iterations,

@@ -354,7 +354,8 @@ It and the place of the minimum recognise nineteen of twenty days without any re
 class JmapResult(FirResult):
     """Joint estimate of delay and FIR for each day; a leading axis of days, or none for a single day.
 
-    The noise variance is sigma_w2 of (19); the status "degenerate" means that alpha ran away.
+    The noise variance is sigma_w2 of (19); the status "degenerate" means that alpha ran away
+    to its limit, or that the iteration of Table VI has not settled in `max_iterations`.
 
     Attributes
     ----------
@@ -374,6 +375,9 @@ class JmapResult(FirResult):
     prior_only : ndarray of bool, shape (days,)
         The delay is the prior's: without the d terms the criterion is flat, or has its minimum more than a
         sample away.
+    trace : ndarray, shape (days, rounds, 2), or None
+        sigma_w2 and sigma_hD2 after each iteration, by which the paper checks convergence; NaN after a day's
+        last one. None unless asked for.
     """
 
     delay: Floats
@@ -383,9 +387,12 @@ class JmapResult(FirResult):
     criterion: Floats
     iterations: Ints
     prior_only: NDArray[np.bool_]
+    trace: Floats | None = None
 
 
-def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **changes: Any) -> JmapResult:
+def jmap(
+    u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, *, trace: bool = False, **changes: Any
+) -> JmapResult:
     """Estimate delay and FIR of one day or of many.
 
     Parameters
@@ -396,6 +403,8 @@ def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **cha
         Output deviations from the day's first sample [m for a level, m3/s for a discharge].
     settings : JmapSettings, optional
         The paper's by default: Table VI with the Rayleigh prior.
+    trace : bool
+        Whether the variances of every iteration are kept.
     **changes
         Single settings to change, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V.
 
@@ -433,8 +442,13 @@ def jmap(u: ArrayLike, y: ArrayLike, settings: JmapSettings | None = None, **cha
     merged: dict[str, Any] = {
         name: np.concatenate([part[name] for part in parts]) if parts else _nothing(name, settings)
         for name in JmapResult.__dataclass_fields__
-        if name != "candidates"
+        if name not in ("candidates", "trace")
     }
+    if trace:
+        rounds = max((part["trace"].shape[1] for part in parts), default=0)
+        wide = [((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0)) for part in parts]
+        padded_ = [np.pad(p["trace"], w, constant_values=np.nan) for p, w in zip(parts, wide, strict=True)]
+        merged["trace"] = np.concatenate(padded_) if padded_ else np.empty((0, 0, 2))
     if single:
         merged = {name: values[0] for name, values in merged.items()}
     return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
@@ -491,6 +505,9 @@ class _Block:
         self.n = u.shape[1]
         G, b, self.yy, self.N = gram(u, y, s.order, s.free_start)
         self.G, self.b = np.ascontiguousarray(G[::-1, ::-1]), np.ascontiguousarray(b[::-1])
+        self.rounds: list[Floats] = []  # sigma_w2 and sigma_hD2 of each iteration, shape (lanes, 2)
+        self.dof = self.N + 2 * (s.alpha_w + 1)
+        self.settled = np.zeros(self.n, bool)
         self.candidates = np.arange(s.d_min, s.d_max + 1)
         self.penalty = np.zeros(len(self.candidates))
         if s.prior == "rayleigh":  # (26), its terms of (27) and (35)
@@ -515,7 +532,7 @@ class _Block:
         bad = motionless(self.yy, self.G)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
         alpha = self.s_w / self.s_h
-        runaway = alpha[here] >= ALPHA_CAP * (1 - 1e-9)
+        astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
         columns: dict[str, NDArray[Any]] = {
             "delay": self.candidates[self.index].astype(float)[here],
             "fir": self.fir[::-1].T[here],
@@ -529,8 +546,9 @@ class _Block:
         return columns | {
             "iterations": np.where(bad, 0, self.iterations[here]),
             "condition": condition,
-            "status": np.where(bad, "unidentifiable", np.where(runaway, "degenerate", "ok")),
+            "status": np.where(bad, "unidentifiable", np.where(astray, "degenerate", "ok")),
             "prior_only": ~bad & self._prior_only(data_only)[here],
+            "trace": np.stack(self.rounds, axis=1)[here],
         }
 
     def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
@@ -547,7 +565,8 @@ class _Block:
         fidelity = self.cost[self.index, np.arange(self.n)] - alpha * self._roughness(self.fir, self.index)
         self.s_w = self._noise(fidelity, slice(None))
         self.s_h = self.s_w / alpha
-        self.iterations[:] = 1
+        self.iterations[:], self.settled[:] = 1, True
+        self._note(slice(None))
 
     def _table_vi(self) -> Floats:
         """Both variances estimated in turn with d and h; returns the terms of (35) without d."""
@@ -558,6 +577,8 @@ class _Block:
         if s.inverse_gamma:
             Dh = _second_differences(h)
             alpha_h, beta_h = M / 2, np.einsum("ib,ib->b", Dh, Dh) / 2
+            alpha_h = alpha_h if s.alpha_h is None else s.alpha_h
+            beta_h = beta_h if s.beta_h is None else np.full(self.n, s.beta_h)
         else:  # the flat prior of (31): sigma_hD2 = ||D_d h||^2 / M
             alpha_h, beta_h = -1.0, np.zeros(self.n)
         shape = M + 2 * (alpha_h + 1)
@@ -581,7 +602,8 @@ class _Block:
             now = take[working]
             self.fir[:, now], self.cost[:, now] = h[:, working], search.cost[:, working]
             self.index[now], self.s_w[now], self.s_h[now] = index[working], s_w[working], s_h[working]
-            self.iterations[now] = iteration
+            self.iterations[now], self.settled[now] = iteration, settled[working]
+            self._note(now)
             working = working & ~settled & np.isfinite(s_w)
             left = np.flatnonzero(working)
             if not len(left):
@@ -594,10 +616,19 @@ class _Block:
                     for array in (G, b, yy, take, h, fidelity, index)
                 )
                 working = np.arange(len(keep)) < len(left)
-        return np.asarray(2 * beta_h / self.s_h + self.N * np.log(self.s_w) + shape * np.log(self.s_h))
+        terms = 2 * beta_h / self.s_h + self.dof * np.log(self.s_w) + shape * np.log(self.s_h)
+        return np.asarray(terms + 2 * s.beta_w / self.s_w)
+
+    def _note(self, now: Ints | slice) -> None:
+        """Keep the variances of the lanes that were worked on."""
+        found = np.full((self.n, 2), np.nan)
+        found[now] = np.stack([self.s_w, self.s_h], axis=1)[now]
+        self.rounds.append(found)
 
     def _noise(self, fidelity: Floats, take: Ints | slice) -> Floats:
-        return np.asarray(np.maximum(fidelity, NOISE_FLOOR * self.yy[take]) / self.N)
+        """(38), or with an inverse-gamma prior on sigma_w2 what (37) is for sigma_hD2."""
+        least = np.maximum(fidelity, NOISE_FLOOR * self.yy[take])
+        return np.asarray((least + 2 * self.settings.beta_w) / self.dof)
 
     def _roughness(self, h: Floats, index: Ints) -> Floats:
         """||D_d h||^2 of each lane, d being candidate number `index`."""

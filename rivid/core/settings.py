@@ -73,6 +73,8 @@ DelayScale = Annotated[float, Limits(ge=0.1, le=1e4)]
 Tolerance = Annotated[float, Limits(ge=1e-9, lt=1)]
 Rounds = Annotated[int, Limits(ge=2, le=10_000)]  # the stop test compares two iterations
 Positive = Annotated[float, Limits(gt=0)]
+Shape = Annotated[float, Limits(ge=-1)]
+Scale = Annotated[float, Limits(ge=0)]
 Finite = Annotated[float, Limits()]
 Threshold = Annotated[float, Limits(gt=0, le=1e6)]
 Drift = Annotated[float, Limits(ge=0, le=1e6)]
@@ -135,6 +137,11 @@ class JmapSettings(_Delays):
         variances (Table VI). A Rayleigh prior needs them estimated.
     inverse_gamma : bool
         The inverse-gamma prior on sigma_hD2 (32). Without it the estimate degenerates (section V).
+    alpha_h, beta_h : float or None
+        Its parameters; None: the paper's, M / 2 and ||D h_ML||^2 / 2 [(output unit per m3/s)^2] of each day.
+    alpha_w, beta_w : float
+        The same of sigma_w2, beta_w in squares of the output's unit. The paper's prior is uniform (31): -1
+        and 0, which give (38).
     d_init : int
         First guess of the delay [samples] in Table VI.
     tolerance : float
@@ -163,6 +170,10 @@ class JmapSettings(_Delays):
     delay_scale: DelayScale = 6.5
     alpha: Alpha | None = None
     inverse_gamma: bool = True
+    alpha_h: Shape | None = None
+    beta_h: Scale | None = None
+    alpha_w: Shape = -1.0
+    beta_w: Scale = 0.0
     d_init: Delay = 10
     tolerance: Tolerance = 1e-3
     max_iterations: Rounds = 200
@@ -175,6 +186,10 @@ class JmapSettings(_Delays):
             raise ConfigError(
                 f"d_max = {self.d_max} needs an FIR of order >= {self.d_max + 3}, got order = "
                 f"{self.order}: raise order or lower d_max"
+            )
+        if not self.inverse_gamma and (self.alpha_h, self.beta_h) != (None, None):
+            raise ConfigError(
+                "alpha_h and beta_h are those of the inverse-gamma prior: drop them, or inverse_gamma = false"
             )
         if self.prior == "rayleigh" and self.alpha is not None:
             raise ConfigError(

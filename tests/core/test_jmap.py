@@ -89,6 +89,60 @@ def test_a_free_start_is_table_vi_on_the_full_rows_less_their_means(monkeypatch)
         assert result.noise_variance[i] == pytest.approx(s_w, rel=1e-8)
 
 
+def test_jumps_at_the_delay_alone_as_transcribed(monkeypatch):
+    def free_at_the_delay(order, d):
+        D = transcription.second_differences(order)
+        D[d + 1 : d + 3] = 0.0
+        return D
+
+    monkeypatch.setattr(transcription, "jump_matrix", free_at_the_delay)
+    u, y, _ = season(8, 4)
+    for changes in ({}, {"inverse_gamma": False, "max_iterations": 4}):
+        result = jmap(u, y, jumps="delay", **changes)
+        for i in range(len(u)):
+            slow = {"inverse_gamma": False, "most": 4} if changes else {}
+            d, h, _, s_w, s_h, iterations = table_vi(u[i], y[i], 30, list(range(1, 16)), **slow)
+            if s_w / s_h < 1e8:
+                assert (result.delay[i], result.iterations[i]) == (d, iterations)
+                assert np.allclose(result.fir[i], h, rtol=0, atol=1e-6 * np.abs(h).max())
+    fixed = jmap(u, y, prior="uniform", alpha=1e4, jumps="delay")
+    assert fixed.delay.tolist() == [
+        table_v(a, b, 30, range(1, 16), 1e4)[0] for a, b in zip(u, y, strict=True)
+    ]
+
+
+def test_the_priors_parameters_enter_37_38_and_35():
+    u, y, _ = season(6, 9)
+    given = {"alpha_h": 4.0, "beta_h": 3e-9, "alpha_w": 50.0, "beta_w": 0.02}
+    result = jmap(u, y, tolerance=1e-7, **given)
+    D = [transcription.jump_matrix(30, int(d)) for d in result.delay]
+    for i, h in enumerate(result.fir):
+        fidelity = np.sum((y[i] - toeplitz_matrix(u[i], 30) @ h) ** 2)
+        rough = np.sum((D[i] @ h) ** 2)
+        s_w, s_h = (fidelity + 2 * 0.02) / (N + 2 * 51.0), (rough + 2 * 3e-9) / (30 + 2 * 5.0)
+        assert result.noise_variance[i] == pytest.approx(s_w, rel=1e-5)
+        assert result.roughness_variance[i] == pytest.approx(s_h, rel=1e-4)
+        d = result.delay[i]
+        J = (fidelity + 0.04) / s_w + (rough + 6e-9) / s_h + (N + 102.0) * np.log(s_w) + 40.0 * np.log(s_h)
+        assert result.criterion[i, int(d) - 1] == pytest.approx(J + d**2 / 6.5**2 - 2 * np.log(d), rel=1e-6)
+    paper = jmap(u, y, alpha_h=15.0)
+    assert np.array_equal(paper.criterion, jmap(u, y).criterion)
+
+
+def test_a_trace_holds_the_variances_of_every_iteration_and_an_unsettled_day_is_no_ok():
+    u, y, _ = season(6, 2)
+    result = jmap(u, y, trace=True)
+    assert result.trace.shape == (6, result.iterations.max(), 2)
+    for i, last in enumerate(result.iterations):
+        assert np.isfinite(result.trace[i, :last]).all() and np.isnan(result.trace[i, last:]).all()
+        assert result.trace[i, last - 1].tolist() == [result.noise_variance[i], result.roughness_variance[i]]
+        moved = np.abs(result.trace[i, last - 1] / result.trace[i, last - 2] - 1)
+        assert (moved < 1e-3).all()
+    assert jmap(u[0], y[0], trace=True).trace.tolist() == result.trace[0, : result.iterations[0]].tolist()
+    assert jmap(u, y).trace is None
+    assert set(jmap(u, y, max_iterations=2).status) == {"degenerate"}
+
+
 def test_without_the_inverse_gamma_prior_alpha_runs_away_as_transcribed():
     u, y, _ = season(12, 4)
     result = jmap(u, y, inverse_gamma=False, max_iterations=4)
