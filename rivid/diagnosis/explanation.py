@@ -147,6 +147,7 @@ def fitted(
     events: tuple[Events, ...] = (),
     steps: int = 6,
     fresh: int = 0,
+    rough: bool = False,
 ) -> Explanation:
     """Fit a model and its noise to the open days.
 
@@ -171,6 +172,8 @@ def fitted(
         Most steps.
     fresh : int
         After how many steps the columns are computed anew.
+    rough : bool
+        Whether the noise at the end is the one near that of the last step.
 
     Raises
     ------
@@ -224,7 +227,7 @@ def fitted(
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
     seen = np.where(record.used, z, np.nan)
-    noise, weights = _noise(model, record, seen, open_days, weights, alone=False)
+    noise, weights = _noise(model, record, seen, open_days, weights, alone=rough)
     return Explanation(
         replace(model, noise=replace(noise, recall=model.recall(record))),
         unknown,

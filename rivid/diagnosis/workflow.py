@@ -416,13 +416,15 @@ class _Search:
             replace(nominal, cells=nominal.cells // 2) if isinstance(nominal, HydraulicResponse) else nominal
         )
         found: dict[str, tuple[float, Candidate, Response]] = {}
+        plain = replace(parent.model, reach=rough, noise=None)
+        start = fitted(plain, few, np.ones(few.days, bool), steps=0)
         for one in whole_season(library, self.record):
             model = replace(
-                parent.model, reach=rough, noise=None, effects=(*parent.model.effects, one.effect),
+                start.model, effects=(*parent.model.effects, one.effect),
                 free=(*parent.model.free, one.free),
             )  # fmt: skip
             try:
-                likely, fit = _best_fits([model], few, steps=5, fresh=2)[0]
+                likely, fit = _best_fits([model], few, steps=5, fresh=1, start=start)[0]
             except RividError:
                 continue
             if one.effect.name not in found or likely > found[one.effect.name][0]:
@@ -606,7 +608,7 @@ UNKNOWNS = 2
 
 
 def _best_fits(
-    models: Iterable[Model], record: Record, *, steps: int, fresh: int
+    models: Iterable[Model], record: Record, *, steps: int, fresh: int, start: Explanation | None = None
 ) -> list[tuple[float, Explanation]]:
     """Fits of models to all days of a record, with their likelihoods [nats a day], the best one first.
 
@@ -618,7 +620,8 @@ def _best_fits(
     found, refused = [], []
     for model in models:
         try:
-            one = fitted(model, record, np.ones(record.days, bool), steps=steps, fresh=fresh)
+            every = np.ones(record.days, bool)
+            one = fitted(model, record, every, start=start, steps=steps, fresh=fresh, rough=True)
         except RividError as error:
             refused.append(error)
             continue
