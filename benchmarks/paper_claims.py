@@ -150,8 +150,8 @@ def one_day(year: Year, w: World, readings: Readings) -> list[Claim]:
         Claim("12", "its delay is d = 1",
               f"{pc(at(deg.delay, 1))} of days; 6 or 7 on {pc(at(deg.delay, 6, 7))}, 15 on {pc(at(deg.delay, 15))}",
               at(deg.delay, 1) > 0.2,
-              "the method, not the year: all that D_1 leaves free, D_2 leaves free as well (24), so d = 1 never beats d = 2. Read otherwise, "
-              f"it comes out on {pc(ones['slope'])} (slope paid after a jump) or {pc(ones['restart'])} (restart from zero) of days. The page with (24) is lost; the paper's must differ from our reading (table below)"),
+              f"the reading of (24), whose page is lost: with a jump at d + 1 alone it comes out on {pc(ones['delay'])} of days. With jumps at lags 1 and d + 1, ours, all "
+              f"that D_1 leaves free D_2 leaves free as well, so d = 1 never beats d = 2 (other readings: {pc(ones['slope'])} and {pc(ones['restart'])}; table below)"),
         Claim("12", "the inverse-gamma prior removes it",
               f"alpha {np.quantile(good.alpha, 0.05):.0e} to {np.quantile(good.alpha, 0.95):.0e} on nine of ten days, no day degenerate, {np.median(good.iterations):.0f} rounds",
               bool((good.status == "ok").all())),

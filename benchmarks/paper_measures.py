@@ -240,7 +240,8 @@ def reach_alone(w: World, noise: float = MODEL_NOISE) -> World:
 
 
 READINGS = {
-    "free": "both rows across a jump cost nothing (ours)",
+    "free": "both rows across a jump cost nothing, at lags 1 and d + 1 (ours)",
+    "delay": 'the same at d + 1 alone (`jumps = "delay"`)',
     "slope": "after a jump the slope is paid for",
     "restart": "the response starts from zero after each jump",
 }
@@ -250,6 +251,9 @@ READINGS = {
 def freed(order: int, delay: int, reading: str) -> Floats:
     """D_d of (24) in one of :data:`READINGS`."""
     D = np.eye(order) - 2 * np.eye(order, k=-1) + np.eye(order, k=-2)
+    if reading == "delay":
+        D[delay + 1 : delay + 3] = 0.0
+        return D
     if reading != "restart":
         D[0] = 0.0
     for first in (1, delay + 1):

@@ -136,6 +136,9 @@ class ReachConfig(Section):
     name: Annotated[str, Means("-", "its name, in tables and titles: letters, digits, `.`, `_`, `-`")] = (
         Field("reach", pattern=NAME, max_length=80)
     )
+    note: Annotated[
+        str, Means("-", "a line about the data, under the titles of reports"), Field(max_length=200)
+    ] = ""
     kind: Annotated[
         Literal["pool", "river"],
         Means("-", "`pool`: the output is the level at a dam; `river`: it is the discharge at the lower end"),

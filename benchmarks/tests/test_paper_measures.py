@@ -29,11 +29,13 @@ def world():
     [{"scale": 6.5}, {}, {"scale": 6.5, "inverse_gamma": False}],
     ids=["rayleigh", "uniform", "degenerate"],
 )
-def test_the_transcription_of_our_reading_is_the_cores_estimator(how):
+@pytest.mark.parametrize(("reading", "jumps"), [("free", "both"), ("delay", "delay")])
+def test_the_transcription_of_two_readings_is_the_cores_estimator(how, reading, jumps):
     w = world()
     prior = {"delay_scale": how["scale"]} if "scale" in how else {"prior": "uniform"}
-    expected = jmap(w.u, w.y, inverse_gamma=how.get("inverse_gamma", True), **prior).delay
-    assert [table_vi(u, y, "free", **how) for u, y in zip(w.u, w.y, strict=True)] == expected.tolist()
+    given = prior | {"jumps": jumps, "inverse_gamma": how.get("inverse_gamma", True)}
+    expected = jmap(w.u, w.y, **given).delay
+    assert [table_vi(u, y, reading, **how) for u, y in zip(w.u, w.y, strict=True)] == expected.tolist()
 
 
 @pytest.mark.parametrize("delay", [1, 2, 7, 15])

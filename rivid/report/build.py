@@ -96,6 +96,7 @@ def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> 
     """Write index.html, the page of the paper's figures, into the folder of the figures; return its path."""
     context = {
         "reach": year.config.reach.name,
+        "note": year.config.reach.note,
         "first": year.dates[0],
         "last": year.dates[-1],
         "days": len(year.dates),

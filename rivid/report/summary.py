@@ -307,16 +307,17 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        `reach`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`, `days`,
-        `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`, `moved`,
-        `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags are
-        in samples, bounds in seconds.
+        `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`,
+        `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
+        `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report.
+        Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
     gone = missing(dates)
     return {
         "reach": results.reach,
+        "note": results.note,
         "sample_time": results.sample_time,
         "unit": results.output_unit,
         "river": river is not None,

@@ -71,9 +71,9 @@ class Results:
     """All of OUT: one :class:`EstimatorResults` per estimator, in the order of the configuration.
 
     `sample_time` is T_s [s]; `output_unit` is m for a pool (level), m3/s for a river (discharge);
-    `delay_scale` is sigma_d in use [samples], the mode of the Rayleigh prior. `assumed` are the keys of the
-    reach's geometry that are not configured: the bounds (5) are NaN then, because they would be those of
-    another reach.
+    `delay_scale` is sigma_d in use [samples], the mode of the Rayleigh prior. `note` is a line about the
+    data. `assumed` are the keys of the reach's geometry that are not configured: the bounds (5) are NaN then,
+    because they would be those of another reach.
     """
 
     reach: str
@@ -82,6 +82,7 @@ class Results:
     delay_scale: float
     estimators: list[EstimatorResults]
     assumed: tuple[str, ...] = ()
+    note: str = ""
 
     def of(self, name: str) -> EstimatorResults:
         """The results of one estimator; StopIteration where it was not applied."""
@@ -205,6 +206,7 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
         delay_scale=float(run["delay_scale"]),
         estimators=estimators,
         assumed=assumed,
+        note=str(run.get("config", {}).get("reach", {}).get("note", "")),
     )
 
 
