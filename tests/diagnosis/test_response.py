@@ -50,6 +50,29 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
         np.testing.assert_allclose(response.baseline(record)[day], level, atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
+    """The steps of the solver once followed the parameters: single days had slopes of several times theirs."""
+    record = season(seed, days=4)
+    response = nominal(record, cells=24)
+    rng = np.random.default_rng(seed)
+    sd = np.array([p.sd for p in response.parameters])
+    response = response.with_parameters(vector_of(response) + 0.3 * sd * rng.standard_normal(len(sd)))
+    at, base = vector_of(response), response.baseline(record)
+    for i, p in enumerate(response.parameters):
+        if p.low + 0.1 * p.sd < p.value < p.high - 0.1 * p.sd:
+            unit = p.sd * (np.arange(len(sd)) == i)
+            there = [response.with_parameters(at + h * unit) for h in (-0.02, 0.01, 0.02)]
+            moved = [other.baseline(record) - base for other in there]
+            down, half, up = (rms_of_days(change) for change in moved)
+            np.testing.assert_allclose(up, down, rtol=0.06, atol=1e-7, err_msg=p.name)
+            np.testing.assert_allclose(up, 2.0 * half, rtol=0.03, atol=1e-7, err_msg=p.name)
+
+
+def rms_of_days(change):
+    return np.sqrt(np.mean(change**2, axis=1))
+
+
 def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
     """Along a sloping pool: the nudge leaves the water in balance, at the dam and half-way."""
     record = season(4, days=2)
