@@ -10,6 +10,7 @@ from scipy.stats import invgauss
 from rivid.diagnosis.explanation import fitted
 from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.base import (
+    STEP,
     real_flows,
     sensitivities,
     slopes_by_differences,
@@ -44,6 +45,7 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
         flow = simulate(
             channel, record.time[day], record.inflow[day], record.outflow[day], start,
             observed=record.output[day], lift=backwater_lift(channel, response.flow, response.level)[0],
+            speed=response.pace * 8200.0,
         )  # fmt: skip
         added = np.cumsum(flow.nudge[:-1] * np.diff(record.time[day]))
         level = flow.level - np.append(0.0, added)
@@ -227,7 +229,7 @@ def test_slopes_agree_with_central_differences(case):
         if p.value == p.low:
             continue
         h = np.zeros(len(start))
-        h[i] = 0.1 * p.sd  # the slopes are those in the middle of a step of this size
+        h[i] = STEP * p.sd  # the slopes are those in the middle of a step of this size
         up, down = (response.with_parameters(start + s * h).baseline(record) for s in (0.7, 0.3))
         central = (up - down) / (0.4 * h[i])
         assert rms(slopes[i] - central) < 0.05 * rms(central) + 1e-9, p.name
