@@ -9,17 +9,27 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult", "JmapSettings", "RividError",
-    "SimulatedSeason", "__version__", "diagnose", "jmap", "load_config", "load_delays", "load_results",
-    "load_scenario", "map_fir", "ml", "posterior", "propose_delays", "read_day", "simulate", "travel_bounds",
+    "SimulatedSeason", "__version__", "cusum", "diagnose", "direct", "indirect", "jmap", "load_config",
+    "load_delays", "load_results", "load_scenario", "map_fir", "ml", "posterior",
+    "propose_delays", "read_day", "simulate", "travel_bounds",
 ]  # fmt: skip
 
 _MODULES = {
     "api.day": ("Day", "read_day"),
     "api.diagnosis": ("DiagnosisResult", "diagnose"),
-    "api.estimate": ("DelayEstimate", "DelayProbabilities", "jmap", "posterior"),
+    "api.estimate": (
+        "DelayEstimate",
+        "DelayProbabilities",
+        "cusum",
+        "direct",
+        "indirect",
+        "jmap",
+        "map_fir",
+        "ml",
+        "posterior",
+    ),
     "api.season": ("SimulatedSeason", "simulate"),
     "config": ("Config", "load_config"),
-    "core.fir": ("map_fir", "ml"),
     "core.hydraulics": ("propose_delays", "travel_bounds"),
     "core.settings": ("JmapSettings",),
     "errors": ("RividError",),
@@ -30,10 +40,19 @@ _MODULES = {
 if TYPE_CHECKING:
     from rivid.api.day import Day, read_day
     from rivid.api.diagnosis import DiagnosisResult, diagnose
-    from rivid.api.estimate import DelayEstimate, DelayProbabilities, jmap, posterior
+    from rivid.api.estimate import (
+        DelayEstimate,
+        DelayProbabilities,
+        cusum,
+        direct,
+        indirect,
+        jmap,
+        map_fir,
+        ml,
+        posterior,
+    )
     from rivid.api.season import SimulatedSeason, simulate
     from rivid.config import Config, load_config
-    from rivid.core.fir import map_fir, ml
     from rivid.core.hydraulics import propose_delays, travel_bounds
     from rivid.core.settings import JmapSettings
     from rivid.errors import RividError

@@ -5,7 +5,7 @@ are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 """
 
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from itertools import combinations
@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_va
 
 from rivid.core import settings as core
 from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, RiverSettings, SearchSettings
-from rivid.errors import ConfigError
+from rivid.errors import ConfigError, nearest
 from rivid.estimators import ESTIMATORS
 from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
 
@@ -79,6 +79,17 @@ class JmapConfig(Section):
     d_init: core.Delay = JmapSettings.d_init
     tolerance: core.Tolerance = JmapSettings.tolerance
     max_iterations: core.Rounds = JmapSettings.max_iterations
+
+    @model_validator(mode="before")
+    @classmethod
+    def _symbols(cls, given: Any) -> Any:
+        """`M` is `order`."""
+        if isinstance(given, dict) and "M" in given:
+            if "order" in given:
+                raise ValueError("M and order are one setting: give one of them")
+            given = {"order": given["M"]} | {key: value for key, value in given.items() if key != "M"}
+        return given
+
     start: Annotated[
         Literal["rest", "free"] | None,
         Means("-", "before the first sample: at `rest` (the paper; a pool), or `free` (a river)"),
@@ -488,14 +499,6 @@ def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
     if not where:  # a fault of the whole file
         return message
     return f"{where} = {_short(repr(fault.get('input')))}: {message[:1].lower()}{message[1:]}"
-
-
-def nearest(came: Any, names: Iterable[str]) -> str:
-    """A hint at the nearest of the names, as the end of a message; empty where none is near."""
-    from difflib import get_close_matches
-
-    close = get_close_matches(str(came), list(names), 1)
-    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _short(text: str) -> str:

@@ -4,6 +4,7 @@ Every message says what came, what was expected and what to do. ``exit_code`` is
 command line returns for it.
 """
 
+from collections.abc import Iterable
 from typing import ClassVar
 
 EXIT_CODES: dict[int, tuple[str, str]] = {
@@ -25,6 +26,14 @@ EXIT_CODES: dict[int, tuple[str, str]] = {
 def printable(text: str) -> str:
     """The text with what UTF-8 cannot hold (file names of other encodings) as escapes."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def nearest(came: object, names: Iterable[str]) -> str:
+    """A hint at the nearest of the names, as the end of a message; empty where none is near."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(str(came), list(names), 1)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 class RividError(Exception):

@@ -118,8 +118,8 @@ def test_posterior_of_arrays_is_that_of_days(season):
 @pytest.mark.parametrize(
     "call, kind, expected",
     [
-        (lambda d: rivid.jmap(d.u), ConfigError, "the output is missing"),
-        (lambda d: rivid.jmap(d, d.y), ConfigError, "a day has its own output"),
+        (lambda d: rivid.jmap(d.u), ConfigError, "y is missing"),
+        (lambda d: rivid.jmap(d, d.y), ConfigError, "a day has its own series"),
         (lambda d: rivid.posterior(d.u), ConfigError, "the output is missing"),
         (lambda d: rivid.posterior(d, o=d.o), ConfigError, "a day has its own series"),
         (lambda d: rivid.posterior(d, dmax=3), ConfigError, "unknown key posterior.dmax"),
@@ -238,3 +238,35 @@ def test_all_public_names_exist_and_are_documented():
     assert set(dir(rivid)) == set(rivid.__all__)
     with pytest.raises(AttributeError, match="no attribute 'delay'"):
         rivid.delay  # noqa: B018
+
+
+def test_every_estimator_takes_a_day_or_its_arrays_with_the_same_answer(day):
+    same = [
+        (rivid.ml(day).fir, rivid.ml(day.inflow, day.output).fir),
+        (rivid.map_fir(day, alpha=1e3).fir, rivid.map_fir(day.u, day.output, 30, 1e3).fir),
+        (rivid.jmap(day).fir, rivid.jmap(day.inflow, day.output).fir),
+        (rivid.direct(day).criterion, rivid.direct(day.inflow, day.outflow, day.output).criterion),
+        (rivid.indirect(day).criterion, rivid.indirect(day.inflow, day.output).criterion),
+        (rivid.cusum(day).decision, rivid.cusum(rivid.ml(day)).decision),
+        (rivid.cusum(day).decision, rivid.cusum(rivid.ml(day).fir).decision),
+    ]
+    for of_day, of_arrays in same:
+        np.testing.assert_array_equal(of_day, of_arrays)
+
+
+def test_settings_have_the_papers_symbols_and_unknown_ones_are_named(day):
+    assert (
+        rivid.jmap(day, M=25, sigma_d=9.0).fir.tolist()
+        == rivid.jmap(day, order=25, delay_scale=9.0).fir.tolist()
+    )
+    assert len(rivid.ml(day, M=20).fir) == 20
+    for call, words in [
+        (lambda: rivid.jmap(day, sigmad=3.0), "unknown setting sigmad.*did you mean sigma_d?"),
+        (lambda: rivid.direct(day, dmax=20), "unknown setting dmax.*did you mean d_max?"),
+        (lambda: rivid.ml(day, M=20, order=20), "given twice"),
+        (lambda: rivid.direct(day.u, day.o), "y is missing: expected direct"),
+    ]:
+        with pytest.raises(ConfigError, match=words):
+            call()
+    table = {"jmap": {"M": 25}}
+    assert Config.model_validate(table).jmap_settings().order == 25

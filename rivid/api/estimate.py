@@ -12,9 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from rivid.api.day import Day
 from rivid.api.inputs import GivenConfig, Result, as_config
 from rivid.config import Config, parse
-from rivid.core.fir import JmapResult
+from rivid.core import fir, search
+from rivid.core.cusum import CusumResult
+from rivid.core.cusum import cusum as cusum_of
+from rivid.core.fir import FirResult, JmapResult
 from rivid.core.fir import jmap as jmap_of_arrays
-from rivid.core.settings import JmapSettings
+from rivid.core.search import SearchResult
+from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, SearchSettings, named
 from rivid.errors import ConfigError, RividError
 from rivid.estimators import Answer, Days, build
 from rivid.types import Floats, Strings
@@ -149,20 +153,28 @@ class DelayProbabilities(_DelayResult):
 
 
 def jmap(
-    u: ArrayLike | Day, y: ArrayLike | None = None, settings: JmapSettings | None = None, **changes: Any
+    u: ArrayLike | Day,
+    y: ArrayLike | None = None,
+    settings: JmapSettings | None = None,
+    *,
+    trace: bool = False,
+    **changes: Any,
 ) -> DelayEstimate:
     """Estimate delay and impulse response of a day, or of many, by the paper's estimator (Table VI).
 
     Parameters
     ----------
     u : Day, or array_like of shape (N,) or (days, N)
-        A day; or the inflow as deviations from the day's first sample [m3/s].
+        A day; or the inflow [m3/s].
     y : array_like, same shape
-        Output as deviations from the day's first sample [m or m3/s]; not with a day.
+        Output [m or m3/s]; not with a day. Of both series the deviations from their first samples count.
     settings : JmapSettings, optional
         Default: those of the day's configuration, or the paper's.
+    trace : bool
+        Whether the variances of every iteration are kept.
     **changes
-        Single settings to change, ``jmap(day, prior="uniform", alpha=1e4)`` for Table V.
+        Single settings to change, ``jmap(day, prior="uniform", alpha=1e4)`` for Table V; `M` and `sigma_d`
+        are `order` and `delay_scale`.
 
     Returns
     -------
@@ -186,15 +198,188 @@ def jmap(
     """
     about: dict[str, Any] = {}
     if isinstance(u, Day):
-        if y is not None:
-            raise ConfigError("jmap(day, y): a day has its own output: expected jmap(day) or jmap(u, y)")
-        found = jmap_of_arrays(u.u, u.y, settings or u.config.jmap_settings(), **changes)
+        settings = settings or u.config.jmap_settings()
         about = {"sample_time": u.sample_time, "output_unit": u.config.reach.output_unit, "date": u.date}
-    elif y is None:
-        raise ConfigError("jmap(u): the output is missing: expected jmap(day) or jmap(u, y)")
-    else:
-        found = jmap_of_arrays(u, y, settings, **changes)
+    inflow, output = _series("jmap", u, y=y)
+    found = jmap_of_arrays(inflow, output, settings, trace=trace, **changes)
     return DelayEstimate(**{f.name: getattr(found, f.name) for f in fields(JmapResult)}, **about)
+
+
+def _series(function: str, u: ArrayLike | Day, **others: ArrayLike | None) -> list[Floats]:
+    """Deviations of u and others (names as the function has them) from their first samples.
+
+    Raises
+    ------
+    ConfigError
+        Where a day comes with other series, or arrays without them.
+    """
+    form = f"{function}(day) or {function}({', '.join(('u', *others))})"
+    if isinstance(u, Day):
+        if any(value is not None for value in others.values()):
+            raise ConfigError(f"{function}: a day has its own series: expected {form}")
+        others = {name: getattr(u, name) for name in others}
+        if lacking := [name for name, value in others.items() if value is None]:
+            raise ConfigError(f"{function}(day): the day has no {lacking[0]}: expected a log of it")
+        u = u.u
+    if lacking := [name for name, value in others.items() if value is None]:
+        raise ConfigError(f"{function}: {lacking[0]} is missing: expected {form}")
+    arrays = [np.asarray(value, float) for value in (u, *others.values())]
+    return [a - a[..., :1] if a.ndim and a.shape[-1] else a for a in arrays]
+
+
+def ml(u: ArrayLike | Day, y: ArrayLike | None = None, order: int | None = None, **changes: Any) -> FirResult:
+    """Estimate the impulse response of a day, or of many, by maximum likelihood (17).
+
+    Parameters
+    ----------
+    u, y
+        As for :func:`jmap`.
+    order : int, optional
+        M [samples]; default: that of the day's configuration, or 30.
+    **changes
+        `M` for `order`, and `free_start`; see :class:`rivid.JmapSettings`.
+
+    Returns
+    -------
+    rivid.core.fir.FirResult
+
+    Raises
+    ------
+    RividError
+        As for :func:`jmap`.
+    """
+    given = _fir_settings(u, order, changes, ["order", "free_start"])
+    inflow, output = _series("ml", u, y=y)
+    return fir.ml(inflow, output, **given)
+
+
+def map_fir(
+    u: ArrayLike | Day,
+    y: ArrayLike | None = None,
+    order: int | None = None,
+    alpha: float | None = None,
+    **changes: Any,
+) -> FirResult:
+    """Estimate the impulse response of a day, or of many, a posteriori with second differences (22).
+
+    Parameters
+    ----------
+    u, y, order, **changes
+        As for :func:`ml`.
+    alpha : float, optional
+        sigma_w2 / sigma_hD2 [(m3/s)^2]; default: that of the day's configuration, or 10,000.
+
+    Returns
+    -------
+    rivid.core.fir.FirResult
+
+    Raises
+    ------
+    RividError
+        As for :func:`jmap`.
+    """
+    given = _fir_settings(u, order, changes, ["order", "free_start"])
+    usual = u.config.jmap.alpha if isinstance(u, Day) else DEFAULT_ALPHA
+    inflow, output = _series("map_fir", u, y=y)
+    return fir.map_fir(inflow, output, alpha=usual if alpha is None else alpha, **given)
+
+
+def _fir_settings(
+    u: ArrayLike | Day, order: int | None, changes: dict[str, Any], names: list[str]
+) -> dict[str, Any]:
+    """Order and start of an FIR: as given, else the day's."""
+    usual = u.config.jmap_settings() if isinstance(u, Day) else JmapSettings()
+    given = named(changes | ({} if order is None else {"order": order}), names)
+    return {"order": usual.order, "free_start": usual.free_start} | given
+
+
+def direct(
+    u: ArrayLike | Day,
+    o: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    settings: SearchSettings | None = None,
+    **changes: Any,
+) -> SearchResult:
+    """Estimate the delay by search in (8), Table IV: as if the outflow did not depend on the level.
+
+    Parameters
+    ----------
+    u : Day, or array_like of shape (N,) or (days, N)
+        A day; or the inflow [m3/s].
+    o, y : array_like, same shape
+        Outflow [m3/s] and level [m]; not with a day.
+    settings : SearchSettings, optional
+        Default: those of the day's configuration, or the paper's.
+    **changes
+        Single settings to change, ``direct(day, d_max=20)``.
+
+    Returns
+    -------
+    rivid.core.search.SearchResult
+
+    Raises
+    ------
+    RividError
+        As for :func:`jmap`.
+    """
+    settings = settings or (u.config.search_settings() if isinstance(u, Day) else None)
+    inflow, outflow, level = _series("direct", u, o=o, y=y)
+    return search.direct(inflow, outflow, level, settings, **changes)
+
+
+def indirect(
+    u: ArrayLike | Day, y: ArrayLike | None = None, settings: SearchSettings | None = None, **changes: Any
+) -> SearchResult:
+    """Estimate the delay by search in (10), Table IV: reach and operators together.
+
+    Parameters
+    ----------
+    u, y, settings, **changes
+        As for :func:`direct`.
+
+    Returns
+    -------
+    rivid.core.search.SearchResult
+
+    Raises
+    ------
+    RividError
+        As for :func:`jmap`.
+    """
+    settings = settings or (u.config.search_settings() if isinstance(u, Day) else None)
+    inflow, level = _series("indirect", u, y=y)
+    return search.indirect(inflow, level, settings, **changes)
+
+
+def cusum(
+    response: ArrayLike | FirResult | Day, settings: CusumSettings | None = None, **changes: Any
+) -> CusumResult:
+    """Estimate the delay as the jump of an impulse response that was estimated without one (section VI).
+
+    Parameters
+    ----------
+    response : Day, result of :func:`ml` or :func:`map_fir`, or array_like of shape (M,) or (days, M)
+        Of a day, the response is that of :func:`ml`.
+    settings : CusumSettings, optional
+        Default: those of the day's configuration, or the usual ones.
+    **changes
+        Single settings to change, ``cusum(day, drift=1.5)``.
+
+    Returns
+    -------
+    rivid.core.cusum.CusumResult
+
+    Raises
+    ------
+    RividError
+        For a shape that does not fit, or a response too short for d_max.
+    """
+    if isinstance(response, Day):
+        settings = settings or response.config.cusum_settings()
+        response = ml(response)
+    if isinstance(response, FirResult):
+        response = response.fir
+    return cusum_of(response, settings, **changes)
 
 
 def posterior(

@@ -8,7 +8,7 @@ Page's one-sided test adds up how far the coefficients lie above their mean befo
 raises the alarm where g passes the threshold, and dates the change by the last lag at which g was zero.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -91,7 +91,7 @@ def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any)
     >>> float(found.delay), float(found.alarm)
     (5.0, 6.0)
     """
-    s = replace(settings or CusumSettings(), **changes)
+    s = (settings or CusumSettings()).changed(changes)
     values = np.asarray(fir, float)
     if values.ndim not in (1, 2):
         raise RividError(f"the FIR has shape {values.shape}: expected (M,) or (days, M)")

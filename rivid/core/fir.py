@@ -20,7 +20,7 @@ substitution then has little left to do.
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -430,7 +430,7 @@ def jmap(
     >>> jmap(u, np.convolve(u, h)[:400] + rng.normal(scale=0.3, size=400)).delay
     np.float64(7.0)
     """
-    settings = replace(settings or JmapSettings(), **changes)
+    settings = (settings or JmapSettings()).changed(changes)
     (inputs, outputs), single = as_days(
         {"u": u, "y": y}, settings.order + 1, f"an FIR of order {settings.order}"
     )

@@ -133,7 +133,7 @@ def direct(
     >>> found.delay, found.parameters.round(9).tolist()
     (np.float64(7.0), [0.0002, 0.0002])
     """
-    s = replace(settings or SearchSettings(), **changes)
+    s = (settings or SearchSettings()).changed(changes)
     series = {"inflow": inflow, "outflow": outflow, "level": level}
     days, single = as_days(series, s.d_max + 2 + len(DIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, o, h = (values - values[:, :1] for values in days)
@@ -172,7 +172,7 @@ def indirect(
     Source: (10), (14)-(15), Table IV, with the readings of :func:`direct`. The level enters both sides, so a
     noisy gauge biases theta; the paper fits it all the same. K_h, K_Q and alpha_o cannot be separated.
     """
-    s = replace(settings or SearchSettings(), **changes)
+    s = (settings or SearchSettings()).changed(changes)
     series = {"inflow": inflow, "level": level}
     days, single = as_days(series, s.d_max + 2 + len(INDIRECT_PARAMETERS), f"d_max = {s.d_max}")
     u, h = (values - values[:, :1] for values in days)

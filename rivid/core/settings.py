@@ -4,12 +4,12 @@ The configuration validates these types with pydantic. This module imports neith
 that a configuration is read without numpy.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 from math import ceil, isfinite
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
-from rivid.errors import ConfigError
+from rivid.errors import ConfigError, nearest
 
 DEFAULT_ALPHA = 10_000.0
 """Fixed regularisation weight [(m3/s)^2] of the MAP (22) and of Table V (section VI, Fig. 14-15)."""
@@ -88,8 +88,38 @@ Jumps = Literal["both", "delay"]
 Moment = Literal["onset", "alarm"]
 
 
+ALIASES = {"M": "order", "sigma_d": "delay_scale"}
+"""Symbols of the paper for settings that have a name."""
+
+
+def named(changes: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Changes to settings of these names, by name or by the paper's symbol.
+
+    Raises
+    ------
+    ConfigError
+        For a setting that does not exist, or is given twice.
+    """
+    known, found = list(names), {}
+    for key, value in changes.items():
+        name = ALIASES.get(key, key)
+        if name not in known:
+            symbols = [symbol for symbol, of in ALIASES.items() if of in known]
+            valid = [*known, *symbols]
+            raise ConfigError(f"unknown setting {key}; valid here: {', '.join(valid)}{nearest(key, valid)}")
+        if name in found:
+            raise ConfigError(f"{name} is given twice, as {name} and by its symbol: expected one of them")
+        found[name] = value
+    return found
+
+
 class Checked:
     """Base of dataclasses that check the :class:`Limits` of their fields."""
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """The same with some settings changed; see :func:`named`."""
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # see below
+        return replace(self, **named(changes, names))  # type: ignore[type-var]
 
     def __post_init__(self) -> None:
         for field in fields(self):  # type: ignore[arg-type]  # the classes below are dataclasses

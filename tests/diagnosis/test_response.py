@@ -54,7 +54,7 @@ def test_the_baseline_is_the_nudged_run_without_its_nudge():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_baseline_is_smooth_in_every_parameter_on_every_day(seed):
-    """The steps of the solver once followed the parameters: single days had slopes of several times theirs."""
+    """The steps of the solver once followed the parameters: single days had far too large slopes."""
     record = season(seed, days=4)
     response = nominal(record, cells=24)
     rng = np.random.default_rng(seed)
