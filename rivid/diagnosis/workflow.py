@@ -458,15 +458,26 @@ class _Search:
         larger = replace(
             model, noise=None, effects=(*model.effects, effect), free=(*model.free, candidate.free)
         )
-        starts = [larger, replace(larger, reach=reach)]
-        for key in set(candidate.free) & set(effect.stepwise):  # no step of a fit changes it
-            last = 0.0
+        few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
+        steps = [key for key in candidate.free if key in effect.stepwise]  # no step of a fit changes these
+
+        def others(start: Model, key: str, low: float, high: float, ratio: float) -> list[Model]:
+            last, found = low, []
             for other in stepped(effect, key, self.record):
-                if float(getattr(other, key)) >= FURTHER * last:
-                    last = float(getattr(other, key))
-                    starts.append(replace(larger, reach=reach, effects=(*model.effects, other)))
-        likely, one = _best_fits(starts, self._some_days(parent), steps=6, fresh=2)[0]
-        return likely, one.model
+                value = float(getattr(other, key))
+                if ratio * last < value < high:
+                    last = value
+                    found.append(replace(start, effects=(*model.effects, other)))
+            return found
+
+        for key in steps:
+            starts += others(starts[1], key, 0.0, np.inf, FURTHER)
+        best = _best_fits(starts, few, steps=6, fresh=2)[0]
+        for key in steps:  # and those between
+            at = float(getattr(best[1].model.effects[-1], key))
+            if near := others(best[1].model, key, at / FURTHER, at * FURTHER, 1.0):
+                best = max(best, _best_fits(near, few, steps=4, fresh=1)[0], key=lambda pair: pair[0])
+        return best[0], best[1].model
 
     def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
         """An explanation fitted again from a model, with columns about it; None where it carries no flows."""
