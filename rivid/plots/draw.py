@@ -135,7 +135,7 @@ def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
         sample_time=results.sample_time,
     )  # fmt: skip
     if e.answered.any():
-        estimates.grey_scale(ax, fir, response_unit(results.output_unit))
+        estimates.grey_scale(ax, estimates.grey_limits(fir), response_unit(results.output_unit))
 
 
 FIGURES: dict[str, tuple[str, float, Callable[[Axes, Results, EstimatorResults], Any]]] = {
@@ -166,9 +166,8 @@ def typical_day(results: Results) -> dt.date | None:
     if not answers:
         return None
     most = max(answers.values())
-    days = sorted(day for day, n in answers.items() if n == most)
-    logs = np.log10([max(conditions.get(day, 1.0), 1.0) for day in days])
-    return days[int(np.argmin(np.abs(logs - np.median(logs))))]
+    days = sorted((conditions.get(day, 1.0), day) for day, n in answers.items() if n == most)
+    return days[(len(days) - 1) // 2][1]  # of two in the middle the lower one, of equals the earlier
 
 
 def _fir_day(results: Results, day: dt.date | None) -> Drawn | None:

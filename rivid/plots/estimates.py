@@ -89,6 +89,7 @@ def tdr(
     low: Floats | None = None,
     high: Floats | None = None,
     sample_time: float | None = None,
+    greys: tuple[float, float] | None = None,
 ) -> Axes:
     """Time-day representation: the impulse response of each day as a grey column, black is high.
 
@@ -96,7 +97,7 @@ def tdr(
     (n, M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
     [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
     90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
-    minutes.
+    minutes. `greys` are the values that are white and black, by default those of the figure's own responses.
 
     Notes
     -----
@@ -113,7 +114,7 @@ def tdr(
         image[:, at[answered]] = fir[answered].T
         if days > 380:  # narrower than pixels: matplotlib averages neighbours; repeated lags stay separate
             image = np.repeat(image, -(-400 // M), axis=0)
-        white, black = grey_limits(fir)
+        white, black = grey_limits(fir) if greys is None else greys
         ax.imshow(
             image, cmap="Greys", vmin=white, vmax=black, origin="lower", aspect="auto",
             extent=(x[0] - 0.5, x[-1] + 0.5, -0.5, M - 0.5),
@@ -147,9 +148,9 @@ def tdr(
     return ax
 
 
-def grey_scale(ax: Axes, fir: Floats, unit: str) -> None:
+def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
     """The scale of greys of :func:`tdr` above the right end of its panel."""
-    low, high = grey_limits(fir)
+    low, high = greys
     figure = ax.get_figure(root=True)
     assert figure is not None
     width, height = (float(v) for v in figure.get_size_inches())

@@ -395,6 +395,10 @@ def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
     return figure
 
 
+IN_GREY = ("ml", "map", "jmap-uniform", "jmap")
+"""Estimators of Figs 13 to 16, which have one scale of greys."""
+
+
 def _tdr(name: str) -> Callable[..., Figure]:
     """Figs 13-16: the impulse responses of the year by one estimator, the time-day representation."""
 
@@ -405,9 +409,11 @@ def _tdr(name: str) -> Callable[..., Figure]:
         note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
-        estimates.tdr(ax, day_numbers(e.dates), e.fir, lag=e.delay, sample_time=estimated.sample_time)
+        greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
+        look: dict[str, Any] = {"lag": e.delay, "sample_time": estimated.sample_time, "greys": greys}
+        estimates.tdr(ax, day_numbers(e.dates), e.fir, **look)
         if e.answered.any():
-            estimates.grey_scale(ax, e.fir, response_unit(estimated.output_unit))
+            estimates.grey_scale(ax, greys, response_unit(estimated.output_unit))
         style.key(ax)
         return figure
 

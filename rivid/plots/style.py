@@ -6,6 +6,7 @@ remain distinct for colour-blind readers.
 """
 
 import datetime as dt
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter, NullLocator
 from PIL import Image
 
@@ -48,7 +50,8 @@ STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "text.color": INK,
-    "text.parse_math": False,
+    "text.parse_math": False,  # the names of reaches are no formulas; see Picture
+    "mathtext.default": "regular",
     "axes.edgecolor": GREY,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
@@ -106,8 +109,38 @@ def styled() -> Iterator[None]:
 # Sheets and panels
 
 
+SYMBOLS = {
+    "T_s": "T_s", "u_Qi": "u_{Qi}", "u_Qo": "u_{Qo}", "h_L": "h_L", "h_ML": "h_{ML}", "alpha_h": r"\alpha_h",
+    "beta_h": r"\beta_h", "sigma_hD": r"\sigma_{hD}", "sigma_d": r"\sigma_d", "K_i": "K_i", "K_o": "K_o",
+    "K_Q": "K_Q", "K_h": "K_h", "U'U": "U^T U",
+}  # fmt: skip
+"""Symbols of the paper as texts have them, and as they are set."""
+SYMBOL = re.compile(
+    r"(?<![\w$])(" + "|".join(map(re.escape, sorted(SYMBOLS, key=len)[::-1])) + r")(²?)(?!\w)"
+)
+
+
+def set_symbols(text: str) -> str:
+    """A text with the paper's symbols as mathematics.
+
+    Examples
+    --------
+    >>> set_symbols("beta_h of sigma_hD², in T_s")
+    '$\\\\beta_h$ of $\\\\sigma_{hD}^2$, in $T_s$'
+    """
+    return SYMBOL.sub(lambda m: f"${SYMBOLS[m[1]]}{'^2' if m[2] else ''}$", text)
+
+
 class Picture(Figure):
     """A figure without pyplot's global state; a notebook displays it as the last value of a cell."""
+
+    def draw(self, renderer: Any) -> None:
+        """Draw with the paper's symbols as mathematics."""
+        for one in self.findobj(Text):
+            if SYMBOL.search(words := one.get_text()) and "$" not in words:
+                one.set_parse_math(True)
+                one.set_text(set_symbols(words))
+        super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
         held = BytesIO()
