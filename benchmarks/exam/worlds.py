@@ -1,6 +1,6 @@
 """Worlds of the exam: each seed draws a reach, its water, its operators, its gauge and its weather.
 
-Seeds 0 to 11299 are for development; proof seeds begin at :data:`FIRST_PROOF`. Once its season
+Seeds 0 to 11399 are for development; proof seeds begin at :data:`FIRST_PROOF`. Once its season
 has been looked at, a proof seed is one of development. The ranges are those of run-of-river and peaking reaches;
 nothing in them was chosen by looking at answers.
 """

@@ -112,6 +112,7 @@ def _channel(
         channel, time[: first + 1], inflow[: first + 1], day.outflow[0, : first + 1],
         start_level(day.output - gauge_of(day, changes), reach.level),
         changes=cut(changes, shape, np.s_[:, : first + 1]), gate_time=reach.gate_time,
+        speed=reach.pace * channel.length,
     )  # fmt: skip
     seen = offset[first:] + first_level(day, past.level + offset[: first + 1])
     operators = _operators(law, day, first, seen, float(past.level[-1]))

@@ -18,6 +18,7 @@ from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.effects import Effect
+from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
 ALONE = 0.95
@@ -141,12 +142,15 @@ def made_alone(one: Explanation, record: Record) -> Floats | None:
     """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
 
     All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect of
-    the simulator and no event came last.
+    the simulator and no event came last, or the reach carries the flows with it alone.
     """
     assert one.parent is not None
     if one.count[0] > one.parent.count[0]:
         less = replace(one.model, effects=one.model.effects[:-1], free=one.model.free[:-1])
-        made = one.model.baseline(record) - less.baseline(record)
+        try:
+            made = one.model.baseline(record) - less.baseline(record)
+        except RividError:
+            return None
         kept = len(one.shared) + len(less.values())
     elif len(one.events) > len(one.parent.events):
         made, kept = one.events[-1].coded, len(one.columns)
@@ -242,7 +246,7 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
-        if one.added is None and (self.excess(parent) or self.large(one)):
+        if one.added is None and (self.excess(parent) or self.large(one) or self._daily(one, parent)):
             return names, one.unknown
         if one.added is not None and one.added.found_as == "swing" and self._swings(one):
             return (*names, one.added.name), unknown
@@ -263,6 +267,14 @@ class Study:
             if not self._moves(one, made):
                 return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
+
+    def _daily(self, one: Explanation, parent: Explanation) -> bool:
+        """Whether an unknown flow that returns every day makes a share of the error that counts."""
+        if len(one.model.effects) == len(parent.model.effects):
+            return False
+        dates, record = one.model.effects[-1].dates, self.record
+        active = [dates is None or dates[0] <= day <= dates[1] for day in record.dates]
+        return self._material(one, parent, np.array(active))
 
     def _moves(self, one: Explanation, made: Floats) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.

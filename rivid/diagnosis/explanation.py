@@ -95,7 +95,7 @@ class Explanation:
     @property
     def count(self) -> tuple[int, int]:
         """Effects in the simulator and outside it."""
-        return len(self.model.effects), len(self.others)
+        return sum(bool(effect.name) for effect in self.model.effects), len(self.others)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -104,8 +104,8 @@ class Explanation:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its effects."""
-        return tuple(effect.name for effect in self.effects)
+        """Names of its effects that have one."""
+        return tuple(effect.name for effect in self.effects if effect.name)
 
     def active(self, record: Record) -> Bools:
         """Days on which the effect acts that it has more than its parent, shape (days,)."""

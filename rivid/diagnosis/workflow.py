@@ -4,6 +4,7 @@ Steps as in docs/diagnose.md. Open days fit and, each by a fit without its block
 used once, at the end.
 """
 
+import datetime as dt
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -32,6 +33,7 @@ from rivid.diagnosis.search import (
     with_noise,
 )
 from rivid.effects import LEVEL_NOISES, Effect
+from rivid.effects.flow import DailyFlow
 from rivid.errors import RividError
 from rivid.types import Floats
 
@@ -48,6 +50,8 @@ DEEP, DEEPEST = 3, 2
 """Names tried with the response from its nominal start, on every sixth open day; and of these on all days."""
 FURTHER = 1.25
 """Least ratio of two values of a parameter in which the output changes in steps, of the starts of a fit."""
+WINDOWS = 3
+"""Candidates in whose windows of dates an unknown daily flow is tried."""
 SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
 HOPELESS = 100.0
@@ -336,6 +340,8 @@ class _Search:
             c for c in screened(parent, library, record)
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
+        if not parent.unknown and parent.bonus is None:
+            self._with_daily(parent, found)
         tried = _worth_trying(found)
         deepest = self._deepened(parent, library, tried)
         for one in tried:
@@ -352,6 +358,28 @@ class _Search:
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 self._grow(parent, library, name, events)
+
+    def _with_daily(self, parent: Explanation, found: Sequence[Candidate]) -> None:
+        """Add an unknown flow that returns every day: in the season, and in the best candidates' windows."""
+        self.report(0.05, "an unknown daily flow")
+        windows: dict[tuple[dt.date, dt.date] | None, float] = {None: 0.0}
+        for candidate in found[:WINDOWS]:
+            windows.setdefault(candidate.effect.dates, candidate.log_prior)
+        prior = parent.log_prior + self.log_prior(2) - self.log_prior(0)  # the flow, and the shape of its day
+        for dates, price in windows.items():
+            effect = replace(DailyFlow(waves=(0.0,) * 6), dates=dates)
+            model = replace(
+                parent.model, noise_kind="flow", effects=(*parent.model.effects, effect),
+                free=(*parent.model.free, ("waves",)),
+            )  # fmt: skip
+            try:
+                one = fitted(
+                    model, self.record, self.opened, start=parent, steps=4, unknown="flow", parent=parent,
+                    log_prior=prior + price, others=parent.others, events=parent.events,
+                )  # fmt: skip
+            except RividError:  # the reach cannot carry it
+                continue
+            self.add(one)
 
     def _grow(
         self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None
@@ -417,7 +445,10 @@ class _Search:
         )
         found: dict[str, tuple[float, Candidate, Response]] = {}
         plain = replace(parent.model, reach=rough, noise=None)
-        start = fitted(plain, few, np.ones(few.days, bool), steps=0)
+        try:
+            start = fitted(plain, few, np.ones(few.days, bool), steps=0)
+        except RividError:  # with so few cells, or with what was found before
+            return []
         for one in whole_season(library, self.record):
             model = replace(
                 start.model, effects=(*parent.model.effects, one.effect),

@@ -2,7 +2,7 @@
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -120,6 +120,10 @@ class LateralInflow(Effect):
         super().__post_init__()
         spread_over_dates(self, "inflow")
 
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [replace(one, free=(*one.free, "place")) for one in super().trials(sample_time)]
+
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
         return Changes(added=(AddedFlow(self.place, flow),))
@@ -158,6 +162,30 @@ class DiurnalInflow(Effect):
 
         flow = self.amplitude * world.mean_of(volume) * self.active(world)
         return Changes(added=(AddedFlow(self.place, flow),))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DailyFlow(Effect):
+    """An unknown flow that returns every day, by its waves of 24, 12 and 8 h.
+
+    It has no name: the diagnosis holds it against the effects that have one.
+    """
+
+    name = ""
+    family = "flow"
+    sentence = "A flow that returns every day."
+    looks = "A wave of 24 h of any shape in what the logs do not explain."
+
+    waves: tuple[float, ...] = quantity(
+        (20.0,) * 6, "m3/s", -1e5, 1e5, "cosine and sine of each wave over the hour of the day", many=True
+    )
+
+    def changes(self, world: World) -> Changes:
+        flow = np.zeros(world.time.shape)
+        for k, (a, b) in enumerate(zip(self.waves[::2], self.waves[1::2], strict=True), 1):
+            angle = 2.0 * np.pi * k * world.time / DAY
+            flow += a * np.cos(angle) + b * np.sin(angle)
+        return Changes(added=(AddedFlow(0.5, flow * self.active(world)),))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,8 @@ CATALOGUE: dict[str, type[Effect]] = {
     one.name: one
     for module in (flow, timing, level)
     for one in vars(module).values()
-    if isinstance(one, type) and issubclass(one, Effect) and not inspect.isabstract(one)
+    if isinstance(one, type) and issubclass(one, Effect)
+    if not inspect.isabstract(one) and one.name
 }
 """Effects of rivid, by name."""
 

@@ -116,6 +116,12 @@ def test_a_cause_that_is_in_no_library_gets_no_name():
     assert result.next_measurement == USUAL["flow"]
 
 
+def test_a_daily_wave_is_not_called_a_release_where_no_daily_wave_may_be_named():
+    record = season(CATALOGUE["diurnal_inflow"](amplitude=40.0, hour=9.0))
+    result, _ = answer(record, "unlogged_upstream_release", "outflow_lag")
+    assert result.verdict == "unknown" and not result.effects, result.reason
+
+
 def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
     hidden = CATALOGUE["outflow_gain_error"](error=0.04)
     record = season(hidden)

@@ -3,7 +3,9 @@ import datetime as dt
 import numpy as np
 import pytest
 
+from rivid.effects import effect_classes
 from rivid.effects.flow import (
+    DailyFlow,
     DiurnalInflow,
     GateHeadEffect,
     InflowGainError,
@@ -93,3 +95,12 @@ def test_windows_and_values_that_do_not_fit_are_refused():
             LateralInflow(inflow=given)
     with pytest.raises(ConfigError, match="storage_area_slope: dates and hours are given"):
         StorageAreaSlope(dates=DATES)
+
+
+def test_an_unknown_daily_flow_is_any_sum_of_three_waves_and_has_no_name():
+    here = world(days=2)
+    (one,) = DailyFlow(waves=(3.0, 4.0, 0.0, 2.0, 1.0, 0.0)).changes(here).added
+    turn = 2 * np.pi * here.time / 86_400
+    slow = 3 * np.cos(turn) + 4 * np.sin(turn) + 2 * np.sin(2 * turn) + np.cos(3 * turn)
+    assert one.flow == pytest.approx(slow, abs=1e-12)
+    assert DailyFlow.name == "" and DailyFlow not in effect_classes().values()
