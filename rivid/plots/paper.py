@@ -5,6 +5,7 @@ The figures of the year (9 and 13-18) are those of the report: :mod:`rivid.plots
 
 import datetime as dt
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -426,23 +427,36 @@ def _tdr(name: str) -> Callable[..., Figure]:
 def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[CascadeReach]) -> Figure:
     """Fig. 19: how far the delay varies in each reach of a cascade, estimated and by experience."""
 
-    def width(interval: tuple[int, int]) -> int:
-        return interval[1] - interval[0]
+    def halved(found: Sequence[CascadeReach]) -> str:
+        names = [r.name for r in found if np.ptp(r.estimated) <= np.ptp(r.empirical) / 2]
+        return f"halved on {listed(names)}" if names else "halved nowhere"
 
-    halved = [r.name for r in reaches if width(r.estimated) <= width(r.empirical) / 2]
-    result = f"interval halved on {listed(halved)}" if halved else "no interval is halved"
-    figure, (ax,) = sheet(f"JMAP with uniform prior · {result}")
-    span = max(r.length for r in reaches) / 1000
-    for r in reaches:
-        reach_delays(ax, r, shift=0.016 * span)
-    top = max(1.0, *(max(r.empirical[1], float(np.nanmax(r.delay, initial=1))) for r in reaches))
-    ax.set_xlim(0, span * 1.12)
-    style.lag_ticks(ax, -1.2, top + 1.0)
-    ax.set_xlabel("reach length [km]")
-    ax.set_ylabel("delay [samples]")
-    ax.grid(True, axis="y")
-    style.second_axis(ax, reaches[0].sample_time, "[minutes]")
-    style.key(ax)
+    sure = [replace(r, delay=r.posterior) for r in reaches]
+    figure, panels = sheet(
+        f"the operators' interval is {halved(reaches)} (a), {halved(sure)} (b)",
+        [3.0],
+        2,
+        gap=(0.35, 0.0),
+        top=1.2,
+    )
+    low, high = (f(r.length for r in reaches) / 1000 for f in (min, max))
+    room = max(0.15 * (high - low), 0.12 * high)
+    every = np.concatenate([r.delay for r in (*reaches, *sure)])
+    top = max(1.0, *(r.empirical[1] for r in reaches), float(np.nanmax(every, initial=1)))
+    for ax, name, words, found in zip(
+        panels, "ab", ("JMAP with uniform prior", "posterior"), (reaches, sure), strict=True
+    ):
+        for r in found:
+            reach_delays(ax, r, shift=0.035 * (high - low + 2 * room))
+        ax.set_xlim(low - room, high + room)
+        style.lag_ticks(ax, -1.2, top + 1.0)
+        ax.set_xlabel("reach length [km]")
+        ax.grid(True, axis="y")
+        style.name_panel(ax, name, words)
+    panels[0].set_ylabel("delay [samples]")
+    panels[1].tick_params(labelleft=False)
+    style.second_axis(panels[1], reaches[0].sample_time, "[minutes]")
+    style.figure_key(panels[:1], down=0.55, left=0.8)
     return figure
 
 
@@ -456,7 +470,7 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
     at, days = np.unique(r.delay[np.isfinite(r.delay)], return_counts=True)
     if len(days):
         places = np.full(len(at), x + 2.2 * shift)
-        ax.scatter(places, at, s=90 * days / days.sum(), color=style.ACCENT, lw=0, zorder=3)
+        ax.scatter(places, at, s=140 * days / days.sum(), color=style.ACCENT, lw=0, zorder=3)
     if first:
         ax.fill_between([], [], color=style.LIGHT, label="operators' interval (nominal ± 3 T_s)")
         held = {"marker": "|", "color": style.INK, "markersize": 9, "markeredgewidth": 2}

@@ -200,6 +200,7 @@ class CascadeReach:
     delay: Floats  # estimates with the uniform prior, shape (days,) [samples]
     nominal: int  # the operators' value [samples]; here of the gravity wave at the middle discharge
     truth: Floats  # true delays, shape (days,), or (0,) where they are unknown [samples]
+    posterior: Floats  # estimates of `posterior`, NaN on days without an answer, shape (days,) [samples]
 
     @property
     def empirical(self) -> tuple[int, int]:
@@ -230,7 +231,7 @@ def shortest(delay: Floats, held: float = HELD) -> tuple[int, int]:
 
 
 def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
-    """A reach of the cascade from its logs: the JMAP with uniform prior and fixed alpha.
+    """A reach of the cascade from its logs: the JMAP with uniform prior and fixed alpha, and the posterior.
 
     `truth` are the true delays of the days [samples], where they are known.
     """
@@ -239,4 +240,5 @@ def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
     bounds = travel_bounds(reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth)
     nominal = round(float(bounds.gravity.mean()) / reach.sample_time)
     known = np.empty(0) if truth is None else truth
-    return CascadeReach(reach.name, reach.length, reach.sample_time, delay, nominal, known)
+    sure = _estimates(year, "posterior").delay
+    return CascadeReach(reach.name, reach.length, reach.sample_time, delay, nominal, known, sure)
