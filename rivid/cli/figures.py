@@ -33,7 +33,7 @@ def command(
     """Redraw the figures and the report of a finished run.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. With --paper: the paper's
-    figures 2-7, 9, 10 and 12-19 as SVG and PNG, from the logs and settings of the run, and a page with all of
+    figures 1 to 19 as SVG and PNG, from the logs and settings of the run, and a page with all of
     them, OUT/paper/index.html.
 
     \b

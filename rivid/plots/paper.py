@@ -1,4 +1,4 @@
-"""The paper's figures of a year of logs: 2-7, 9-10 and 12-19, as SVG and PNG.
+"""The paper's figures of a year of logs, 1 to 19, as SVG and PNG.
 
 The figures of the year (9 and 13-18) are those of the report: :mod:`rivid.plots.estimates`.
 """
@@ -98,6 +98,96 @@ def figure_of(num: str, year: Year, estimated: Results, i: int, cascade: Sequenc
 
 def _who(year: Year) -> str:
     return f"{year.config.reach.name} · {count(len(year.dates), 'day')}"
+
+
+# Figs 1 and 8: the reach, and who acts on it
+
+
+def _drawing(sheet: Sheet, note: str, height: float) -> tuple[Figure, Axes]:
+    """A panel of 100 by 30 without axes."""
+    figure, (ax,) = sheet(note, [height], left=0.3, right=0.3, bottom=0.2)
+    ax.set(xlim=(0, 100), ylim=(0, 30))
+    ax.axis("off")
+    return figure, ax
+
+
+def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str = style.INK) -> None:
+    ax.annotate(
+        "",
+        end,
+        start,
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0},
+    )
+
+
+def reach(sheet: Sheet, year: Year, *_: Any) -> Figure:
+    """Fig. 1: the reach between its dams, from the side."""
+    r = year.config.reach
+    figure, ax = _drawing(sheet, f"{r.name} · L = {r.length / 1000:g} km, not to scale", 2.5)
+    x = np.linspace(10, 86, 200)
+    bed = 9.0 - 5.0 * (x - 10) / 76
+    surface = 17.5 - 1.2 * ((86 - x) / 76) * ((x - 10) / 76 + 0.6)
+    ax.fill_between(x, bed, surface, color=style.WATER, alpha=0.18, lw=0)
+    ax.plot(x, surface, color=style.WATER, lw=1.4)
+    ax.plot([0, *x, 100], [10.0, *bed, 3.0], color=style.INK, lw=1.2)
+    for at, foot, crest in ((8.5, 9.3, 25.0), (86.0, 3.9, 21.5)):
+        ax.fill([at, at + 1.5, at + 1.5, at], [foot, foot, crest, crest], color=style.GREY, lw=0)
+    ax.fill_between([0, 8.5], [9.8, 9.3], 22.5, color=style.WATER, alpha=0.18, lw=0)
+    ax.fill_between([87.5, 100], [3.8, 3.0], 9.0, color=style.WATER, alpha=0.18, lw=0)
+    _arrow(ax, (5, 20), (15, 20), style.ACCENT)
+    _arrow(ax, (82, 7.5), (95, 7.5), style.ACCENT)
+    ax.text(11, 26.2, "upstream dam: inflow u_Qi", ha="left")
+    ax.text(99, 23.0, "downstream dam: outflow u_Qo,\nset by operators", ha="right", va="bottom")
+    ax.plot([82, 82], [surface[np.searchsorted(x, 82)], 4.3], color=style.INK, lw=0.9, ls=":")
+    ax.text(81, 11.0, "level h_L", ha="right")
+    _arrow(ax, (18, 14.0), (44, 14.0), style.INK)
+    ax.text(19, 14.8, "a wave on its way: d + 1 samples to the gauge")
+    ax.annotate("", (86, 1.4), (10, 1.4), arrowprops={"arrowstyle": "<|-|>", "color": style.GREY, "lw": 0.9})
+    ax.text(48, 0.0, "L", ha="center", color=style.GREY, va="bottom", backgroundcolor="white")
+    return figure
+
+
+def loop(sheet: Sheet, *_: Any) -> Figure:
+    """Fig. 8: reach (8) and operators (9), by the arguments of :func:`theoretical_fir`."""
+    figure, ax = _drawing(
+        sheet, "reach (8): alpha_i = K_i T_s / A, alpha_o = K_o T_s / A · operators (9)", 2.6
+    )
+
+    def block(x: float, y: float, words: str, name: str) -> None:
+        box = {"boxstyle": "round,pad=0.55", "facecolor": "white", "edgecolor": style.INK}
+        ax.text(x, y, words, ha="center", va="center", bbox=box, parse_math=True, fontsize=11)
+        beside = name == "feedback"
+        at = (x - 4.5, y) if beside else (x, y + 5.2)
+        ax.text(*at, name, ha="right" if beside else "center", va="center", color=style.GREY)
+
+    block(38, 23, r"$\alpha_i\,\frac{q^{-d-1}}{1-q^{-1}}$", "inflow to level")
+    block(62, 13, r"$\alpha_o\,\frac{q^{-1}}{1-q^{-1}}$", "outflow to level")
+    block(24, 13, "$K_Q$", "feedforward")
+    block(38, 3.5, "$K_h$", "feedback")
+    for x, y in ((38.0, 13.0), (78.0, 23.0)):
+        ax.plot(x, y, "o", ms=11, mfc="white", mec=style.INK)
+    for start, end in [
+        ((6, 23), (32, 23)), ((44, 23), (76.6, 23)), ((79.4, 23), (96, 23)), ((14, 13), (20.5, 13)),
+        ((27.5, 13), (36.6, 13)), ((39.4, 13), (55.5, 13)), ((38, 6.6), (38, 11.6)), ((78, 13), (78, 21.6)),
+        ((78, 29), (78, 24.4)),
+    ]:  # fmt: skip
+        _arrow(ax, start, end)
+    ax.plot([14, 14], [23, 13], color=style.INK, lw=1.3)
+    ax.plot([68.5, 78], [13, 13], color=style.INK, lw=1.3)
+    ax.plot([88, 88, 42], [23, 3.5, 3.5], color=style.INK, lw=1.3)
+    for x, y, sign in (
+        (35.6, 15.0, "+"),
+        (39.4, 9.6, "−"),
+        (75.4, 24.8, "+"),
+        (79.2, 19.4, "−"),
+        (79.2, 26.0, "+"),
+    ):
+        ax.text(x, y, sign)
+    ax.text(6, 24.2, "u_Qi")
+    ax.text(45, 14.2, "u_Qo")
+    ax.text(92, 24.2, "h_L")
+    ax.text(79.5, 28.3, "v: what is not modelled", va="center", color=style.GREY)
+    return figure
 
 
 # Figs 2-6: the reach and its hydraulics
@@ -488,12 +578,14 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
 
 
 FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {
+    "1": ("The reach", reach),
     "2": ("Mean daily discharge", discharge),
     "3": ("Mean daily level", level),
     "4": ("Mean daily Froude number", froude),
     "5": ("Bounds of the travel time against the flow", bounds_by_flow),
     "6": ("Bounds of the travel time of each day", bounds_by_day),
     "7": ("A one-day data set", logs),
+    "8": ("The reach and its operators", loop),
     "9": ("Delays by exhaustive search", searches),
     "10": ("A theoretical impulse response", theoretical),
     "11": ("The priors in use", priors),

@@ -28,8 +28,8 @@ ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_dischar
 """Figures of an estimator in the order in which they are read; any other comes after."""
 
 PARTS = (
-    ("The reach and its hydraulics", ("2", "3", "4", "5", "6")),
-    ("The data, and the simple models", ("7", "9", "10")),
+    ("The reach and its hydraulics", ("1", "2", "3", "4", "5", "6")),
+    ("The data, and the simple models", ("7", "8", "9", "10")),
     ("One day", ("11", "12")),
     ("The year", ("13", "14", "15", "16", "17", "18")),
     ("The cascade", ("19",)),

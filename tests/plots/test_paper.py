@@ -17,7 +17,7 @@ from rivid.report.build import write_gallery
 from tests.plots.layout import check, labels
 from tests.plots.years import estimated, still, without_outflow, year
 
-NUMBERS = ["2", "3", "4", "5", "6", "7", "9", "10", "11", "12", "13", "14", "15", "16", "17", "18", "19"]
+NUMBERS = [str(number) for number in range(1, 20)]
 
 
 @pytest.fixture(scope="module")
