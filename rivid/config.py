@@ -66,7 +66,8 @@ class JmapConfig(Section):
         core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
     ] = core.DEFAULT_ALPHA
     jumps: Annotated[
-        core.Jumps, Means("-", "jumps of the response (24): at lags 1 and d + 1 (`both`), or at d + 1")
+        core.Jumps,
+        Means("-", "jumps of the response (24): `both`, at lags 1 and d + 1, or `delay`, at d + 1"),
     ] = JmapSettings.jumps
     alpha_h: Annotated[core.Shape | None, Means("-", "inverse-gamma prior (32); not given: M / 2")] = None
     beta_h: Annotated[

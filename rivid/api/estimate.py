@@ -248,7 +248,7 @@ def ml(u: ArrayLike | Day, y: ArrayLike | None = None, order: int | None = None,
     RividError
         As for :func:`jmap`.
     """
-    given = _fir_settings(u, order, changes, ["order", "free_start"])
+    given = _fir_settings(u, order, changes)
     inflow, output = _series("ml", u, y=y)
     return fir.ml(inflow, output, **given)
 
@@ -278,18 +278,16 @@ def map_fir(
     RividError
         As for :func:`jmap`.
     """
-    given = _fir_settings(u, order, changes, ["order", "free_start"])
+    given = _fir_settings(u, order, changes)
     usual = u.config.jmap.alpha if isinstance(u, Day) else DEFAULT_ALPHA
     inflow, output = _series("map_fir", u, y=y)
     return fir.map_fir(inflow, output, alpha=usual if alpha is None else alpha, **given)
 
 
-def _fir_settings(
-    u: ArrayLike | Day, order: int | None, changes: dict[str, Any], names: list[str]
-) -> dict[str, Any]:
+def _fir_settings(u: ArrayLike | Day, order: int | None, changes: dict[str, Any]) -> dict[str, Any]:
     """Order and start of an FIR: as given, else the day's."""
     usual = u.config.jmap_settings() if isinstance(u, Day) else JmapSettings()
-    given = named(changes | ({} if order is None else {"order": order}), names)
+    given = named(changes | ({} if order is None else {"order": order}), ["order", "free_start"])
     return {"order": usual.order, "free_start": usual.free_start} | given
 
 

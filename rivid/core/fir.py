@@ -447,8 +447,8 @@ def jmap(
     if trace:
         rounds = max((part["trace"].shape[1] for part in parts), default=0)
         wide = [((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0)) for part in parts]
-        padded_ = [np.pad(p["trace"], w, constant_values=np.nan) for p, w in zip(parts, wide, strict=True)]
-        merged["trace"] = np.concatenate(padded_) if padded_ else np.empty((0, 0, 2))
+        traces = [np.pad(p["trace"], w, constant_values=np.nan) for p, w in zip(parts, wide, strict=True)]
+        merged["trace"] = np.concatenate(traces) if traces else np.empty((0, 0, 2))
     if single:
         merged = {name: values[0] for name, values in merged.items()}
     return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)

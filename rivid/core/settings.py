@@ -118,7 +118,7 @@ class Checked:
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """The same with some settings changed; see :func:`named`."""
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # see below
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # all are dataclasses
         return replace(self, **named(changes, names))  # type: ignore[type-var]
 
     def __post_init__(self) -> None:

@@ -142,7 +142,7 @@ def made_alone(one: Explanation, record: Record) -> Floats | None:
     """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
 
     All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect of
-    the simulator and no event came last, or the reach carries the flows with it alone.
+    the simulator and no event came last, and where the reach cannot carry the flows without it.
     """
     assert one.parent is not None
     if one.count[0] > one.parent.count[0]:

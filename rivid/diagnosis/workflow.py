@@ -51,7 +51,7 @@ DEEP, DEEPEST = 3, 2
 FURTHER = 1.25
 """Least ratio of two values of a parameter in which the output changes in steps, of the starts of a fit."""
 WINDOWS = 3
-"""Candidates in whose windows of dates an unknown daily flow is tried."""
+"""Candidates that lend their windows of dates to an unknown daily flow."""
 SECOND = 0.8
 """Share of a name's best gain from which its second window is tried in the simulator as well."""
 HOPELESS = 100.0
@@ -252,8 +252,8 @@ class _Search:
             if dynamics and likely < best - HOPELESS:
                 continue
             self.report(0.1, f"calibrating the response: {model.reach.name}")
-            nominal = next(reach for reach in self.responses if reach.name == model.reach.name)
-            model = replace(model, noise=None, reach=_able(nominal, model.reach, self.record))
+            reach = _able(self._nominal(model), model.reach, self.record)
+            model = replace(model, noise=None, reach=reach)
             one = self.add(
                 fitted(
                     model, self.record, self.opened, steps=8, fresh=1,
@@ -405,7 +405,7 @@ class _Search:
 
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
-        nominal = self._nominal(parent)
+        nominal = self._nominal(parent.model)
         firsts = {one.effect.name: (one, nominal) for one in _firsts(tried)[:DEEP]}
         if not parent.names:
             for one, reach in self._scanned(parent, library):
@@ -423,9 +423,9 @@ class _Search:
             self._grow(parent, library, one.effect.name, partial(self._from, one, model), one.columns)
         return [one for _, one, _ in best]
 
-    def _nominal(self, one: Explanation) -> Response:
-        """The nominal response of an explanation's kind."""
-        return next(reach for reach in self.responses if reach.name == one.model.reach.name)
+    def _nominal(self, model: Model) -> Response:
+        """The nominal response of a model's kind."""
+        return next(reach for reach in self.responses if reach.name == model.reach.name)
 
     def _some_days(self, parent: Explanation) -> Record:
         """Every sixth open day, less the events of an explanation."""
@@ -439,7 +439,7 @@ class _Search:
         A response that was fitted without the effect may have bent to it so far that no column shows it.
         """
         self.report(0.1, "every effect with the nominal response")
-        few, nominal = self._some_days(parent), self._nominal(parent)
+        few, nominal = self._some_days(parent), self._nominal(parent.model)
         rough = (
             replace(nominal, cells=nominal.cells // 2) if isinstance(nominal, HydraulicResponse) else nominal
         )

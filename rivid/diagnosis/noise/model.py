@@ -508,7 +508,7 @@ def _climb(
             minimize(
                 cost, np.clip(np.log(given), low, high), jac=True, method="L-BFGS-B",
                 bounds=list(zip(low, high, strict=True)),
-                options={"maxiter": 200, "ftol": 1e-8, "gtol": 1e-6},
+                options={"maxiter": 200, "ftol": 1e-8, "gtol": 1e-6},  # some 1e-3 nats in 100,000 samples
             )
         )  # fmt: skip
     return limits.at(min(found, key=lambda end: float(end.fun)).x)
