@@ -1,4 +1,4 @@
-"""Effects on the gauge reading: drift, steps, wind set-up, seiches."""
+"""Effects on the gauge reading: drift, steps, a silting well, wind set-up, seiches."""
 
 import math
 from collections.abc import Sequence
@@ -113,6 +113,33 @@ class SensorStep(Effect):
         offset = np.cumsum(np.ravel(self.step)[order])
         started = np.searchsorted(HOUR * np.ravel(self.start)[order], world.time, side="right")
         return Changes(gauge=np.append(0.0, offset)[started] * self.active(world))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillingWell(Effect):
+    """``lag d(reading)/dt = level - reading``, beside the lag that the gauge has always had."""
+
+    name = "stilling_well"
+    family = "level"
+    acts_on_river = False
+    needs_dates = True
+    sized_trials = {"lag": (60.0, 300.0, 900.0)}
+    trial_dates = "between"
+    confounded_with = {
+        "outflow_lag": (
+            "Pour water into the well and time its fall, or read a staff gauge after a step of the inflow."
+        ),
+    }
+    sentence = "The gauge's stilling well follows the water late: its intake silts up, until it is cleaned."
+    looks = (
+        "From a date on every change of the level is read late, whichever dam makes it: outflow_lag and "
+        "clock_offset delay one of the two."
+    )
+
+    lag: float = quantity(300.0, "s", 0.0, 86_400.0, "time constant of the well")
+
+    def changes(self, world: World) -> Changes:
+        return Changes(well=self.lag * self.active(world))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,6 +112,8 @@ class Changes:
         [m].
     gauge : ndarray
         Reading of the gauge minus true level [m].
+    well : ndarray
+        Time constant of the gauge's stilling well, beside its usual one [s].
     """
 
     inflow: Floats | None = None
@@ -122,6 +124,7 @@ class Changes:
     area_slope: float = 0.0
     area_reference: float = 0.0
     gauge: Floats = _constant(0.0)
+    well: Floats = _constant(0.0)
 
     @property
     def gate_is_plain(self) -> bool:
@@ -167,6 +170,7 @@ def together(changes: Iterable[Changes]) -> Changes:
         area_slope=sum(c.area_slope for c in parts),
         area_reference=_one_level("area", [(c.area_reference, c.area_slope != 0) for c in parts]),
         gauge=np.asarray(sum((c.gauge for c in parts), start=np.zeros(1))),
+        well=np.asarray(sum((c.well for c in parts), start=np.zeros(1))),
     )
 
 

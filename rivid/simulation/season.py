@@ -361,7 +361,7 @@ def simulate(
         time, inflow, noise, aim, settings, crew, duty, gauge_quantum=gauge.quantum, rng=operators_rng
     )
     true, commands, released = reach.run(time, inflow, operators, usual, changes, float(aim[0]))
-    level = quantise(stilled(time, true, gauge.lag) + noise, gauge.quantum)
+    level = quantise(stilled(time, true, gauge.lag + asked.well) + noise, gauge.quantum)
     level[_silent(gauge, time, steps, gauge_rng)] = np.nan
 
     kept = np.sort(missing_rng.permutation(scenario.days)[scenario.missing_days :])

@@ -192,6 +192,18 @@ def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
     assert abs(lengths[0] - 8200.0) < 0.5 * abs(lengths[1] - 8200.0)
 
 
+@pytest.mark.parametrize("response", [few, lambda record: pool_of("none")[1]])
+def test_a_well_that_silts_up_delays_the_reading_on_its_days(response):
+    """On the second day, lead time included, as a response with a lag as long; not from the third day on."""
+    record = season(4, days=3)
+    reach, dates = response(record), (record.dates[0], record.dates[1])
+    slow = replace(reach, parameters=(*reach.parameters[:-1], replace(reach.parameters[-1], value=90.0)))
+    late = column(reach, record, "stilling_well", lag=90.0, dates=dates)
+    assert not late[2, record.time[2] >= 2 * 86_400 + record.sample_time].any()
+    np.testing.assert_allclose(late[1], (slow.baseline(record) - reach.baseline(record))[1], atol=1e-12)
+    assert rms(late[1]) > 1e-4
+
+
 # Derivatives
 
 

@@ -238,6 +238,7 @@ class RealFlows:
     added: tuple[AddedFlow, ...]  # further flows; those lost to leaks and ponds are negative
     storage: Floats  # (days, n): water surface over the usual one [-]
     gauge: Floats  # (days, n): reading of the gauge less the water level
+    well: Floats  # time constant of its stilling well beside the usual one [s]
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
@@ -256,6 +257,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
         named = (
             ("a gate", not changes.gate_is_plain), ("a leak", bool(changes.leaks)),
             ("a pond", bool(changes.ponds)), ("an area slope", changes.area_slope != 0.0),
+            ("a stilling well", bool((changes.well != 0.0).any())),
         )  # fmt: skip
         for what, given in named:
             if given:
@@ -263,7 +265,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
                     f"{what} in a river reach, which has no level: expected effects on its inflow, added "
                     "flows, or its gauge"
                 )
-        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge)
+        return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge, changes.well)
     level = filled(record.time, record.output - gauge, changes.area_reference)
     storage = 1.0 + changes.area_slope * (level - changes.area_reference)
     if not (storage > 0.0).all():
@@ -277,7 +279,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
         outflow, ponds = _gate_and_ponds(record, changes, level)
     taken = [AddedFlow(leak.place, leak.loss * (leak.reference - level)) for leak in changes.leaks]
     taken += [AddedFlow(pond.place, -into) for pond, into in zip(changes.ponds, ponds, strict=True)]
-    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge)
+    return RealFlows(inflow, outflow, (*added, *taken), storage, gauge, changes.well)
 
 
 def lagged(values: Floats, lag: int) -> Floats:

@@ -278,7 +278,7 @@ class HydraulicResponse:
         """
         gauge = gauge_of(record, changes)
         flow = self._run(record, changes, gauge, nudged=True)
-        return stilled(record.time, self._level(record, changes, flow), self._lag) + gauge
+        return stilled(record.time, self._level(record, changes, flow), self._lag + changes.well) + gauge
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] of rows that run free from their first readings, shape (days, n).
@@ -290,7 +290,7 @@ class HydraulicResponse:
     def _free(self, record: Record, changes: Changes) -> Floats:
         gauge = gauge_of(record, changes)
         flow = self._run(record, changes, gauge, nudged=False)
-        return stilled(record.time, self._level(record, changes, flow), self._lag) + gauge
+        return stilled(record.time, self._level(record, changes, flow), self._lag + changes.well) + gauge
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
         """Derivatives of the baseline, shape (p, days, n): by runs for the channel, exact for the rest."""
@@ -300,9 +300,9 @@ class HydraulicResponse:
         flow = self._run(record, changes, gauge_of(record, changes), nudged=True)
         if len(self.parameters) > shape + 1:
             corrections = self._columns(record, changes, flow.released)
-            columns[shape:-1] = stilled(record.time, corrections, self._lag)
-        level, later = self._level(record, changes, flow), self._lag + LAG_STEP
-        columns[-1] = stilled(record.time, level, later) - stilled(record.time, level, self._lag)
+            columns[shape:-1] = stilled(record.time, corrections, self._lag + changes.well)
+        level, lag = self._level(record, changes, flow), self._lag + changes.well
+        columns[-1] = stilled(record.time, level, lag + LAG_STEP) - stilled(record.time, level, lag)
         columns[-1] /= LAG_STEP
         return columns
 

@@ -179,7 +179,7 @@ class LinearPool:
         if first < last:
             lagged = self._columns(record, real_flows(record, changes))
             lagged -= lagged[..., :1]  # rows begin at their first readings
-            columns[first:last] = stilled(record.time, lagged, self.parameters[-1].natural)
+            columns[first:last] = stilled(record.time, lagged, self.parameters[-1].natural + changes.well)
         columns[last:] = slopes_by_differences(self, record, base, changes, range(last, last + 1))
         return columns
 
@@ -201,7 +201,7 @@ class LinearPool:
             values = [p.value for p in self.parameters[4:-1]]
             if any(values):
                 level += np.tensordot(values, self._columns(record, flows), 1)
-        return stilled(time, level - level[:, :1], self.parameters[-1].natural)
+        return stilled(time, level - level[:, :1], self.parameters[-1].natural + flows.well)
 
     def delay(self, record: Record) -> Floats:
         """Delay of each row [s], shape (days, 1)."""
