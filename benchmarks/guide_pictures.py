@@ -247,7 +247,7 @@ def river() -> Figure:
 
 def diagnosis() -> Figure:
     """The unexplained inflow of a season by hour, before and after, and the error that goes."""
-    found = season("basse_isere", days=30, effects=[{"name": "diurnal_inflow", "amplitude": 6.0}])
+    found = season("intermittent", days=30, effects=[{"name": "diurnal_inflow", "amplitude": 6.0}])
     answer = rivid.diagnose(found)
     seen = answer.evidence
     assert seen is not None and answer.gap is not None

@@ -33,11 +33,11 @@ midnight (UTC{offset}) on:
 | `u_Qo` | outflow command, downstream dam | m3/s |
 | `h_L` | level at the downstream dam, to the centimetre | m |
 
-Nothing here was measured. A pool of the paper's Table I (8200 m, 81.6 m, 4.9 m, 6.7e5 m2) carries a gravity
-wave with the travel time of (5), {fast:.1f} to {slow:.1f} T_s by the day's flow; a dispatcher upstream follows the load;
-operators downstream, in three shifts a day, act as (9) says at every sample, in whole m3/s, each with gains of
-his own. A slow trim brings the level back, because (9) alone does not hold it for a year. A small slow inflow is
-in no log. {missing} days of the year are left out.
+Nothing here was measured. A pool of the paper's Table I (8200 m, 81.6 m, 4.9 m, 6.7e5 m2) carries a
+gravity wave with the travel time of (5), {fast:.1f} to {slow:.1f} T_s by flow. A dispatcher upstream
+follows the load. Operators downstream, in three shifts a day, act as (9) says at every sample, in whole
+m3/s, with gains that differ between operators. A slow trim brings the level back: (9) alone does not hold
+it for a year. A small slow inflow is in no log. {missing} days of the year are left out.
 
 Made by
 
@@ -49,16 +49,16 @@ a whole number, `near_edge` is true and `delay_other` counts as right too.
 
 ## Beside the paper's year
 
-The scenario was set from what the paper states: the reach from Table I, the flows from section II, the operators
-from (9), with the decay of Fig. 10. It was never set from the result of an estimator.
+The scenario was set from what the paper states: the reach from Table I, the flows from section II, the
+operators from (9) with the decay of Fig. 10. It was never set from the result of an estimator.
 
 {table}
 U has {order} columns and holds the inflow's deviation from the day's first sample.
 
-Two things differ. The level moves less over a day than the paper's mean: feedback as strong as in Fig. 10 holds
-it (section III has "a few centimeters"). And the first jump of the response, h[0] > h[1], is there on {jump:.0%} of days
-(ML), not on all: (10) begins from a stationary point, and a day at midnight does not. `../../docs/paper.md` has
-the measurements.
+Two things differ. The level moves less over a day than the paper's mean: feedback as strong as in Fig. 10
+holds it (section III has "a few centimeters"). And the first jump of the response, h[0] > h[1], is there on
+{jump:.0%} of days (ML), not on all: (10) begins from a stationary point, and a day at midnight does not.
+`../../docs/paper.md` has the measurements.
 """
 
 WEEK_README = """\
@@ -98,11 +98,12 @@ def main() -> None:
     write_truth(season, HERE / "basse_isere_truth.json")
     export(HERE / "export" / "station_2008-03.txt")
     fir = ml(season.inflow - season.inflow[:, :1], season.level - season.level[:, :1]).fir
+    travel = season.travel_time / season.sample_time
     text = YEAR_README.format(
         days=len(season.dates), samples=len(season.seconds), sample_time=season.sample_time,
         offset=scenario.utc_offset, missing=scenario.missing_days, order=ORDER,
         table=observables(season).table(), jump=(fir[:, 0] > fir[:, 1]).mean(),
-        fast=season.travel_time.min() / season.sample_time, slow=season.travel_time.max() / season.sample_time,
+        fast=travel.min(), slow=travel.max(),
     )  # fmt: skip
     write_text(HERE / "basse_isere" / "README.md", text)
     write_text(HERE / "basse_isere_csv" / "README.md", WEEK_README.format(first=WEEK[0], last=WEEK[-1]))

@@ -241,10 +241,10 @@ def bounds_by_flow(sheet: Sheet, year: Year, *_: Any) -> Figure:
     reach, T = year.config.reach, year.sample_time
     low, high = reach.discharge_range
     Q = np.linspace(low, high, 200)
-    z = year.mean_level.mean()
-    bounds = reach.bounds(Q, z)
+    level = year.mean_level.mean()
+    bounds, depth = reach.bounds(Q, level), float(reach.depth_at(level))
     figure, (ax,) = sheet(
-        f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(float(reach.depth_at(z)))} m deep · "
+        f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(depth)} m deep · "
         f"gravity wave {bounds.gravity[-1] / T:.1f} to {bounds.gravity[0] / T:.1f} T_s, kinematic wave "
         f"{bounds.kinematic[-1] / T:.0f} to {bounds.kinematic[0] / T:.0f} T_s (T_s = {T:g} s)",
     )  # fmt: skip
@@ -494,7 +494,11 @@ def _tdr(name: str) -> Callable[..., Figure]:
         note += f" · alpha = {config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
         note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
         fir = e.fir[e.answered]
-        note += f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days" if len(fir) else ""
+        note += (
+            f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
+            if len(fir)
+            else ""
+        )
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
