@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     seeds = parser.parse_args().seeds
     tasks = [(name, 100 + seed) for name in SCENARIOS for seed in range(seeds)]
-    with ProcessPoolExecutor(1, mp_context=get_context("forkserver")) as pool:
+    with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
         answers = list(pool.map(one_season, tasks))
     text = (ROOT / "benchmarks" / "accuracy_head.md").read_text(encoding="utf-8")
     text = text.replace("{seeds}", str(seeds)).replace("{spread}", f"{PRIOR_ONLY_SPREAD:g}")
