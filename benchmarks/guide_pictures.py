@@ -119,7 +119,7 @@ def response() -> Figure:
             panel.tick_params(labelleft=False)
     d = int(joint.delay)
     axes[2].plot(k[d : d + 2], 1e4 * joint.fir[d : d + 2], color=style.ACCENT, lw=2.4, marker="o", ms=4)
-    axes[2].annotate(f"the jump: d = {d}", (d + 1.6, 1e4 * joint.fir[d + 1] + 0.5), color=style.ACCENT)
+    axes[2].annotate(f"the jump: d = {d}", (d + 1.6, 1e4 * joint.fir[d + 1] + 1.1), color=style.ACCENT)
     axes[0].set_ylabel("h [10⁻⁴ m per m³/s]")
     return figure
 
