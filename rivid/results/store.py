@@ -364,7 +364,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 1
+METHOD_VERSION = 2
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0
