@@ -218,7 +218,7 @@ def fig_19(found: dict[str, list[CascadeReach]]) -> str:
             rows,
         )
         + f"\nBeside it stands `posterior`, which the paper does not have: with the full equations its interval is at most half of the operators' on {sure} of {len(found[first])} reaches."
-        + "\n\nNobody can be asked for the operators' values in a simulation: they are the gravity wave's travel time in the middle of the usual discharges, and three T_s either side, "
+        + "\n\nA simulation has no empirical values of operators: they are taken as the gravity wave's travel time in the middle of the usual discharges, and three T_s either side, "
         "which for 8.2 km is the paper's 5 to 11. With the full equations the dam's own wave is the reason: whatever is let out lowers the level before the dam at once, the response of the third reach has a spike at lag 1, "
         f"{spike:.0f} times as deep as what follows, and D_d, which knows two jumps only, spends the second on it (d = 2). "
         f"With linear reaches it is the year's noise: {count(linear, 0)} of three are halved as it is, {count(clear, 0)} of three with a perfect gauge, no unlogged inflow and exact operators.\n"

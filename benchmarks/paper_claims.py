@@ -112,7 +112,7 @@ def simple_models(
     exact = within(direct(alone.inflow, alone.outflow, alone.level).delay, alone)
     elsewhere = World(shuffled(w)[0], w.outflow, w.level, w.truth, w.other)
     why = (
-        "the method, and simpler than the paper thought: (8) takes the first sample for balanced. Where it is not, the difference of in- and outflow adds up to a ramp, "
+        "the method, and not the operators: (8) assumes balanced flows at the first sample. Where it is not, the difference of in- and outflow adds up to a ramp, "
         f"which another lag copies. With a constant and a ramp beside (8) the same search has {pc(found['direct with a ramp, at 1 or 15'])} at the bounds and "
         f"{pc(found['direct with a ramp, within one of the truth'])} of days within one sample ({pc(found['direct within one of the truth'])} without); on shuffled days "
         f"{pc(at(with_ramp(elsewhere, 'direct'), 1, 15))} at the bounds. The operators' feedback is not the reason: commands as they are, with a level by (8) itself, give {pc(exact)}"

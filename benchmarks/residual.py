@@ -59,7 +59,7 @@ def section() -> str:
             ],
             rows,
         )
-        + f"\nThe variance of w is mostly the {larger}' doing: sigma_w falls from {plain[0]:.0f} to {people[0]:.0f} mm with exact operators, to {gauge[0]:.0f} mm with an exact gauge, to {both[0]:.0f} mm with both. "
+        + f"\nThe variance of w is mostly due to the {larger}: sigma_w falls from {plain[0]:.0f} to {people[0]:.0f} mm with exact operators, to {gauge[0]:.0f} mm with an exact gauge, to {both[0]:.0f} mm with both. "
         f"What hides the delay is the {hides}: without the prior {plain[1]:.0f} % of days are within one sample as it is, {people[1]:.0f} % with exact operators, {gauge[1]:.0f} % with an exact gauge, {both[1]:.0f} % with both. "
         "The operators' part of w is slow and leaves the jump of one sample visible; the gauge's part is as fast as the jump.\n"
     )

@@ -35,7 +35,7 @@ midnight (UTC{offset}) on:
 
 Nothing here was measured. A pool of the paper's Table I (8200 m, 81.6 m, 4.9 m, 6.7e5 m2) carries a
 gravity wave with the travel time of (5), {fast:.1f} to {slow:.1f} T_s by flow. A dispatcher upstream
-follows the load. Operators downstream, in three shifts a day, act as (9) says at every sample, in whole
+follows the load. Operators downstream, in three shifts a day, follow (9) at every sample, in whole
 m3/s, with gains that differ between operators. A slow trim brings the level back: (9) alone does not hold
 it for a year. A small slow inflow is in no log. {missing} days of the year are left out.
 
