@@ -180,26 +180,26 @@ def fitted(
     RividError
         Where the reach cannot carry the flows.
     """
-    p = len(model.reach.parameters)
+    p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
-    z = residual_of(record, model.baseline(record)) - coded
+    z = residual_of(few, model.baseline(few)) - coded[open_days]
     shared = None if start is None else start.shared
-    J = _columns(model, record, shared)
+    J = _columns(model, few, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights = 1e-3, None
     for step in range(steps):
-        seen = np.where(record.used, z, np.nan)
+        seen = np.where(few.used, z, np.nan)
         if same and start is not None and step < FIXED:
-            noise, weights = start.noise, start.weights
+            noise, weights = start.noise, start.weights[open_days]
         else:
-            noise, weights = _noise(model, record, seen, open_days, weights, alone=model.noise is not None)
+            noise, weights = _noise(model, few, seen, weights, alone=model.noise is not None)
         model = replace(model, noise=noise)
-        root = np.sqrt(weights[open_days])[:, None]
-        X = noise.whiten(J, like=seen, activity=record.activity)[:, open_days] * root
+        root = np.sqrt(weights)[:, None]
+        X = noise.whiten(J, like=seen, activity=few.activity) * root
         X = X.reshape(len(sd), -1) * sd[:, None]
-        r = (noise.whiten(seen, activity=record.activity)[open_days] * root).ravel()
+        r = (noise.whiten(seen, activity=few.activity) * root).ravel()
         off = (_values(model) - middle) / sd
         G, g = X @ X.T + np.eye(len(sd)), X @ r - off
         cost, fell = 0.5 * float(r @ r + off @ off), 0.0
@@ -209,13 +209,13 @@ def fitted(
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
             try:
                 other = _moved(model, move * sd)
-                z_other = residual_of(record, other.baseline(record)) - coded
-                w = noise.whiten(np.where(record.used, z_other, np.nan), activity=record.activity)
+                z_other = residual_of(few, other.baseline(few)) - coded[open_days]
+                w = noise.whiten(np.where(few.used, z_other, np.nan), activity=few.activity)
             except RividError:  # an impossible flow: a shorter step
                 damping = max(8.0 * damping, 1e-2)
                 continue
             off = (_values(other) - middle) / sd
-            fell = cost - 0.5 * float(((w[open_days] * root) ** 2).sum() + off @ off)
+            fell = cost - 0.5 * float(((w * root) ** 2).sum() + off @ off)
             if fell > 0.0:
                 model, z = other, z_other
                 damping = max(damping / 8.0, 1e-4)
@@ -223,25 +223,39 @@ def fitted(
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         if step < fresh:
-            J, shared = _columns(model, record, None), None
+            J, shared = _columns(model, few, None), None
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
-    seen = np.where(record.used, z, np.nan)
-    noise, weights = _noise(model, record, seen, open_days, weights, alone=rough)
+    noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
+    model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
+    if sealed.any():
+        rest = record.take(sealed)
+        left = residual_of(rest, model.baseline(rest)) - coded[sealed]
+        other_J = _columns(model, rest, None if shared is None else shared[:, sealed])
+    else:
+        left, other_J = z[:0], J[:, :0]
+    whole_J = _joined(open_days, J, other_J)
     return Explanation(
-        replace(model, noise=replace(noise, recall=model.recall(record))),
+        model,
         unknown,
         log_prior,
-        z,
-        J[:p].copy() if shared is None else shared,
-        J[p:].copy(),
+        _joined(open_days, z, left),
+        whole_J[:p].copy() if shared is None else shared,
+        whole_J[p:].copy(),
         sd,
-        weights,
+        _joined(open_days, weights[:, None], np.zeros((int(sealed.sum()), 1)))[:, 0],
         others,
         events,
         parent=parent,
         inflation=inflation,
     )
+
+
+def _joined(open_days: Bools, opened: Floats, sealed: Floats) -> Floats:
+    """Arrays (..., days, n) of the open days and of the sealed ones, as one of all days."""
+    whole = np.empty((*opened.shape[:-2], len(open_days), opened.shape[-1]))
+    whole[..., open_days, :], whole[..., ~open_days, :] = opened, sealed
+    return whole
 
 
 LEAST_STEP = 0.05
@@ -307,14 +321,11 @@ def _columns(model: Model, record: Record, given: Floats | None) -> Floats:
 
 
 def _noise(
-    model: Model, record: Record, seen: Floats, open_days: Bools, weights: Floats | None, alone: bool
+    model: Model, record: Record, seen: Floats, weights: Floats | None, alone: bool
 ) -> tuple[NoiseModel, Floats]:
-    """Noise of the open days, and the weights of all days with it; 0 on the sealed ones."""
-    few = record.take(open_days)
-    noise = model.fit_noise(seen[open_days], few, None if weights is None else weights[open_days], alone)
-    found = np.zeros(len(seen))
-    found[open_days] = day_weights(noise.whiten(seen, activity=record.activity)[open_days])
-    return noise, found
+    """Noise of a record's days, and their weights with it."""
+    noise = model.fit_noise(seen, record, weights, alone)
+    return noise, day_weights(noise.whiten(seen, activity=record.activity))
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:

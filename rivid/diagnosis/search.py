@@ -419,7 +419,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     _, share, larger = min(tried, key=lambda one: one[0])
     for key in set(candidate.free) & set(candidate.effect.stepwise):
-        larger = _stepped(larger, key, parent, record)
+        larger = best_step(larger, key, parent, record)
     return fitted(
         larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
@@ -431,19 +431,23 @@ MOST_STEPS = 40
 """Most values tried of a parameter in which the output changes in steps."""
 
 
-def stepped(effect: Effect, key: str, record: Record) -> list[Effect]:
-    """An effect with other values of a parameter in which the output changes in steps.
+def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: float = np.inf) -> list[Effect]:
+    """An effect with other values, from `low` to `high`, of a parameter in which the output changes in steps.
 
-    Commands are quantised, and a band between two of them acts as the larger one: all values half-way between
-    commands, up to 2.5 times the present one.
+    Commands are quantised, and a band between two of them acts as the larger one: values half-way between
+    commands, up to the largest change of the outflow; of many, some at equal ratios.
     """
     moves = np.abs(np.diff(record.outflow, axis=1))
-    step = float(np.quantile(moves[moves > 1e-6], 0.02)) if (moves > 1e-6).any() else 1.0
-    values = (np.arange(min(int(2.5 * float(getattr(effect, key)) / step) + 2, MOST_STEPS)) + 0.5) * step
+    moves = moves[moves > 1e-6] if (moves > 1e-6).any() else np.ones(1)
+    step = float(np.quantile(moves, 0.02))
+    values = (np.arange(int(moves.max() / step) + 2) + 0.5) * step
+    values = values[(values > low) & (values < high)]
+    if len(values) > MOST_STEPS:
+        values = values[np.unique(np.geomspace(1, len(values), MOST_STEPS).astype(int)) - 1]
     return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]
 
 
-def _stepped(model: Model, key: str, parent: Explanation, record: Record) -> Model:
+def best_step(model: Model, key: str, parent: Explanation, record: Record) -> Model:
     """The model with the best value of such a parameter of its last effect."""
     opened = parent.weights > 0.0
     root, few = np.sqrt(parent.weights[opened])[:, None], record.take(opened)

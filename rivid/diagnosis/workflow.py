@@ -48,8 +48,8 @@ LEAST = 8.0
 scores a name needs several times as much to be probable."""
 DEEP, DEEPEST = 3, 2
 """Names tried with the response from its nominal start, on every sixth open day; and of these on all days."""
-FURTHER = 1.25
-"""Least ratio of two values of a parameter in which the output changes in steps, of the starts of a fit."""
+NEARBY = 1.25
+"""Ratio within which a parameter in which the output changes in steps is tried again on all cells."""
 WINDOWS = 3
 """Candidates that lend their windows of dates to an unknown daily flow."""
 SECOND = 0.8
@@ -269,8 +269,8 @@ class _Search:
         starts: Sequence[Response] = (reach,)
         if isinstance(reach, HydraulicResponse):
             few = part.take(np.arange(0, part.days, 2))
-            half = [self._plain(replace(start, cells=reach.cells // 2)) for start in reach.starts()]
-            begun = _best_fits(half, few, steps=6, fresh=4)  # in a quarter of the time
+            half = [self._plain(_coarse(start)) for start in reach.starts()]
+            begun = _best_fits(half, few, steps=6, fresh=4)
             best = (one.model.reach for _, one in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
         return _best_fits(map(self._plain, starts), part, steps=8, fresh=5)[0]
@@ -406,19 +406,20 @@ class _Search:
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
         nominal = self._nominal(parent.model)
-        firsts = {one.effect.name: (one, nominal) for one in _firsts(tried)[:DEEP]}
+        starts = [(one, nominal) for one in _firsts(tried)[:DEEP]]
         if not parent.names:
-            for one, reach in self._scanned(parent, library):
-                firsts[one.effect.name] = (firsts.get(one.effect.name, (one, reach))[0], reach)
-        found: list[tuple[float, Candidate, Model]] = []
-        for one, reach in firsts.values():
-            self.report(0.05, f"the response with {one.effect.name}")
+            starts += self._scanned(parent, library)
+        found: dict[str, tuple[float, Candidate, Model]] = {}
+        for one, reach in starts:
+            name = one.effect.name
+            self.report(0.05, f"the response with {name}")
             try:
                 likely, model = self._joint(parent, one, reach)
             except RividError:
                 continue
-            found.append((likely, one, model))
-        best = sorted(found, key=lambda each: -each[0])[:DEEPEST]
+            if name not in found or likely > found[name][0]:
+                found[name] = likely, one, model
+        best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
         for _, one, model in best:
             self._grow(parent, library, one.effect.name, partial(self._from, one, model), one.columns)
         return [one for _, one, _ in best]
@@ -440,9 +441,7 @@ class _Search:
         """
         self.report(0.1, "every effect with the nominal response")
         few, nominal = self._some_days(parent), self._nominal(parent.model)
-        rough = (
-            replace(nominal, cells=nominal.cells // 2) if isinstance(nominal, HydraulicResponse) else nominal
-        )
+        rough = _coarse(nominal)
         found: dict[str, tuple[float, Candidate, Response]] = {}
         plain = replace(parent.model, reach=rough, noise=None)
         try:
@@ -455,7 +454,12 @@ class _Search:
                 free=(*parent.model.free, one.free),
             )  # fmt: skip
             try:
-                likely, fit = _best_fits([model], few, steps=5, fresh=1, start=start)[0]
+                if not one.effect.stepwise:
+                    likely, fit = _best_fits([model], few, steps=5, fresh=1, start=start)[0]
+                elif one.effect.name in found:  # its steps are the same whatever it begins with
+                    continue
+                else:
+                    likely, fit = _best_fits(self._in_steps(model), few, steps=5, fresh=1)[0]
             except RividError:
                 continue
             if one.effect.name not in found or likely > found[one.effect.name][0]:
@@ -490,25 +494,26 @@ class _Search:
             model, noise=None, effects=(*model.effects, effect), free=(*model.free, candidate.free)
         )
         few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
-        steps = [key for key in candidate.free if key in effect.stepwise]  # no step of a fit changes these
-
-        def others(start: Model, key: str, low: float, high: float, ratio: float) -> list[Model]:
-            last, found = low, []
-            for other in stepped(effect, key, self.record):
-                value = float(getattr(other, key))
-                if ratio * last < value < high:
-                    last = value
-                    found.append(replace(start, effects=(*model.effects, other)))
-            return found
-
-        for key in steps:
-            starts += others(starts[1], key, 0.0, np.inf, FURTHER)
+        if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
+            rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
+            starts.append(replace(_best_fits(rough, few, steps=5, fresh=1)[0][1].model, reach=reach))
         best = _best_fits(starts, few, steps=6, fresh=2)[0]
-        for key in steps:  # and those between
-            at = float(getattr(best[1].model.effects[-1], key))
-            if near := others(best[1].model, key, at / FURTHER, at * FURTHER, 1.0):
-                best = max(best, _best_fits(near, few, steps=4, fresh=1)[0], key=lambda pair: pair[0])
+        if effect.stepwise and (near := self._in_steps(best[1].model, NEARBY)):
+            best = max(best, _best_fits(near, few, steps=4, fresh=1)[0], key=lambda pair: pair[0])
         return best[0], best[1].model
+
+    def _in_steps(self, model: Model, within: float = np.inf) -> list[Model]:
+        """Models with other values of parameters of the last effect that no step of a fit changes.
+
+        Those within a ratio of the present ones. A fit must begin at the right one: a change of exactly the
+        band is made or not, and the gate stays elsewhere for hours.
+        """
+        effect, found = model.effects[-1], []
+        for key in set(model.free[-1]) & set(effect.stepwise):
+            at = float(getattr(effect, key))
+            for other in stepped(effect, key, self.record, at / within, at * within):
+                found.append(replace(model, effects=(*model.effects[:-1], other)))
+        return found
 
     def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
         """An explanation fitted again from a model, with columns about it; None where it carries no flows."""
@@ -672,6 +677,11 @@ def _best_fits(
     if not found:
         raise refused[0]
     return sorted(found, key=lambda pair: -pair[0])
+
+
+def _coarse(reach: Response) -> Response:
+    """The same response on half the cells, in a quarter of the time."""
+    return replace(reach, cells=reach.cells // 2) if isinstance(reach, HydraulicResponse) else reach
 
 
 def _able(nominal: Response, reach: Response, record: Record) -> Response:
