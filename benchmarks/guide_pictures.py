@@ -119,7 +119,7 @@ def response() -> Figure:
             panel.tick_params(labelleft=False)
     d = int(joint.delay)
     axes[2].plot(k[d : d + 2], 1e4 * joint.fir[d : d + 2], color=style.ACCENT, lw=2.4, marker="o", ms=4)
-    axes[2].annotate(f"the jump: d = {d}", (d + 1.6, 1e4 * joint.fir[d + 1] + 0.5), color=style.ACCENT)
+    axes[2].annotate(f"the jump: d = {d}", (d + 1.6, 1e4 * joint.fir[d + 1] + 1.1), color=style.ACCENT)
     axes[0].set_ylabel("h [10⁻⁴ m per m³/s]")
     return figure
 
@@ -247,7 +247,7 @@ def river() -> Figure:
 
 def diagnosis() -> Figure:
     """The unexplained inflow of a season by hour, before and after, and the error that goes."""
-    found = season("basse_isere", days=30, effects=[{"name": "diurnal_inflow", "amplitude": 6.0}])
+    found = season("intermittent", days=30, effects=[{"name": "diurnal_inflow", "amplitude": 6.0}])
     answer = rivid.diagnose(found)
     seen = answer.evidence
     assert seen is not None and answer.gap is not None

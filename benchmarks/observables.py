@@ -40,7 +40,7 @@ class Observables:
             ("level at the highest flows", "down peaks", f"{self.level_drop:.2f} m below the median"),
             ("condition number of U'U", "typically 2e4, up to 1e5",
              f"median {self.condition_median:.1e}, 95 % of days below {self.condition_high:.1e}"),
-            ("delay d", "6 or 7 samples", delays),
+            ("delay d", "6 or 7 samples, as estimated", delays),
         ]  # fmt: skip
         lines = ["| | paper | here |", "|---|---|---|", *(f"| {a} | {b} | {c} |" for a, b, c in rows)]
         return "\n".join(lines) + "\n"

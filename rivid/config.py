@@ -21,7 +21,10 @@ from rivid.estimators import ESTIMATORS
 from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
 
 if TYPE_CHECKING:
-    from rivid.core.hydraulics import DelayProposal
+    from numpy.typing import ArrayLike
+
+    from rivid.core.hydraulics import DelayProposal, TravelBounds
+    from rivid.types import Floats
 
 __all__ = [
     "FLOWS",
@@ -179,6 +182,21 @@ class ReachConfig(Section):
         if low > high:
             raise ValueError(f"discharge_range = [{low}, {high}]: expected lowest, highest [m3/s]")
         return self
+
+    def depth_at(self, level: "ArrayLike | None" = None) -> "Floats":
+        """Return z* of (6) [m]: `level` [m] less `bed_level` where both are known, else `depth`."""
+        import numpy as np
+
+        if level is None or self.bed_level is None:
+            return np.array(self.depth)
+        above = np.asarray(level, float) - self.bed_level
+        return np.where(above > 0, above, self.depth)
+
+    def bounds(self, discharge: "ArrayLike", level: "ArrayLike | None" = None) -> "TravelBounds":
+        """Return Froude number and bounds (4)-(6) at mean discharges [m3/s] and mean levels [m]."""
+        from rivid.core.hydraulics import travel_bounds
+
+        return travel_bounds(discharge, length=self.length, width=self.width, depth=self.depth_at(level))
 
     def proposal(self, sample_time: float | None = None) -> "DelayProposal":
         """Candidate delays from the hydraulics, at another `sample_time` [s] where given."""

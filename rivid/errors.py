@@ -29,7 +29,15 @@ def printable(text: str) -> str:
 
 
 def nearest(came: object, names: Iterable[str]) -> str:
-    """A hint at the nearest of the names, as the end of a message; empty where none is near."""
+    """Return a hint at the nearest of the names, as the end of a message; "" where none is near.
+
+    Examples
+    --------
+    >>> nearest("rnu", ["run", "check"])
+    '; did you mean run?'
+    >>> nearest("xyz", ["run", "check"])
+    ''
+    """
     from difflib import get_close_matches
 
     close = get_close_matches(str(came), list(names), 1)

@@ -106,12 +106,12 @@ def _sampled(T_s: float) -> dict[str, dict[str, Any]]:
 
 
 DEVELOPMENT = {
-    "linear": Recipe("basse_isere", *LINEAR),
-    "linear, quiet gauge": Recipe("basse_isere", *LINEAR, {"level": QUIET}),
-    "linear, rough gauge": Recipe("basse_isere", *LINEAR, {"level": ROUGH}),
-    "linear, 60 s": Recipe("basse_isere", (1250.0, 6500.0), (-40.0, -200.0), _sampled(60.0)),
-    "linear, 240 s": Recipe("basse_isere", (4900.0, 26000.0), (-160.0, -800.0), _sampled(240.0)),
-    "linear, much weather": Recipe("basse_isere", *LINEAR, {"weather": {"inflow": 6.0, "memory": 7200.0}}),
+    "linear": Recipe("intermittent", *LINEAR),
+    "linear, quiet gauge": Recipe("intermittent", *LINEAR, {"level": QUIET}),
+    "linear, rough gauge": Recipe("intermittent", *LINEAR, {"level": ROUGH}),
+    "linear, 60 s": Recipe("intermittent", (1250.0, 6500.0), (-40.0, -200.0), _sampled(60.0)),
+    "linear, 240 s": Recipe("intermittent", (4900.0, 26000.0), (-160.0, -800.0), _sampled(240.0)),
+    "linear, much weather": Recipe("intermittent", *LINEAR, {"weather": {"inflow": 6.0, "memory": 7200.0}}),
     "hydraulic": Recipe("hydraulic", *WAVES),
     "hydraulic, quiet gauge": Recipe("hydraulic", *WAVES, {"level": QUIET}),
     "hydraulic, rough gauge": Recipe("hydraulic", *WAVES, {"level": ROUGH}),
@@ -126,14 +126,14 @@ OTHER_HANDS = {
 }  # fmt: skip
 PROOF = {
     "linear, narrow": Recipe(
-        "basse_isere", (2200.0, 11300.0), (-55.0, -280.0),
+        "intermittent", (2200.0, 11300.0), (-55.0, -280.0),
         _sampled(110.0)
         | {"reach": {"sample_time": 110.0, "width": 65.0, "depth": 4.0, "wave_depth": 5.5},
            "operators": {"feedforward": 0.95, "dead_band": 0.03, "look": [900.0, 2400.0]},
            "weather": {"inflow": 2.5, "memory": 36000.0}},
     ),
     "linear, wide, other operators": Recipe(
-        "basse_isere", (3400.0, 17500.0), (-60.0, -300.0),
+        "intermittent", (3400.0, 17500.0), (-60.0, -300.0),
         _sampled(180.0)
         | {"reach": {"sample_time": 180.0, "width": 125.0, "depth": 4.2, "wave_depth": 5.2},
            "operators": OTHER_HANDS, "level": {"noise": 0.005, "quantum": 0.005},

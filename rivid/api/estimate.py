@@ -194,7 +194,7 @@ def jmap(
     >>> from rivid import read_day
     >>> day = read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
     >>> jmap(day).delay
-    np.float64(7.0)
+    np.float64(8.0)
     """
     about: dict[str, Any] = {}
     if isinstance(u, Day):
@@ -417,7 +417,7 @@ def posterior(
     >>> from rivid import read_day
     >>> day = read_day("sample_data/basse_isere_csv/2008-03-14.csv", config="configs/basse_isere.toml")
     >>> posterior(day).delay
-    np.float64(6.0)
+    np.float64(7.0)
     """
     if isinstance(u, Day):
         if y is not None or o is not None:

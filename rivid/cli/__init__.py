@@ -65,9 +65,9 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-") and not context.resilient_parsing:
-            from rivid.cli.options import nearest
+            from rivid.errors import nearest
 
-            context.fail(f"No such command {name!r}.{nearest(name, list(COMMANDS))}")
+            context.fail(f"No such command {name!r}{nearest(name, COMMANDS)}")
         _called[:] = [name]
         return super().resolve_command(context, args)
 

@@ -35,7 +35,6 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
 
     from rivid.cli.locate import configuration
     from rivid.config import load_config
-    from rivid.core.hydraulics import travel_bounds
     from rivid.core.settings import MAX_ORDER
     from rivid.errors import ConfigError
     from rivid.report.page import terminal
@@ -43,9 +42,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     console = Console()
     reach = load_config(configuration(config, data_dir, console)).reach
     (low, high), T_s = reach.discharge_range, reach.sample_time
-    bounds = travel_bounds(
-        np.linspace(low, high, 8), length=reach.length, width=reach.width, depth=reach.depth
-    )
+    bounds = reach.bounds(np.linspace(low, high, 8))
     proposal = reach.proposal()
 
     missing = [key for key in GEOMETRY if key not in reach.model_fields_set]

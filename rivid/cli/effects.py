@@ -50,12 +50,13 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
       rivid effects --effects-file configs/scenarios/outside/hunting.py --json
     """
     from rivid.effects import effect_classes
-    from rivid.errors import ConfigError
+    from rivid.errors import ConfigError, nearest
 
     classes = effect_classes(effects_file)
     if name is not None and name not in classes:
-        near = shared.nearest(name, list(classes))
-        raise ConfigError(f"no effect is called {name!r}: expected one of {', '.join(classes)}.{near}")
+        raise ConfigError(
+            f"no effect is called {name!r}: expected one of {', '.join(classes)}{nearest(name, classes)}"
+        )
     records = {one.name: _record(one) for one in classes.values()}
     if as_json:
         click.echo(json.dumps(list(records.values()) if name is None else records[name], indent=1))

@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from rivid.errors import nearest
+
 Decorator = Callable[[Any], Any]
 
 PATH = click.Path(path_type=Path)
@@ -37,7 +39,7 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            self.fail(f"{error.message}{nearest(str(value), list(map(str, self.choices)))}", param, ctx)
+            self.fail(f"{error.message.rstrip('.')}{nearest(value, map(str, self.choices))}", param, ctx)
 
 
 class _Date(click.DateTime):
@@ -52,22 +54,6 @@ class _Date(click.DateTime):
 
 
 DATE = _Date(["%Y-%m-%d"])
-
-
-def nearest(came: str, names: list[str]) -> str:
-    """Return " Did you mean ...?" with the nearest name, or "".
-
-    Examples
-    --------
-    >>> nearest("rnu", ["run", "check"])
-    " Did you mean 'run'?"
-    >>> nearest("xyz", ["run", "check"])
-    ''
-    """
-    import difflib
-
-    close = difflib.get_close_matches(came, names, 1)
-    return f" Did you mean {close[0]!r}?" if close else ""
 
 
 def value(name: str, kind: Any, metavar: str, text: str, short: str = "", **more: Any) -> Decorator:

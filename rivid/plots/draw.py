@@ -155,7 +155,11 @@ DATED = ("t50", "tdr", "delay_map")
 
 
 def typical_day(results: Results) -> dt.date | None:
-    """The day most estimators answer, and of those the one of median condition number; None without one."""
+    """Return a day that most estimators answer, or None.
+
+    Of these days, those on which ``jmap`` finds its median delay (where it is among the estimators), and of
+    those the one of median condition number.
+    """
     answers: dict[dt.date, int] = {}
     conditions: dict[dt.date, float] = {}
     for e in results.estimators:
@@ -166,7 +170,12 @@ def typical_day(results: Results) -> dt.date | None:
     if not answers:
         return None
     most = max(answers.values())
-    days = sorted((conditions.get(day, 1.0), day) for day, n in answers.items() if n == most)
+    kept = {day for day, n in answers.items() if n == most}
+    for e in results.estimators:
+        if e.estimator == "jmap" and np.isfinite(e.delay).any():
+            median = np.nanpercentile(e.delay, 50, method="lower")
+            kept = kept & {day for day, d in zip(e.dates, e.delay, strict=True) if d == median} or kept
+    days = sorted((conditions.get(day, 1.0), day) for day in kept)
     return days[(len(days) - 1) // 2][1]  # of two in the middle the lower one, of equals the earlier
 
 

@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from rivid.core.hydraulics import travel_bounds
 from rivid.errors import ConfigError
 from rivid.plots import estimates, style
 from rivid.plots.draw import typical_day
@@ -242,9 +241,10 @@ def bounds_by_flow(sheet: Sheet, year: Year, *_: Any) -> Figure:
     reach, T = year.config.reach, year.sample_time
     low, high = reach.discharge_range
     Q = np.linspace(low, high, 200)
-    bounds = travel_bounds(Q, length=reach.length, width=reach.width, depth=reach.depth)
+    level = year.mean_level.mean()
+    bounds, depth = reach.bounds(Q, level), float(reach.depth_at(level))
     figure, (ax,) = sheet(
-        f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(reach.depth)} m deep · "
+        f"{number(reach.length / 1000)} km, {number(reach.width)} m wide, {number(depth)} m deep · "
         f"gravity wave {bounds.gravity[-1] / T:.1f} to {bounds.gravity[0] / T:.1f} T_s, kinematic wave "
         f"{bounds.kinematic[-1] / T:.0f} to {bounds.kinematic[0] / T:.0f} T_s (T_s = {T:g} s)",
     )  # fmt: skip
@@ -395,20 +395,15 @@ def responses(sheet: Sheet, _: Year, estimated: Results, i: int, *__: Any) -> Fi
     figure, (ax,) = sheet(facts, [3.3], bottom=1.05, top=1.1)
     ax.axhline(0, color=style.LIGHT, lw=0.7)
     drawn = {name: estimated.of(name).fir[i] for name in CURVES}
-    # the last lags hold the rest of the truncated response and do not set the scale
-    inner = np.concatenate([h[: M - 3] for h in drawn.values()])
-    factor, ten = style.power_of_ten(inner)
+    values = np.concatenate(list(drawn.values()))
+    factor, ten = style.power_of_ten(values)
     for name, (label, look) in CURVES.items():
         ax.plot(np.arange(M), factor * drawn[name], label=label, **look)
     if np.isfinite(d):
         step = slice(int(d), int(d) + 2)
         look = {"color": style.ACCENT, "lw": 2.4, "marker": "o", "ms": 4, "zorder": 2.3}
         ax.plot([d, d + 1], factor * jmap.fir[i, step], label="jump from d to d + 1", **look)
-    if np.isfinite(inner).any():
-        low, high = factor * float(np.nanmin(inner)), factor * float(np.nanmax(inner))
-        margin = 0.06 * (high - low) or 1.0
-        ax.set_ylim(low - margin, high + margin)
-    else:
+    if not np.isfinite(values).any():
         style.message(ax, "This day has no impulse response.")
     ax.set_xlim(-0.5, M - 0.5)
     ax.set_ylabel(f"h[k] [{ten}{unit}]")
@@ -498,6 +493,12 @@ def _tdr(name: str) -> Callable[..., Figure]:
         note = f"{estimated.reach} · {count(int(e.answered.sum()), 'day')}"
         note += f" · alpha = {config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
         note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
+        fir = e.fir[e.answered]
+        note += (
+            f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
+            if len(fir)
+            else ""
+        )
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.config import Config, parse
-from rivid.core.hydraulics import TravelBounds, travel_bounds
+from rivid.core.hydraulics import TravelBounds
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS, Days
 from rivid.logs.days import find_days, read_window
@@ -53,13 +53,8 @@ class Year:
 
     @property
     def bounds(self) -> TravelBounds:
-        """Froude number and bounds of each day, (4)-(6), from its mean discharge and depth."""
-        reach = self.config.reach
-        depth = np.full(len(self.dates), reach.depth)
-        if reach.bed_level is not None:
-            above = self.mean_level - reach.bed_level
-            depth = np.where(above > 0, above, depth)
-        return travel_bounds(self.discharge, length=reach.length, width=reach.width, depth=depth)
+        """Froude number and bounds of each day, (4)-(6), as in delays.csv."""
+        return self.config.reach.bounds(self.discharge, self.mean_level)
 
     def groups(self, least: int) -> Iterator[tuple[Ints, Days]]:
         """The data sets of one length at a time, with their numbers; those of `least` samples or more."""
@@ -237,7 +232,7 @@ def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
     """
     delay = _estimates(year, "jmap-uniform").delay
     reach = year.config.reach
-    bounds = travel_bounds(reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth)
+    bounds = reach.bounds(reach.discharge_range, year.mean_level.mean())
     nominal = round(float(bounds.gravity.mean()) / reach.sample_time)
     known = np.empty(0) if truth is None else truth
     sure = _estimates(year, "posterior").delay

@@ -109,7 +109,12 @@ DELAYS, MEANINGS = described(
         ("n_filled", WHOLE, "samples", "of these, that bridge a gap"),
         ("mean_inflow_m3s", NUMBER, "m3/s", "mean inflow"),
         ("mean_level_m", NUMBER, "m", "mean level; empty for a river"),
-        ("froude", NUMBER, "", "Froude number (6) at the mean inflow"),
+        (
+            "froude",
+            NUMBER,
+            "",
+            "Froude number (6) at the mean outflow, or the mean inflow where none is logged",
+        ),
         ("bound_gravity_s", NUMBER, "s", "travel time of a gravity wave (5): the fastest"),
         ("bound_kinematic_s", NUMBER, "s", "travel time of a kinematic wave (5): the slowest"),
         ("message", TEXT, "", "why there is no answer, and remarks on the day"),
@@ -359,7 +364,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 1
+METHOD_VERSION = 2
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0

@@ -28,7 +28,6 @@ from threadpoolctl import threadpool_limits
 
 from rivid.config import Config
 from rivid.core.fir import half_time
-from rivid.core.hydraulics import travel_bounds
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared, build
 from rivid.logs.days import (
@@ -350,15 +349,13 @@ def _measured(
     notes = [[data.notes] if data.notes else [] for data in sets]
     mean_inflow = inflow.mean(axis=1)
     level = output.mean(axis=1) if reach.kind == "pool" else np.full(len(sets), np.nan)
-    depth = np.full(len(sets), reach.depth)
-    if reach.bed_level is not None and reach.kind == "pool":
-        depth = level - reach.bed_level
-        for i in np.flatnonzero(depth <= 0):
+    if reach.bed_level is not None:
+        for i in np.flatnonzero(level <= reach.bed_level):
             notes[i].append(
                 f"mean level {level[i]:.2f} m is not above [reach] bed_level: depth of [reach] taken"
             )
-            depth[i] = reach.depth
-    bounds = travel_bounds(mean_inflow, length=reach.length, width=reach.width, depth=depth)
+    discharge = np.stack(outflow).mean(axis=1) if outflow else mean_inflow
+    bounds = reach.bounds(discharge, level)
     return days, {
         "key": [window.key for window in windows],
         "date": [window.date for window in windows],

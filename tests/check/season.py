@@ -30,7 +30,7 @@ def days_of(season):
 
 
 @cache
-def sound(n=40, scenario="basse_isere", seed=3):
+def sound(n=40, scenario="intermittent", seed=3):
     """Days of a pool without faults, and their configuration."""
     loaded = load_scenario(f"configs/scenarios/{scenario}.toml")
     season = simulate(loaded.model_copy(update={"days": n, "missing_days": 0}), seed)

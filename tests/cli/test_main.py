@@ -32,12 +32,12 @@ def test_without_a_command_it_names_the_first_two():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["rnu"], "Did you mean 'run'? See `rivid --help`."),
+        (["rnu"], "; did you mean run? See `rivid --help`."),
         (["run", "--conifg", "x", "y"], "--config"),
         (["run"], "Missing argument 'DATA_DIR'. See `rivid run --help`."),
-        (["run", "logs", "--estimator", "jmpa"], "Did you mean 'jmap'? See `rivid run --help`."),
+        (["run", "logs", "--estimator", "jmpa"], "; did you mean jmap? See `rivid run --help`."),
         (["run", "logs", "--from", "today"], "2008-03-14 is expected."),
-        (["effects", "leakge"], "Did you mean 'leakage'?"),
+        (["effects", "leakge"], "; did you mean leakage?"),
         (["figures", "out", "--logs", "x"], "add --paper"),
     ],
 )

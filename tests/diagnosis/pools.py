@@ -14,7 +14,7 @@ from rivid.diagnosis.response.linear import LinearPool
 from rivid.simulation import simulate
 from rivid.simulation.scenario import load_scenario
 
-LINEAR = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "basse_isere.toml")
+LINEAR = load_scenario(Path(__file__).parents[2] / "configs" / "scenarios" / "intermittent.toml")
 GAUGE_FLOOR = 0.01 / np.sqrt(12.0)
 
 

@@ -26,7 +26,7 @@ from tests.diagnosis.loops import ALIKE, operators_by_hand, record_of, season
 from tests.diagnosis.responses import walls
 
 CASES = [
-    ("basse_isere", 1, {}),
+    ("intermittent", 1, {}),
     ("uneven", 3, {"feedforward": 0.6, "trim_time": 5000.0}),
     ("hydraulic", 5, {"quantum": 5.0, "dead_band": 0.0}),
 ]
@@ -54,7 +54,7 @@ def test_the_law_is_that_of_the_operators_of_the_logs(name, seed, habits):
 
 
 def test_a_set_point_that_follows_the_flow_is_found():
-    record = record_of(season("basse_isere", 2, drawdown=0.2, **ALIKE)).take(split(60).fit)
+    record = record_of(season("intermittent", 2, drawdown=0.2, **ALIKE)).take(split(60).fit)
     law = identify(record)
     aims = law.set_point.at(np.array([150.0, 300.0, 550.0]))
     assert aims == pytest.approx([130.0, 130.0, 130.0 - 0.2 * 1.5], abs=0.03)  # lower from 400 m3/s on
@@ -63,7 +63,7 @@ def test_a_set_point_that_follows_the_flow_is_found():
 
 @sizes("lag", 3, 9)
 def test_operators_who_wait_for_the_wave_are_found_by_their_lag(lag):
-    record = record_of(season("basse_isere", 7, **ALIKE))
+    record = record_of(season("intermittent", 7, **ALIKE))
     n = record.time.shape[1]
     early = np.roll(record.inflow, -lag, axis=1)  # commanded so much earlier than it really was
     late = dataclasses.replace(record, inflow=early, used=record.used & (np.arange(n) < n - lag))
@@ -99,7 +99,7 @@ def test_whitened_least_squares_are_those_of_the_dense_covariance():
 
 
 def test_what_the_law_explains_is_that_of_a_plain_loop_over_moves():
-    record = record_of(season("basse_isere", 9, 20))
+    record = record_of(season("intermittent", 9, 20))
     law = identify(record)
     found = validate(law, record)
     n = round(3600.0 / record.sample_time)
@@ -131,7 +131,7 @@ def test_steps_of_logs_and_the_time_between_looks_without_notice_are_found():
     for step in (0.01, 0.05, 0.5, 1.0, 5.0, 20.0):
         assert step_of(step * np.round(rng.normal(100.0, 30.0, 500))) == step
     assert step_of(rng.normal(100.0, 30.0, 500)) == 0.0 and step_of(np.ones(3)) == 0.0
-    s = season("basse_isere", 11, 30, **(ALIKE | {"notice": 1e9, "look": (900.0, 901.0)}))
+    s = season("intermittent", 11, 30, **(ALIKE | {"notice": 1e9, "look": (900.0, 901.0)}))
     look, notice = looks(record_of(s), 0)
     assert look == 7 * 133.0 and notice == np.inf  # the first sample at 900 s or later
 
@@ -148,7 +148,7 @@ def linear(record, fronts="none"):
 
 @pytest.mark.parametrize("row", [0, 4])
 def test_a_day_of_the_linear_pool_is_that_of_a_plain_loop(row):
-    record = record_of(season("basse_isere", 12, 8))
+    record = record_of(season("intermittent", 12, 8))
     day = record.take([row])
     side, loss = 7.0 * np.cos(day.time / 20_000.0), 12.0
     changes = Changes(added=(AddedFlow(1.0, side),), leaks=(Leak(1.0, np.full((1, 1), loss), 129.9),),
@@ -224,7 +224,7 @@ def test_the_true_reach_and_the_true_law_give_the_true_days():
 
 @pytest.mark.parametrize("kind", ["channel", "zero", "fir"])
 def test_corrections_by_lagged_flows_agree_with_the_outflow_that_was_decided(kind):
-    s = season("hydraulic", 15, 6) if kind == "channel" else season("basse_isere", 15, 6)
+    s = season("hydraulic", 15, 6) if kind == "channel" else season("intermittent", 15, 6)
     record = record_of(s)
     reach = channel(s, record) if kind == "channel" else linear(record, kind)
     rng = np.random.default_rng(16)
@@ -274,7 +274,7 @@ def study_of(record, reach, effects=(), after=()):
 
 def test_a_hidden_diurnal_inflow_shows_in_the_outflow_and_adding_it_closes_the_loop():
     hidden = CATALOGUE["diurnal_inflow"](amplitude=15.0)
-    record = record_of(season("basse_isere", 17, effects=(hidden,)))
+    record = record_of(season("intermittent", 17, effects=(hidden,)))
     found = closed_loop(study_of(record, linear(record), after=(hidden,)))
     assert found.reason == "" and found.days == int(split(record.dates).sealed.sum())
     assert found.operators.r2 > 0.9
@@ -298,7 +298,7 @@ def test_a_hidden_diurnal_inflow_shows_in_the_outflow_and_adding_it_closes_the_l
 
 
 def test_errors_are_those_of_the_days_one_by_one():
-    record = record_of(season("basse_isere", 18, 30))
+    record = record_of(season("intermittent", 18, 30))
     reach = linear(record)
     study = study_of(record, reach)
     found = closed_loop(study)
@@ -321,7 +321,7 @@ def test_errors_are_those_of_the_days_one_by_one():
 
 
 def test_without_operators_or_a_reach_that_can_be_run_there_is_no_loop(monkeypatch):
-    logged = record_of(season("basse_isere", 18, 30))
+    logged = record_of(season("intermittent", 18, 30))
     shuffled = logged.outflow[np.random.default_rng(20).permutation(logged.days)]
     found = closed_loop(study_of(dataclasses.replace(logged, outflow=np.roll(shuffled, 200, axis=1)), None))
     assert found.baseline is None and found.shown is None and found.operators.r2 < 0.5

@@ -128,15 +128,18 @@ def test_the_note_of_a_day_names_delay_and_probability(tmp_path):
 # The day that is shown
 
 
-def test_the_typical_day_is_answered_by_most_and_of_median_condition():
+def test_the_typical_day_is_answered_by_most_of_median_delay_and_condition():
     run = results(("ml", "jmap"), dates_of(5), unanswered=0)
-    made = []
+    made, delay = [], np.full(5, 7.0)
     for e in run.estimators:
         status = ["unidentifiable" if e.estimator == "jmap" else "ok", *["ok"] * 4]
-        made.append(dataclasses.replace(e, status=status, condition=np.array([5e4, 9e4, 1e4, 5e4, 6e4])))
+        condition = np.array([5e4, 9e4, 1e4, 5e4, 6e4])
+        made.append(dataclasses.replace(e, status=status, condition=condition, delay=delay))
         made[-1].fir[:] = 1.0
     run = dataclasses.replace(run, estimators=made)
     assert typical_day(run) == dt.date(2008, 1, 4)  # of 9e4, 1e4, 5e4, 6e4 the nearest to their median
+    delay[3] = 6.0
+    assert typical_day(run) == dt.date(2008, 1, 5)
     assert typical_day(without_answers(results(("jmap",), dates_of(3)))) is None
 
 

@@ -7,11 +7,13 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from rivid import load_delays
 from rivid.cli import figures as cli
 from rivid.cli.run import command as run
 from rivid.errors import NoDataError
 from rivid.logs.write import write_days
 from rivid.plots import paper
+from rivid.plots.paper_data import read_run
 from tests.plots.years import season
 
 
@@ -93,3 +95,9 @@ def test_options_of_the_paper_go_with_the_paper(option, tmp_path):
 def test_a_directory_without_a_run_is_left_untouched(tmp_path):
     assert isinstance(invoke(cli.command, tmp_path / "none", "--paper").exception, NoDataError)
     assert not (tmp_path / "none").exists()
+
+
+def test_delays_csv_and_the_figures_use_the_same_flow_and_depth(out):
+    year, delays = read_run(out), load_delays(out)
+    assert delays["froude"].to_numpy() == pytest.approx(year.bounds.froude)
+    assert delays["bound_gravity_s"].to_numpy() == pytest.approx(year.bounds.gravity)
