@@ -189,8 +189,8 @@ def findings(seasons: dict[str, list[dict]]) -> str:
         f"{mean(long, True, mode, 'within')}: the hydraulics know the reach, the JMAP adds little to them.\n"
         f"- `prior_only` marks this day by day: {mean(table_i, False, 'jmap', 'prior_only')} of matched and "
         f"{mean(table_i, False, 'jmap' + shuffled, 'prior_only')} of shuffled days.\n"
-        "- Why: w in (16) is taken for white, and is not (below). Its estimated variance is large, the candidates' criteria "
-        "lie within a fraction of a unit, and the prior's terms span almost three.\n" + residual.section()
+        "- Why: the noise and the steps of the gauge hide the jump (below). The candidates' criteria lie within a fraction "
+        "of a unit, and the prior's terms span almost three.\n" + residual.section()
     )
 
 

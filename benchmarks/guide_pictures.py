@@ -51,19 +51,19 @@ def correlation(a: Floats, b: Floats, lags: int) -> Floats:
 
 
 def feedback() -> Figure:
-    """What a step of the inflow does with and without people, and what remains to be seen of the delay."""
+    """A step of the inflow with and without operators, and the correlations of moves."""
     d, lags = 7, 20
     alone = theoretical_fir(lags, d, 2e-4, 2e-4, 0.0, 0.0)
-    people = theoretical_fir(lags, d, 2e-4, 2e-4, 1.0, -300.0)
+    operated = theoretical_fir(lags, d, 2e-4, 2e-4, 1.0, -300.0)
     figure, (step, seen) = panels(
         "Feedback hides the delay",
-        "Left: equations (8) to (10), d = 7. Right: 60 simulated days with people at the dam",
+        "Left: equations (8) to (10), d = 7. Right: 60 simulated days with operators",
         [1, 1.15],
     )
     k = np.arange(lags)
     for h, colour, words, at in (
         (alone, style.WATER, "outflow held:\nthe water alone", (7.4, 9.5)),
-        (people, style.INK, "people answer at once", (8.6, -14)),
+        (operated, style.INK, "operators act at once", (8.6, -14)),
     ):
         step.plot(k, 1e4 * np.cumsum(h), color=colour, lw=1.4, marker="o", ms=3)
         step.annotate(words, at, color=colour, ha="right" if colour == style.WATER else "left")
@@ -77,8 +77,8 @@ def feedback() -> Figure:
     outflow = correlation(moves, np.diff(found.outflow, axis=1), lags)
     level = correlation(moves, np.diff(found.level, axis=1), lags)
     seen.axhline(0, color=style.LIGHT, lw=0.7)
-    seen.bar(k - 0.2, outflow, 0.4, color=style.INK, label="outflow: the people")
-    seen.bar(k + 0.2, level, 0.4, color=style.WATER, label="level, as the gauge has it")
+    seen.bar(k - 0.2, outflow, 0.4, color=style.INK, label="outflow: the operators")
+    seen.bar(k + 0.2, level, 0.4, color=style.WATER, label="level at the gauge")
     arrival = int(np.median(found.delay)) + 1
     seen.axvline(arrival, color=style.ACCENT, lw=0.9, ls=(0, (4, 3)))
     seen.annotate("the wave arrives", (arrival + 0.4, 0.86), color=style.ACCENT)
@@ -102,7 +102,7 @@ def response() -> Figure:
     raw, smooth, joint = rivid.ml(day.u, day.y), rivid.map_fir(day.u, day.y), rivid.jmap(day)
     figure, axes = panels(
         "What the response shows",
-        f"{day.date}, sample data: the same day three times; true delay {truth}",
+        f"{day.date}, simulated sample data: one day, three estimators; true delay {truth}",
         [1, 1, 1], gap=0.25,
     )  # fmt: skip
     names = ("maximum likelihood (17)", "smooth (22)", "smooth but for two jumps (Table VI)")
@@ -129,7 +129,7 @@ def prior() -> Figure:
     reaches = {"short": "short reach", "basse_isere": "reach of Table I", "long": "long reach"}
     figure, axes = panels(
         "What the prior does",
-        f"Answers of jmap as published (sigma_d = 6.5) on {DAYS} days of each reach, and on shuffled days, where there is nothing to find",
+        f"Delays by jmap as published (sigma_d = 6.5) on {DAYS} simulated days of each reach, and on shuffled days",
         [1, 1, 1], gap=0.25,
     )  # fmt: skip
     edges = np.arange(1, 16)

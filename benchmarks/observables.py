@@ -16,12 +16,12 @@ class Observables:
     """Numbers of sections II and VI, from the logs alone but for the last."""
 
     days: int  # with data
-    discharge_lowest: float  # extremes of the daily mean inflow [m3/s]
+    discharge_lowest: float  # extremes of the daily mean discharge at the downstream dam [m3/s]
     discharge_highest: float
-    below_500: float  # share of days with a mean inflow below 500 m3/s
-    inflow_range: float  # peak-to-peak of the inflow over a day, mean of days [m3/s]
+    below_500: float  # share of days with a mean discharge below 500 m3/s
+    discharge_range: float  # peak-to-peak of the discharge over a day, mean of days [m3/s]
     level_range: float  # peak-to-peak of the level over a day, mean of days [m]
-    level_drop: float  # median daily level less the mean of the tenth of days with the highest inflow [m]
+    level_drop: float  # median daily level less the mean of the tenth of days with the highest discharge [m]
     condition_median: float  # condition number of U'U
     condition_high: float  # 95 % of days stay below it
     delays: dict[int, int]  # days of each true delay [samples]
@@ -34,8 +34,8 @@ class Observables:
             ("mean daily discharge", "about 100 to 800 m3/s",
              f"{self.discharge_lowest:.0f} to {self.discharge_highest:.0f} m3/s"),
             ("days below 500 m3/s", "most", f"{self.below_500:.0%}"),
-            ("inflow over a day, peak to peak", "about 150 m3/s in the mean",
-             f"{self.inflow_range:.0f} m3/s"),
+            ("discharge over a day, peak to peak", "about 150 m3/s in the mean",
+             f"{self.discharge_range:.0f} m3/s"),
             ("level over a day, peak to peak", "about 0.2 m in the mean", f"{self.level_range:.2f} m"),
             ("level at the highest flows", "down peaks", f"{self.level_drop:.2f} m below the median"),
             ("condition number of U'U", "typically 2e4, up to 1e5",
@@ -48,17 +48,17 @@ class Observables:
 
 def observables(season: Season) -> Observables:
     """Compute the observables of a season."""
-    mean_inflow = season.inflow.mean(axis=1)
+    discharge = season.outflow.mean(axis=1)
     mean_level = np.nanmean(season.level, axis=1)
-    high = mean_inflow >= np.quantile(mean_inflow, 0.9)
+    high = discharge >= np.quantile(discharge, 0.9)
     condition = condition_numbers(season.inflow)
     delays, counts = np.unique(season.delay, return_counts=True)
     return Observables(
         days=len(season.dates),
-        discharge_lowest=float(mean_inflow.min()),
-        discharge_highest=float(mean_inflow.max()),
-        below_500=float((mean_inflow < 500).mean()),
-        inflow_range=float(np.ptp(season.inflow, axis=1).mean()),
+        discharge_lowest=float(discharge.min()),
+        discharge_highest=float(discharge.max()),
+        below_500=float((discharge < 500).mean()),
+        discharge_range=float(np.ptp(season.outflow, axis=1).mean()),
         level_range=float((np.nanmax(season.level, axis=1) - np.nanmin(season.level, axis=1)).mean()),
         level_drop=float(np.median(mean_level) - mean_level[high].mean()),
         condition_median=float(np.median(condition)),

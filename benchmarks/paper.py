@@ -252,7 +252,7 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         f"The same measures over {seeds} simulated years of each world, per cent of days, mean with the lowest and highest year. True delays are 6 to 8. "
         '"Operators exact": equal gains, commands and set-points without steps, no differences between shifts. "All three": perfect gauge, no unlogged inflow, exact operators. "Operators at intervals": they look every 10 to 30 minutes or when the inflow moves, and let 2 cm be. In the last column y is (10) itself, with the sample year\'s u, and white noise of 4 mm.\n\n'
         + table(["", *names], rows)
-        + f"\n- Direct and indirect search lie at the bounds in every world with operators; a constant and a ramp beside (8) bring the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
+        + f"\n- Direct and indirect search lie at the bounds on more than half of the days in every world with operators; a constant and a ramp beside (8) bring the direct one from {m(YEAR, ramp[0])} to {m(YEAR, ramp[1])} "
         f"within one sample, from {m('no unlogged inflow', ramp[0])} to {m('no unlogged inflow', ramp[1])} where no inflow is unlogged: the unbalanced first sample is the reason, then the unlogged inflow. "
         f"The indirect one goes from {m(YEAR, turn[0])} to {m(YEAR, turn[1])}; where the level is (10) itself, from {m(MODEL, turn[0])} to {m(MODEL, turn[1])}.\n"
         f"- The first jump, h[0] > h[1] (JMAP): {m(YEAR, first)} as it is, {m('operators exact', first)} with exact operators, {m('operators at intervals', first)} with operators at intervals, {m(MODEL, first)} where y is (10) itself.\n"
@@ -260,7 +260,7 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         f"{m('operators exact', free)} with exact operators, {m('all three', free)} with all three: [what w is](#what-w-is).\n"
         f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, {m('perfect gauge', alike)} with a perfect gauge, {m('operators exact', alike)} with exact operators, {m('all three', alike)} with all three, "
         f"{m('operators at intervals', alike)} with operators at intervals.\n"
-        f"- Rayleigh prior at 6 or 7: {m(YEAR, rayleigh)} as it is, {m('operators at intervals', rayleigh)} with operators at intervals: the larger w is, the more the prior decides.\n"
+        f"- Rayleigh prior at 6 or 7: {m(YEAR, rayleigh)} as it is, {m('operators at intervals', rayleigh)} with operators at intervals, {m('perfect gauge', rayleigh)} with a perfect gauge.\n"
         f"- Full equations: the front is spread and late ([hydraulic.md](hydraulic.md)), 6 or 7 has {m('full equations', rayleigh)}.\n"
         f"- On shuffled days the Rayleigh prior gives 6 or 7 on {min(m_(n, nothing) for n in names):.0f} to {max(m_(n, nothing) for n in names):.0f} %, whatever the world.\n"
     )

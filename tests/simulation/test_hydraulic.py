@@ -37,7 +37,7 @@ def test_the_hydraulic_season_has_the_character_and_the_programme_of_the_papers(
     seen = observables(year)
     assert seen.days == 332 and len(year.seconds) == 650
     assert 90 <= seen.discharge_lowest <= 130 and 700 <= seen.discharge_highest <= 830
-    assert 135 <= seen.inflow_range <= 165
+    assert 135 <= seen.discharge_range <= 165
     assert 0.25 <= seen.level_range <= 0.42
     assert 1.5e4 <= seen.condition_median <= 3e4
     assert set(seen.delays) == {6, 7, 8}

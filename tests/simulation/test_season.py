@@ -42,7 +42,7 @@ def test_the_sample_year_has_the_character_of_the_papers(year):
     assert year.seconds.tolist() == [133.0 * k for k in range(650)]
     assert 90 <= seen.discharge_lowest <= 130 and 700 <= seen.discharge_highest <= 830
     assert seen.below_500 > 0.8
-    assert 135 <= seen.inflow_range <= 165
+    assert 135 <= seen.discharge_range <= 165
     assert 0.1 <= seen.level_range <= 0.2  # a few centimetres (III), 0.2 m in the mean (II)
     assert seen.level_drop > 0.1
     assert 1.5e4 <= seen.condition_median <= 3e4
