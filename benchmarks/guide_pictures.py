@@ -34,8 +34,8 @@ def panels(
 
 def season(name: str, **changes: Any) -> rivid.SimulatedSeason:
     """A simulated season of a scenario."""
-    said = {"days": DAYS, "missing_days": 0, "seed": 3} | changes
-    return rivid.simulate(ROOT / f"configs/scenarios/{name}.toml", **said)
+    settings = {"days": DAYS, "missing_days": 0, "seed": 3} | changes
+    return rivid.simulate(ROOT / f"configs/scenarios/{name}.toml", **settings)
 
 
 def arrays(found: rivid.SimulatedSeason) -> tuple[Floats, Floats, Floats]:
@@ -136,13 +136,13 @@ def prior() -> Figure:
     for panel, (name, words) in zip(axes, reaches.items(), strict=True):
         found = season(name)
         u, y, _ = arrays(found)
-        told, chance = (rivid.jmap(v, y).delay for v in (u, np.roll(u, 7, axis=0)))
+        real, chance = (rivid.jmap(v, y).delay for v in (u, np.roll(u, 7, axis=0)))
         panel.axvspan(found.delay.min() - 0.5, found.delay.max() + 0.5, color=style.ACCENT, alpha=0.16, lw=0)
         panel.annotate(
             "true", (found.delay.mean(), 101), ha="center", va="top", color=style.ACCENT, fontsize=8.5
         )
         for values, colour, label, shift in (
-            (told, style.INK, "its days", -0.2),
+            (real, style.INK, "its days", -0.2),
             (chance, style.LIGHT, "shuffled days", 0.2),
         ):
             share = [100 * np.mean(values == d) for d in edges]
@@ -164,16 +164,16 @@ def probability() -> Figure:
     """p(d) of a sure and an unsure day, and of a season beside the truth."""
     found = season("basse_isere", days=45)
     u, y, o = arrays(found)
-    said = rivid.posterior(u, y, o)
-    order = np.argsort(np.where(np.isfinite(said.probability), said.probability, 2.0))
-    unsure, sure = order[0], order[np.isfinite(said.probability).sum() - 1]
+    answer = rivid.posterior(u, y, o)
+    order = np.argsort(np.where(np.isfinite(answer.probability), answer.probability, 2.0))
+    unsure, sure = order[0], order[np.isfinite(answer.probability).sum() - 1]
     figure, (one, other, many) = panels(
         "What p(d) means",
         "Two days of the reach of Table I, and 45 days of it in a row; simulated, so the truth is known",
         [0.7, 0.7, 2], gap=0.5,
     )  # fmt: skip
     for axes, at, words in ((one, sure, "a sure day"), (other, unsure, "an unsure one")):
-        axes.bar(said.candidates, said.probabilities[at], 0.75, color=style.INK)
+        axes.bar(answer.candidates, answer.probabilities[at], 0.75, color=style.INK)
         axes.plot([found.delay[at]], [1.04], marker="v", color=style.ACCENT, ms=6, clip_on=False)
         axes.annotate(words, (0.0, 1.09), xycoords="axes fraction")
         axes.set_xlim(3.4, 10.6)
@@ -184,15 +184,15 @@ def probability() -> Figure:
     one.set_ylabel("probability")
     other.tick_params(labelleft=False)
     n = len(found.dates)
-    shade = np.nan_to_num(said.probabilities.T)
+    shade = np.nan_to_num(answer.probabilities.T)
     many.imshow(
         shade, cmap="Greys", vmin=0, vmax=1, aspect="auto", origin="lower", interpolation="nearest",
-        extent=(0.5, n + 0.5, said.candidates[0] - 0.5, said.candidates[-1] + 0.5),
+        extent=(0.5, n + 0.5, answer.candidates[0] - 0.5, answer.candidates[-1] + 0.5),
     )  # fmt: skip
     many.plot(
         np.arange(1, n + 1), found.delay, ls="none", marker="o", ms=4.2, mfc="none", mec=style.ACCENT, mew=1.1
     )
-    none = ~np.isfinite(said.delay)
+    none = ~np.isfinite(answer.delay)
     many.plot(
         np.flatnonzero(none) + 1, np.full(none.sum(), 3.75), ls="none", marker="x", ms=4.5, color=style.GREY
     )

@@ -172,7 +172,7 @@ def one_day(year: Year, w: World, readings: Readings) -> list[Claim]:
         Claim("12", "its delay is d = 1", "more than 20 % of days",
               f"{pc(at(deg.delay, 1))} of days; 6 or 7 on {pc(at(deg.delay, 6, 7))}, 15 on {pc(at(deg.delay, 15))}",
               at(deg.delay, 1) > 0.2,
-              f"the reading of (24), whose page is lost: with a jump at d + 1 alone it comes out on {pc(ones['delay'])} of days. With jumps at lags 1 and d + 1, ours, all "
+              f"the reading of (24), on a page that is lost: with a jump at d + 1 alone it comes out on {pc(ones['delay'])} of days. With jumps at lags 1 and d + 1, ours, all "
               f"that D_1 leaves free D_2 leaves free as well, so d = 1 never beats d = 2 (other readings: {pc(ones['slope'])} and {pc(ones['restart'])}; table below)"),
         Claim("V", "its limit is a null response, whatever the data; in practice the iteration ends at a local one", "(35) falls each time, at last by 2 M ln 1e3",
               f"without the prior (35) falls by {falls[0]:.0f}, {falls[1]:.0f} and {falls[2]:.0f} on {date} as h shrinks by 1e3, three times: without end; Table VI ends before, "

@@ -1,4 +1,4 @@
-"""What the paper's claims are measured by, on years whose truth is known."""
+"""Measures behind the paper's claims, on simulated years with known delays."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -264,7 +264,7 @@ READINGS = {
     "slope": "after a jump the slope is paid for",
     "restart": "the response starts from zero after each jump",
 }
-"""Readings of (24), whose page is lost."""
+"""Readings of (24), on a page that is lost."""
 
 
 def freed(order: int, delay: int, reading: str) -> Floats:

@@ -43,9 +43,9 @@ def section() -> str:
             )
         found[name] = np.mean(years, axis=0)
     rows = [[name, *(f"{value:.0f}" for value in values)] for name, values in found.items()]
-    plain, people, gauge, both = found.values()
-    larger = "operators" if people[0] < gauge[0] else "gauge"
-    hides = "operators" if people[1] > gauge[1] else "gauge"
+    plain, operators, gauge, both = found.values()
+    larger = "operators" if operators[0] < gauge[0] else "gauge"
+    hides = "operators" if operators[1] > gauge[1] else "gauge"
     return (
         f"\n## What w is\n\n{len(SEEDS)} simulated years of the sample year's kind. Exact operators: equal gains, commands and set-points without steps, "
         "no differences between shifts. Exact gauge: no noise, no step.\n\n"
@@ -59,7 +59,7 @@ def section() -> str:
             ],
             rows,
         )
-        + f"\nThe variance of w is mostly due to the {larger}: sigma_w falls from {plain[0]:.0f} to {people[0]:.0f} mm with exact operators, to {gauge[0]:.0f} mm with an exact gauge, to {both[0]:.0f} mm with both. "
-        f"What hides the delay is the {hides}: without the prior {plain[1]:.0f} % of days are within one sample as it is, {people[1]:.0f} % with exact operators, {gauge[1]:.0f} % with an exact gauge, {both[1]:.0f} % with both. "
+        + f"\nThe variance of w is mostly due to the {larger}: sigma_w falls from {plain[0]:.0f} to {operators[0]:.0f} mm with exact operators, to {gauge[0]:.0f} mm with an exact gauge, to {both[0]:.0f} mm with both. "
+        f"What hides the delay is the {hides}: without the prior {plain[1]:.0f} % of days are within one sample as it is, {operators[1]:.0f} % with exact operators, {gauge[1]:.0f} % with an exact gauge, {both[1]:.0f} % with both. "
         "The operators' part of w is slow and leaves the jump of one sample visible; the gauge's part is as fast as the jump.\n"
     )
