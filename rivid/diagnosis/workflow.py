@@ -528,16 +528,36 @@ class _Search:
         return self.add(again)
 
     def polished(self, lead: Explanation) -> Explanation:
-        """`lead` fitted on with columns about its own response, where that is better."""
+        """The lead after `lead` and its rivals were fitted on, with columns about their own responses.
+
+        Rivals are those that could be as good if they gained as much as `lead` did, and all that are easily
+        mistaken for it: these also from its response. Fitted on alone, it would leave them behind.
+        """
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
         self.report(0.05, f"refitting with {lead.added.name}")
-        one = self._refitted(lead, lead.model, steps=6)
-        if one is None or self.score(one) <= self.score(lead):
-            return lead
-        if id(lead) in self.grown:
-            self.grown[id(one)] = self.grown[id(lead)]
-        return one
+        best = self._polished(lead, lead.model)
+        reach = self.score(lead) - (self.score(best) - self.score(lead)) - LEAST
+        rivals: dict[tuple[str, ...], Explanation] = {}
+        for one in sorted(self.pool, key=self.score):
+            same = one.count == lead.count and one.unknown == lead.unknown and id(one) in self.grown
+            if same and one.names != lead.names and one.others == lead.others:
+                rivals[one.names] = one
+        for one in rivals.values():
+            if alike := _alike(one, lead, self.classes):
+                one = self._polished(one, replace(one.model, reach=best.model.reach))
+            if alike or self.score(one) > reach:
+                self._polished(one, one.model)
+        return self.lead()
+
+    def _polished(self, one: Explanation, model: Model) -> Explanation:
+        """An explanation fitted on from a model, where that is better."""
+        more = self._refitted(one, model, steps=6)
+        if more is None or self.score(more) <= self.score(one):
+            return one
+        if id(one) in self.grown:
+            self.grown[id(more)] = self.grown[id(one)]
+        return more
 
     def again(self, parent: Explanation) -> Explanation:
         """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
