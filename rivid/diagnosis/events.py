@@ -100,8 +100,11 @@ GRIDS: dict[Shape, tuple[float, ...]] = {"pulse": PULSES, "recession": RECESSION
 """Usual grid of each shape; that of jumps, which have no duration, has one value without meaning."""
 
 EDGE = 20
-"""Readings at both ends of a day in which a jump cannot be separated from a bad start, and between which a
-jump and its return are a spike."""
+"""Readings between a jump and its return: with fewer they are a spike."""
+FEWEST_READINGS = 4
+"""Readings of a row before and after a jump, which separate it from a bad one at the row's end. With 20, half
+of the jumps of a season with a sample time of 394 s were not sought: three of six lay within 70 min of
+midnight."""
 
 LARGEST_JUMP = 1.0
 """A gauge set anew or knocked [m]: with a flat prior to here, 1 nat more for 2.7 times."""
@@ -346,7 +349,8 @@ class Rows:
                 seen = root > VISIBLE * root.max(initial=0.0)
                 if shape == "jump":
                     whole = pattern.readings.max()
-                    seen &= (pattern.readings >= EDGE) & (whole - pattern.readings >= EDGE)
+                    seen &= pattern.readings >= FEWEST_READINGS
+                    seen &= whole - pattern.readings >= FEWEST_READINGS
                 pattern.units[at] = np.divide(1.0, root, out=np.zeros(len(root)), where=seen)
             units.append(pattern.units[at])
         return made, np.array(units)
