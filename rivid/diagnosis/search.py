@@ -54,7 +54,7 @@ class Library:
     """The columns of all trials about a model."""
 
     trials: tuple[Trial, ...]
-    columns: tuple[Floats, ...]  # (k, days, n) each; of an hourly trial the key of its kernel in `hourly`
+    columns: tuple[Floats, ...]  # (k, days, n) each, in single precision; (24, days, n) of an hourly trial
     kernels: dict[str, Floats]  # step responses by place
 
     @classmethod
@@ -63,26 +63,23 @@ class Library:
         able = (e for e in classes.values() if record.kind == "pool" or e.acts_on_river)
         kernels = kernels_of(model.reach, record)
         base = model.baseline(record)
-        hourly: dict[str, Floats] = {}
-        trials, columns = [], []
+        hourly: dict[str, Any] = {}
+        trials: list[Trial] = []
+        columns: list[Any] = []
         world = record.world(model.level, model.flow)
         for effect in able:
             for trial in effect.trials(record.sample_time):
                 try:
-                    if trial.hourly:
-                        if trial.hourly not in hourly:
-                            hourly[trial.hourly] = hour_columns(record, kernels[trial.hourly])
-                        found = hourly[trial.hourly]
+                    if key := trial.hourly:
+                        if key not in hourly:
+                            hourly[key] = np.asarray(hour_columns(record, kernels[key]), np.float32)
+                        found = hourly[key]
                     else:
-                        found = np.stack(
-                            [
-                                (
-                                    model.reach.baseline(record, changes_of((*model.effects, one), world))
-                                    - base
-                                )
-                                / size
-                                for one, size in zip(trial.effects, trial.sizes, strict=True)
-                            ]
+                        changes = [changes_of((*model.effects, one), world) for one in trial.effects]
+                        pairs = zip(changes, trial.sizes, strict=True)
+                        found = np.asarray(
+                            [(model.reach.baseline(record, one) - base) / size for one, size in pairs],
+                            np.float32,
                         )
                 except RividError:  # the reach runs dry with this effect
                     continue
@@ -127,10 +124,12 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
 
     def white(columns: Floats) -> Floats:
         found = noise.whiten(columns, like=seen, activity=record.activity)[:, open_days]
-        return np.asarray(found * root)
+        found *= root
+        return found
 
     r = white(seen[None])[0]
-    X = white(base.columns) * base.sd[:, None, None]
+    X = white(base.columns)
+    X *= base.sd[:, None, None]
     flat = X.reshape(len(X), -1)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     found: list[Candidate] = []
