@@ -119,22 +119,23 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
     noise = base.model.noise
     assert noise is not None
     open_days = np.flatnonzero(base.weights > 0.0)
-    seen = np.where(record.used, base.residual, np.nan)
+    few = record.take(open_days)
+    seen = np.where(few.used, base.residual[open_days], np.nan)
     root = np.sqrt(base.weights[open_days])[:, None]
 
     def white(columns: Floats) -> Floats:
-        found = noise.whiten(columns, like=seen, activity=record.activity)[:, open_days]
+        found = noise.whiten(columns, like=seen, activity=few.activity)
         found *= root
         return found
 
     r = white(seen[None])[0]
-    X = white(base.columns)
+    X = white(base.columns[:, open_days])
     X *= base.sd[:, None, None]
     flat = X.reshape(len(X), -1)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     found: list[Candidate] = []
     for trial, columns in zip(library.trials, library.columns, strict=True):
-        w = white(columns)
+        w = white(columns[:, open_days])
         if not w.any():
             continue
         s = np.einsum("kdn,dn->kd", w, r)
@@ -247,9 +248,10 @@ def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
 def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
     """The inflation of what an explanation leaves, about columns (k, days, n); `blocks` (days,)."""
     opened = one.weights > 0.0
-    seen = np.where(record.used, one.residual, np.nan)
-    r = one.noise.whiten(seen, activity=record.activity)[opened]
-    w = one.noise.whiten(columns, like=seen, activity=record.activity)[:, opened]
+    few = record.take(opened)
+    seen = np.where(few.used, one.residual[opened], np.nan)
+    r = one.noise.whiten(seen, activity=few.activity)
+    w = one.noise.whiten(columns[:, opened], like=seen, activity=few.activity)
     score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
     return inflation_of(score, information, blocks[opened])
 
