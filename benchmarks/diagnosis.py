@@ -177,7 +177,8 @@ def alone(task: str, logs: Logs, work: Path) -> tuple[dict[str, Any], Usage]:
 
 def section(work: Path, quick: bool = False) -> str:
     """The tables of the cases, or of the short ones, and of the candidates."""
-    alone("diagnosed", case("one effect"), work)  # the compiled loops are there from then on
+    for name in QUICK:  # the compiled loops are there from then on
+        alone("diagnosed", case(name), work)
     rows, usual = [], []
     for name in QUICK if quick else CASES:
         logs = case(name)
