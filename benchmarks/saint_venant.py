@@ -4,7 +4,6 @@ Usage: python -m benchmarks.saint_venant
 """
 
 import os
-import resource
 import subprocess
 import tempfile
 import tracemalloc
@@ -16,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam.answering import Logs, answer, record_of
+from benchmarks.exam.answering import Logs, record_of
 from benchmarks.measure import PYTHON, functions_in_turn, machine, median, table
 from rivid.diagnosis.choice import response_of
 from rivid.diagnosis.noise.model import NoiseModel, fit_noise
@@ -216,21 +215,8 @@ def closed_loop() -> str:
     return table(["cells", "days", "season in closed loop", "simulated days a second"], rows)
 
 
-def diagnoses() -> str:
-    """`rivid diagnose` on 60 and on 332 days of the uneven reach, one core, with what it needs of memory."""
-    base = load_scenario(ROOT / "configs" / "scenarios" / "effects" / "diurnal_inflow.toml")
-    rows = []
-    for days in (60, 332):
-        season = closed(base.model_copy(update={"days": days}), 1)
-        logs = Logs(season.dates, season.seconds, season.inflow, season.outflow, season.level, REACH)
-        took = functions_in_turn({"diagnose": lambda of=logs: answer(of)}, 1)["diagnose"][0]
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        rows.append([str(days), f"{took:.0f} s", f"{peak:.0f} MB"])
-    return table(["days", "diagnosis", "memory of the process at most"], rows)
-
-
 def sections() -> str:
-    """What `make bench` says of the simulated world and of the diagnosis."""
+    """What `make bench` measures of the simulated world and of the noise."""
     return (
         "## The simulated world\n\nOpen loop, nudged, one core:\n\n"
         + measured({f"{cells} cells": (cells, 60) for cells in (24, 48, 96)})
@@ -238,10 +224,8 @@ def sections() -> str:
         + shared()
         + "\n"
         + closed_loop()
-        + "\n## The diagnosis\n\n"
+        + "\n## The noise\n\n"
         + likelihoods()
-        + "\n"
-        + diagnoses()
         + "\nThe compiled loops on their first use in an installation:\n\n"
         + compiling()
     )
@@ -258,7 +242,6 @@ def main() -> None:
     print(shared())
     print(closed_loop())
     print(likelihoods())
-    print(diagnoses())
     print(compiling())
 
 

@@ -7,15 +7,16 @@ the fit without the day's block (:mod:`rivid.diagnosis.predictive`), less the pr
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events
 from rivid.diagnosis.fit import ENOUGH, HOURS, NEAR, TRIES, WIDE, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel, day_weights
-from rivid.diagnosis.predictive import day_densities, held_out
+from rivid.diagnosis.predictive import day_densities, held_out, information
 from rivid.diagnosis.response.base import vector_of
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
@@ -34,7 +35,8 @@ class Explanation:
     log_prior: float  # of its names and windows [nats]
     residual: Floats  # (days, n): measured less simulated and coded, NaN where nothing was measured
     # (p, days, n) and (q, days, n): change of the simulated output for one unit of each free parameter of the
-    # response, which explanations share, and of the effects; and prior standard deviations of all, (p + q,).
+    # response, which explanations share, and of the effects, in single precision; and prior standard
+    # deviations of all, (p + q,).
     shared: Floats
     own: Floats
     sd: Floats
@@ -196,13 +198,10 @@ def fitted(
         else:
             noise, weights = _noise(model, few, seen, weights, alone=model.noise is not None)
         model = replace(model, noise=noise)
-        root = np.sqrt(weights)[:, None]
-        X = noise.whiten(J, like=seen, activity=few.activity) * root
-        X = X.reshape(len(sd), -1) * sd[:, None]
-        r = (noise.whiten(seen, activity=few.activity) * root).ravel()
-        off = (_values(model) - middle) / sd
-        G, g = X @ X.T + np.eye(len(sd)), X @ r - off
-        cost, fell = 0.5 * float(r @ r + off @ off), 0.0
+        root, off = np.sqrt(weights)[:, None], (_values(model) - middle) / sd
+        squares, g, G = (np.tensordot(weights, part, 1) for part in _information(noise, seen, J, few))
+        g, G = g * sd - off, G * (sd[:, None] * sd) + np.eye(len(sd))
+        cost, fell = 0.5 * float(squares + off @ off), 0.0
         low, high = _room(model, sd)
         hopeless = _predicted(G, g, step_within(G, g, low, high)) < LEAST_STEP
         for _ in range(0 if hopeless else TRIES):
@@ -223,6 +222,7 @@ def fitted(
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         if step < fresh:
+            del J
             J, shared = _columns(model, few, None), None
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
@@ -234,14 +234,13 @@ def fitted(
         other_J = _columns(model, rest, None if shared is None else shared[:, sealed])
     else:
         left, other_J = z[:0], J[:, :0]
-    whole_J = _joined(open_days, J, other_J)
     return Explanation(
         model,
         unknown,
         log_prior,
         _joined(open_days, z, left),
-        whole_J[:p].copy() if shared is None else shared,
-        whole_J[p:].copy(),
+        _joined(open_days, J[:p], other_J[:p], np.float32) if shared is None else shared,
+        _joined(open_days, J[p:], other_J[p:], np.float32),
         sd,
         _joined(open_days, weights[:, None], np.zeros((int(sealed.sum()), 1)))[:, 0],
         others,
@@ -251,11 +250,24 @@ def fitted(
     )
 
 
-def _joined(open_days: Bools, opened: Floats, sealed: Floats) -> Floats:
+def _joined(open_days: Bools, opened: Floats, sealed: Floats, dtype: DTypeLike = float) -> Any:
     """Arrays (..., days, n) of the open days and of the sealed ones, as one of all days."""
-    whole = np.empty((*opened.shape[:-2], len(open_days), opened.shape[-1]))
+    whole = np.empty((*opened.shape[:-2], len(open_days), opened.shape[-1]), dtype)
     whole[..., open_days, :], whole[..., ~open_days, :] = opened, sealed
     return whole
+
+
+def _information(
+    noise: NoiseModel, seen: Floats, columns: Floats, record: Record
+) -> tuple[Floats, Floats, Floats]:
+    """Information of each day, whitened some days at a time: unknown dynamics have a hundred columns."""
+    parts = []
+    for days in np.array_split(np.arange(len(seen)), len(seen) // 16 + 1):
+        z, activity = seen[days], None if record.activity is None else record.activity[days]
+        X = noise.whiten(columns[:, days], like=z, activity=activity)
+        parts.append(information(noise.whiten(z, activity=activity), X))
+    squares, g, G = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return squares, g, G
 
 
 LEAST_STEP = 0.05
@@ -342,8 +354,8 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     noise = one.noise
     seen = np.where(record.used, one.residual, np.nan)
     r = noise.whiten(seen, activity=record.activity)
-    X = noise.whiten(one.columns, like=seen, activity=record.activity)
-    squares, log_det, change, errors = held_out(r, X, one.sd**-2.0, blocks, one.weights)
+    found = _information(noise, seen, one.columns, record)
+    squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights)
     plain = noise.log_likelihood(seen, record.activity) + 0.5 * (r * r).sum(axis=1)
     density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)

@@ -224,7 +224,7 @@ class Model:
         """The baseline (days, n), and the columns of all free parameters, shape (p + q, days, n)."""
         steps, candidates = self._steps(record)
         start, slopes, differences = sensitivities(self.reach, record, candidates, self.changes(record))
-        return start, np.concatenate([slopes, differences / steps[:, None, None]])
+        return start, np.concatenate([slopes, differences / steps[:, None, None]]) if candidates else slopes
 
     def effect_columns(self, record: Record) -> Floats:
         """The columns of the effects' free parameters, shape (q, days, n)."""

@@ -21,17 +21,30 @@ from rivid.types import Floats
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 
+def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
+    """r'r (days,), X'r (days, p) and X'X (days, p, p) of each day, for :func:`held_out`.
+
+    Parameters
+    ----------
+    r : ndarray, shape (days, n)
+        Whitened residual of the full fit, 0 where a sample is missing.
+    X : ndarray, shape (p, days, n)
+        Whitened columns: what one unit of each parameter takes from the residual.
+    """
+    by_day = X.transpose(1, 0, 2)
+    squares = np.einsum("dn,dn->d", r, r)
+    return squares, (by_day @ r[..., None])[..., 0], by_day @ by_day.transpose(0, 2, 1)
+
+
 def held_out(
-    r: ArrayLike, X: ArrayLike, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike
+    r_day: Floats, g_day: Floats, G_day: Floats, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Squared innovations and log-determinant of each day, predicted by the fit without its block.
 
     Parameters
     ----------
-    r : array_like, shape (days, n)
-        Whitened residual of the full fit, 0 where a sample is missing.
-    X : array_like, shape (p, days, n)
-        Whitened columns: what one unit of each parameter takes from the residual.
+    r_day, g_day, G_day : ndarray
+        Of :func:`information`.
     precision : array_like, shape (p,)
         Of the parameters, a priori.
     blocks : array_like of int, shape (days,)
@@ -48,15 +61,11 @@ def held_out(
         Standard errors of the parameters: those of the posterior, or of the jackknife over blocks with weight
         where these are larger, as where a response does not fit in the same way in all blocks.
     """
-    r, X, w = np.asarray(r, float), np.asarray(X, float), np.asarray(weights, float)
-    label, p = np.asarray(blocks), len(X)
+    label, w = np.asarray(blocks), np.asarray(weights, float)
     scale = np.sqrt(np.asarray(precision, float))  # one unit is a prior standard deviation
-    per_day = np.ascontiguousarray(X.transpose(1, 0, 2)) / scale[:, None]
-    G_day = per_day @ per_day.transpose(0, 2, 1)
-    g_day = np.einsum("dpn,dn->dp", per_day, r)
-    r_day = np.einsum("dn,dn->d", r, r)
+    g_day, G_day, p = g_day / scale, G_day / (scale[:, None] * scale), len(scale)
     G = np.tensordot(w, G_day, 1) + np.eye(p)
-    squares, log_det, change = np.empty(len(r)), np.empty(len(r)), np.empty((len(r), p))
+    squares, log_det, change = np.empty(len(w)), np.empty(len(w)), np.empty((len(w), p))
     jackknife = []
     for b in np.unique(label):
         days = np.flatnonzero(label == b)

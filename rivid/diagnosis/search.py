@@ -54,7 +54,7 @@ class Library:
     """The columns of all trials about a model."""
 
     trials: tuple[Trial, ...]
-    columns: tuple[Floats, ...]  # (k, days, n) each; of an hourly trial the key of its kernel in `hourly`
+    columns: tuple[Floats, ...]  # (k, days, n) each, in single precision; (24, days, n) of an hourly trial
     kernels: dict[str, Floats]  # step responses by place
 
     @classmethod
@@ -63,26 +63,23 @@ class Library:
         able = (e for e in classes.values() if record.kind == "pool" or e.acts_on_river)
         kernels = kernels_of(model.reach, record)
         base = model.baseline(record)
-        hourly: dict[str, Floats] = {}
-        trials, columns = [], []
+        hourly: dict[str, Any] = {}
+        trials: list[Trial] = []
+        columns: list[Any] = []
         world = record.world(model.level, model.flow)
         for effect in able:
             for trial in effect.trials(record.sample_time):
                 try:
-                    if trial.hourly:
-                        if trial.hourly not in hourly:
-                            hourly[trial.hourly] = hour_columns(record, kernels[trial.hourly])
-                        found = hourly[trial.hourly]
+                    if key := trial.hourly:
+                        if key not in hourly:
+                            hourly[key] = np.asarray(hour_columns(record, kernels[key]), np.float32)
+                        found = hourly[key]
                     else:
-                        found = np.stack(
-                            [
-                                (
-                                    model.reach.baseline(record, changes_of((*model.effects, one), world))
-                                    - base
-                                )
-                                / size
-                                for one, size in zip(trial.effects, trial.sizes, strict=True)
-                            ]
+                        changes = [changes_of((*model.effects, one), world) for one in trial.effects]
+                        pairs = zip(changes, trial.sizes, strict=True)
+                        found = np.asarray(
+                            [(model.reach.baseline(record, one) - base) / size for one, size in pairs],
+                            np.float32,
                         )
                 except RividError:  # the reach runs dry with this effect
                     continue
@@ -122,20 +119,23 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
     noise = base.model.noise
     assert noise is not None
     open_days = np.flatnonzero(base.weights > 0.0)
-    seen = np.where(record.used, base.residual, np.nan)
+    few = record.take(open_days)
+    seen = np.where(few.used, base.residual[open_days], np.nan)
     root = np.sqrt(base.weights[open_days])[:, None]
 
     def white(columns: Floats) -> Floats:
-        found = noise.whiten(columns, like=seen, activity=record.activity)[:, open_days]
-        return np.asarray(found * root)
+        found = noise.whiten(columns, like=seen, activity=few.activity)
+        found *= root
+        return found
 
     r = white(seen[None])[0]
-    X = white(base.columns) * base.sd[:, None, None]
+    X = white(base.columns[:, open_days])
+    X *= base.sd[:, None, None]
     flat = X.reshape(len(X), -1)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     found: list[Candidate] = []
     for trial, columns in zip(library.trials, library.columns, strict=True):
-        w = white(columns)
+        w = white(columns[:, open_days])
         if not w.any():
             continue
         s = np.einsum("kdn,dn->kd", w, r)
@@ -248,9 +248,10 @@ def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
 def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
     """The inflation of what an explanation leaves, about columns (k, days, n); `blocks` (days,)."""
     opened = one.weights > 0.0
-    seen = np.where(record.used, one.residual, np.nan)
-    r = one.noise.whiten(seen, activity=record.activity)[opened]
-    w = one.noise.whiten(columns, like=seen, activity=record.activity)[:, opened]
+    few = record.take(opened)
+    seen = np.where(few.used, one.residual[opened], np.nan)
+    r = one.noise.whiten(seen, activity=few.activity)
+    w = one.noise.whiten(columns[:, opened], like=seen, activity=few.activity)
     score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
     return inflation_of(score, information, blocks[opened])
 

@@ -7,7 +7,7 @@ from scipy.special import softmax
 from scipy.stats import multivariate_normal, multivariate_t
 
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.predictive import LOG_2PI, day_densities, held_out, probabilities
+from rivid.diagnosis.predictive import LOG_2PI, day_densities, held_out, information, probabilities
 
 DAYS, N, P = 14, 25, 3
 BLOCKS = np.repeat(np.arange(5), 3)[:DAYS]
@@ -41,7 +41,7 @@ class Problem:
 
     def held_out(self):
         r, X = RIVER.whiten(self.left), RIVER.whiten(self.columns, like=self.left)
-        return held_out(r, X, self.sd**-2.0, BLOCKS, self.weights)
+        return held_out(*information(r, X), self.sd**-2.0, BLOCKS, self.weights)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -82,8 +82,8 @@ def test_days_without_samples_have_a_density_of_one_and_change_nothing():
     r[4], X[:, 4] = 0.0, 0.0
     rest = np.arange(6) != 4
     label = np.array([0, 0, 1, 1, 2, 2])
-    squares, log_det, change, errors = held_out(r, X, [1.0, 1.0], label, np.ones(6))
-    few = held_out(r[rest], X[:, rest], [1.0, 1.0], label[rest], np.ones(5))
+    squares, log_det, change, errors = held_out(*information(r, X), [1.0, 1.0], label, np.ones(6))
+    few = held_out(*information(r[rest], X[:, rest]), [1.0, 1.0], label[rest], np.ones(5))
     for found, expected in zip((squares, log_det, change, errors), few, strict=True):
         assert (found[rest] if len(found) == 6 else found) == pytest.approx(expected)
     assert day_densities(squares[4:5], log_det[4:5], np.zeros(1), np.zeros(1), 5.0) == pytest.approx([0.0])

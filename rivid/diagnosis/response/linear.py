@@ -6,6 +6,7 @@ and its random walk, takes that.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -177,9 +178,9 @@ class LinearPool:
         columns = np.empty((last + 1, *base.shape))
         columns[:first] = slopes_by_differences(self, record, base, changes, range(first))
         if first < last:
-            lagged = self._columns(record, real_flows(record, changes))
-            lagged -= lagged[..., :1]  # rows begin at their first readings
-            columns[first:last] = stilled(record.time, lagged, self.parameters[-1].natural + changes.well)
+            flows, lag = self._columns(record, real_flows(record, changes)), self.parameters[-1].natural
+            for column, flow in zip(columns[first:last], flows, strict=True):
+                column[:] = stilled(record.time, flow - flow[:, :1], lag + changes.well)  # rows begin at 0
         columns[last:] = slopes_by_differences(self, record, base, changes, range(last, last + 1))
         return columns
 
@@ -200,7 +201,8 @@ class LinearPool:
         elif self.fronts == "fir":
             values = [p.value for p in self.parameters[4:-1]]
             if any(values):
-                level += np.tensordot(values, self._columns(record, flows), 1)
+                for value, flow in zip(values, self._columns(record, flows), strict=True):
+                    level += value * flow
         return stilled(time, level - level[:, :1], self.parameters[-1].natural + flows.well)
 
     def delay(self, record: Record) -> Floats:
@@ -210,8 +212,8 @@ class LinearPool:
             self.parameters[1].natural / np.maximum(1.0 + self.parameters[3].value * relative, 0.1)
         )
 
-    def _columns(self, record: Record, flows: RealFlows) -> Floats:
-        """Lagged flows, plain and times the slow flow, shape (4 lags, days, n).
+    def _columns(self, record: Record, flows: RealFlows) -> Iterator[Floats]:
+        """Lagged flows (days, n), plain and times the slow flow, one by one: of a season all fill the memory.
 
         A flow that enters on the way acts as part of the inflow and, against its sign, of the outflow.
         """
@@ -221,11 +223,10 @@ class LinearPool:
             outflow = outflow - part.place * part.flow
         late = mean_before(record.time, delayed_volume(record.time, inflow, self.delay(record)))
         slow = (leaky(0.5 * (late + outflow), record.sample_time, SLOW) - self.flow) / self.flow_range
-        plain = np.stack(
-            [lagged(inflow - self.flow, lag) for lag in self.lags]
-            + [lagged(outflow - self.flow, lag) for lag in self.lags]
-        )
-        return np.concatenate([plain, plain * slow])
+        for factor in (np.ones(1), slow):
+            for flow in (inflow - self.flow, outflow - self.flow):
+                for lag in self.lags:
+                    yield factor * lagged(flow, lag)
 
 
 def _lags(delay: int, lead: int) -> tuple[int, ...]:
