@@ -276,7 +276,7 @@ class Proposal:
         """The keys that differ from the defaults, other choices in comments below them, and the questions."""
         lines = _comment(f"Proposed for {name}. Check each line: it is inferred from the file alone.", "# ")
         lines += ["[reach]", '# name = "..."       # letters, digits, . _ -', f"kind = {_toml(self.kind)}"]
-        if 1 <= self.step * self.every <= 86_400:
+        if 0.01 <= self.step * self.every <= 86_400:
             lines.append(f"sample_time = {self.step * self.every:g}")
         lines += [*FILL_IN, "", "[input]"]
         for key, value in self.keys.items():
