@@ -76,8 +76,8 @@ def duration(seconds: Sequence[float], joint: str = "to") -> str:
 
     Examples
     --------
-    >>> duration([798]), duration([798, 931]), duration([3714, 21900]), duration([23400]), duration([0.7, 1.5])
-    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h', '0.7 to 1.5 s')
+    >>> duration([798, 931]), duration([3714, 21900]), duration([23400]), duration([0.7, 1.5])
+    ('13.3 to 15.5 min', '61.9 to 365 min', '6.5 h', '0.7 to 1.5 s')
     """
     texts, unit = _spelt(seconds)
     return f"{listed(list(dict.fromkeys(texts)), joint)} {unit}"

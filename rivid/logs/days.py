@@ -534,7 +534,7 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
     Raises
     ------
     DataError
-        Where the log of the day cannot be read.
+        Where the log of the day cannot be read, or is too short.
     """
     spec, length = spec_of(config), round(config.run.window_s * MICRO)
     series, zone = _day(root if root.is_dir() else root.parent, source, spec, Counter())
@@ -548,6 +548,8 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
         first = max(int(part[0]), begin)
         for k in range((int(part[-1]) + spacing + spec.tolerance - first) // length):
             spans.append((first + k * length, first + (k + 1) * length))
+    if not spans:
+        raise DataError(f"the log of {source.date} holds no {config.run.window} in a row ([run] window)")
     return spans, zone
 
 

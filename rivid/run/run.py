@@ -342,6 +342,8 @@ def _read(batch: Batch, window: Window) -> DataSet:
         days = ", ".join(str(day) for day in window.missing)
         raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
     try:
+        if batch.config.run.window and not window.span:
+            spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
         return read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
     except (OSError, MemoryError, ValueError) as error:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error

@@ -8,9 +8,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import rivid as package
+from rivid.check import check
 from rivid.config import Config, parse
 from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_window, spans_of
+from rivid.logs.exports import ingest
 from rivid.run.run import Options, run
 from tests.run.test_run import rivid
 
@@ -96,6 +98,24 @@ def test_a_second_run_repeats_nothing_and_new_stretches_only_are_added(done, log
         (tmp_path / "data" / "2024-03-15.csv").read_text().replace("2024-03-14", "2024-03-15")
     )
     assert run(tmp_path / "data", out, parse(SETTINGS, Config), Options(workers=1)).computed == 2
+
+
+def test_a_log_shorter_than_a_window_fails_with_the_reason(tmp_path):
+    write_log(tmp_path / "data" / "2024-03-14.csv", [stretch(1)])
+    settings = parse(SETTINGS | {"run": {"window": "5 min"}}, Config)
+    run(tmp_path / "data", tmp_path / "out", settings, Options(workers=1))
+    (row,) = rows_of(tmp_path / "out")
+    assert row["status"] == "failed" and "holds no 5 min in a row" in row["message"]
+
+
+def test_an_export_of_a_part_of_a_day_is_ingested_and_checked(logs, tmp_path):
+    config = parse(SETTINGS, Config)
+    (export,) = logs.iterdir()
+    assert ingest([export], tmp_path / "logs", config).exit_code == 0
+    (day,) = check(tmp_path / "logs", config).days
+    assert day.status == "ok" and "4 data sets of 20 s" in day.notes[0]
+    summary = run(tmp_path / "logs", tmp_path / "out", config, Options(workers=1))
+    assert summary.windows == 4 and summary.failures == 0
 
 
 def test_what_needs_whole_days_refuses_in_one_line(done, tmp_path):
