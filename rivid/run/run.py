@@ -477,6 +477,8 @@ def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
     if delay == candidates[-1]:
         return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
     if delay == candidates[0]:
+        if delay == 1:
+            return "d = 1 is the shortest delay that is tried: the true one may be about one sample or less"
         return f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter"
     return ""
 
