@@ -198,11 +198,7 @@ class InputConfig(Section):
     sentinels: Annotated[list[float], Means("-", "numbers that mean not measured")] = []
     not_sentinels: Annotated[list[float], Means("-", "numbers that look like it and are measured")] = []
     max_gap: Annotated[
-        float,
-        Field(ge=0, le=86_400),
-        Means(
-            "s", "longest gap that is bridged; a longer one fails the day; not given: at least one interval"
-        ),
+        float, Field(ge=0, le=86_400), Means("s", "longest gap that is bridged; a longer one fails the day")
     ] = 600.0
     max_filled: Annotated[
         float, Field(ge=0, le=1), Means("-", "largest share of a day's samples that may bridge gaps")

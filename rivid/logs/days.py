@@ -408,20 +408,16 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     begins = np.append(grid.start, times + spacing)
     gaps = np.where(ends - begins > (MISSED - 1) * spacing, ends - begins, 0)
     gaps[0] = ends[0] - begins[0] if ends[0] - begins[0] > spacing + spec.tolerance else 0
-    allowed = np.full(len(gaps), spec.max_gap + spec.tolerance)
-    if "max_gap" not in spec.input.model_fields_set:  # one value may be missing, but not the last
-        allowed[:-1] = max(spec.max_gap, spacing) + spec.tolerance
-    late = gaps > allowed
-    if not late.any():
+    allowed = spec.max_gap + spec.tolerance
+    if gaps.max() <= allowed:
         return
-    gaps = np.where(late, gaps, 0)
     worst = int(np.argmax(gaps))
     begin = clock(int(begins[worst]), grid.zone, grid.n_days > 1)
     text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
     usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
     if usual > MISSED * spacing:
         raise DataError(f"{text}: {_coarse(signal, usual, spec)}")
-    kind = TrailingGap if late[-1] and not late[:-1].any() else DataError
+    kind = TrailingGap if gaps[-1] > allowed and gaps[:-1].max() <= allowed else DataError
     if kind is TrailingGap and gaps[-1] <= signal.shift + spec.tolerance:
         text += ": the row that closes the day is the first of the next one's log, and is not there"
     raise kind(f"{text} ({_limit(spec)})")

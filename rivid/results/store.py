@@ -123,7 +123,7 @@ DELAYS, MEANINGS = described(
 """A row per day and estimator: delays.csv and delays.parquet; units and meanings, in Markdown."""
 
 MEANINGS |= {
-    "start": ("", "with `[run] window`, in all tables: local begin of the data set"),
+    "start": ("", "with `[run] window` only, in all tables of `rivid run`: local begin of the data set"),
     "lag": ("samples", "fir.parquet: from 0"),
     "value": ("output unit per m3/s", "fir.parquet: the impulse response at this lag"),
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
@@ -375,7 +375,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 2
+METHOD_VERSION = 3
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0

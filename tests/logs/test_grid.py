@@ -3,13 +3,12 @@
 import datetime as dt
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rivid.errors import DataError
-from rivid.logs.days import TrailingGap, make_grid, on_grid
-from rivid.logs.spec import MICRO, spec_of
+from rivid.logs.days import make_grid, on_grid
+from rivid.logs.spec import spec_of
 from tests import examples
 from tests.logs.helpers import config
 
@@ -88,22 +87,3 @@ def test_unsteady_clocks_leave_no_gap():
     jitter[0] = 0
     _, filled = on_grid(grid.times + jitter, np.zeros(650), grid, spec.signals[0], spec)
     assert not filled.any()
-
-
-@pytest.mark.parametrize("period", [60.0, 900.0, 3600.0])
-def test_one_missing_value_is_bridged_at_any_sample_time_unless_max_gap_is_set(period):
-    grid = make_grid(0, 86_400 * MICRO, period, dt.UTC)
-    keep = np.arange(len(grid.times)) != 9
-    times, values = grid.times[keep], np.arange(len(grid.times), dtype=float)[keep]
-    for keys, bridged in (({}, True), ({"max_gap": period / 2}, False)):
-        spec = spec_of(config({"sample_time": period}, **keys))
-        level = spec.signals[-1]
-        if bridged:
-            samples, filled = on_grid(times, values, grid, level, spec)
-            assert filled.sum() == 1 and samples[9] == 9.0
-        else:
-            with pytest.raises(DataError, match="max_gap"):
-                on_grid(times, values, grid, level, spec)
-    if period > 600:  # a value that is missing at the end may still come
-        with pytest.raises(TrailingGap):
-            on_grid(grid.times[:-1], values, grid, level, spec_of(config({"sample_time": period})))

@@ -104,3 +104,15 @@ def test_names_that_state_nothing_leave_questions(tmp_path):
     path = tmp_path / "export.csv"
     path.write_text(wide("", UP, DOWN, LEVEL))
     assert {"columns", "u_Qi"} <= set(sniff(path, "UTC").open_keys)
+
+
+def test_one_missing_value_an_hour_fails_no_day(tmp_path):
+    path = tmp_path / "export.csv"
+    times = [t for k in range(49) if k != 9 and (t := dt.datetime(2024, 5, 1) + dt.timedelta(hours=k))]
+    path.write_text(
+        "time,inflow_m3s,level_m\n" + "".join(f"{t},{100 + t.hour},{t.hour / 9:.2f}\n" for t in times)
+    )
+    raw = tomllib.loads(sniff(path, "UTC").toml)
+    assert raw["input"]["max_gap"] == raw["reach"]["sample_time"] == 3600
+    outcome = ingest([path], tmp_path / "logs", parse(raw, Config))
+    assert [day.status for day in outcome.days] == ["good"] * 2 or outcome.exit_code == 0

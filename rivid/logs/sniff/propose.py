@@ -264,6 +264,8 @@ class Proposal:
             slow = {role: group[0].every for role, group in self.roles.items() if group[0].every > self.every}
             intervals = {role: every * step for role, every in slow.items() if step}
         self.tables["interval"] = intervals
+        if step * self.every > InputConfig().max_gap:  # one value may be missing
+            self.keys["max_gap"] = step * self.every
         late = f" ({step * self.every:g} s)" if step else ""
         self.ask(
             "stamp",
