@@ -233,7 +233,8 @@ class RunConfig(Section):
         Means(
             "-",
             "length of data sets shorter than a day, as `75 s`, `10 min`, `6 h`: a day's log is cut into "
-            "these from its first row, and again after each pause; without figures and report",
+            "these from its first row, and again after each pause; the tables have a column `start`, its local "
+            "begin; no figures and report",
         ),
     ] = None
     min_motion: Annotated[

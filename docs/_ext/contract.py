@@ -29,7 +29,7 @@ def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
     }
     flows = pa.schema([("time", pa.timestamp("ms")), *((name, _FLOAT) for name in diagnosis.FLOWS)])
     return {
-        "delays.csv, delays.parquet": (store.DELAYS.append(store.SEGMENT.field("start")), store.MEANINGS),
+        "delays.csv, delays.parquet": (store.DELAYS, store.MEANINGS),
         "fir.parquet": (
             pa.schema([*keys, ("lag", _INT), ("value", _FLOAT), ("sd", _FLOAT)]), store.MEANINGS),
         "criterion.parquet": (

@@ -123,7 +123,6 @@ DELAYS, MEANINGS = described(
 """A row per day and estimator: delays.csv and delays.parquet; units and meanings, in Markdown."""
 
 MEANINGS |= {
-    "start": ("", "with `[run] window` only, in all tables of `rivid run`: local begin of the data set"),
     "lag": ("samples", "fir.parquet: from 0"),
     "value": ("output unit per m3/s", "fir.parquet: the impulse response at this lag"),
     "sd": ("output unit per m3/s", "fir.parquet: its standard deviation, where an estimator gives one"),
