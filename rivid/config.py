@@ -233,8 +233,8 @@ class RunConfig(Section):
         Means(
             "-",
             "length of data sets shorter than a day, as `75 s`, `10 min`, `6 h`: a day's log is cut into "
-            "these from its first row, and again after each pause; the tables have a column `start`, its local "
-            "begin; no figures and report",
+            "these from its first row, and again after each pause. Tables have a column `start`, their "
+            "local begin; there are no figures and no report",
         ),
     ] = None
     min_motion: Annotated[
