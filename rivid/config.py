@@ -4,6 +4,7 @@ An error is one line: the file, the key, what came and what is valid. Defaults a
 are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 """
 
+import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -172,7 +173,7 @@ class ReachConfig(Section):
     ] = (100.0, 800.0)
     sample_time: Annotated[
         float,
-        Field(ge=1, le=86_400, allow_inf_nan=False),
+        Field(ge=0.01, le=86_400, allow_inf_nan=False),
         Means("s", "T_s: logs are put on a grid of this step"),
     ] = 133.0
 
@@ -227,6 +228,15 @@ class RunConfig(Section):
     window_days: Annotated[
         int, Field(ge=1, le=31), Means("days", "length of a data set; it is dated by its last day")
     ] = 1
+    window: Annotated[
+        Annotated[str, Field(pattern=r"^\d+(\.\d+)? ?(s|min|h)$")] | None,
+        Means(
+            "-",
+            "length of data sets shorter than a day, as `75 s`, `10 min`, `6 h`: a day's log is cut into "
+            "these from its first row, and again after each pause. Tables have a column `start`, their "
+            "local begin; there are no figures and no report",
+        ),
+    ] = None
     min_motion: Annotated[
         float,
         Field(ge=0, le=1),
@@ -237,6 +247,26 @@ class RunConfig(Section):
         Annotated[str, Field(max_length=4096)] | None,
         Means("-", "directory of the results, relative to the configuration; `--out` goes over it"),
     ] = Field(None, exclude=True)
+
+    @property
+    def window_s(self) -> float:
+        """Length of a data set shorter than a day [s]; 0 for whole days."""
+        number, unit = re.fullmatch(r"([\d.]+) ?(\w*)", self.window or "0").groups()  # type: ignore[union-attr]
+        return float(number) * {"min": 60.0, "h": 3600.0}.get(unit, 1.0)
+
+    @property
+    def lengthen(self) -> str:
+        """What makes data sets longer, for messages."""
+        return "lengthen [run] window" if self.window else "raise [run] window_days"
+
+    @model_validator(mode="after")
+    def _one_length(self) -> "RunConfig":
+        if self.window and not (0 < self.window_s <= DAY / 2 and self.window_days == 1):
+            raise ValueError(
+                f'window = "{self.window}" and window_days = {self.window_days}: expected a window of half a '
+                "day or less, or window_days"
+            )
+        return self
 
     @field_validator("estimators")
     @classmethod
@@ -331,9 +361,12 @@ class Config(Section):
 
         A change of an unused table then leaves finished days valid.
         """
-        used = {ESTIMATORS[name].table for name in self.run.estimators}
-        unused = {one.table for one in ESTIMATORS.values()} - used - {"jmap"}
-        return self.model_dump(mode="json", exclude=unused)
+        tables = {ESTIMATORS[name].table for name in self.run.estimators}
+        unused = {one.table for one in ESTIMATORS.values()} - tables - {"jmap"}
+        used = self.model_dump(mode="json", exclude=unused)
+        if self.run.window is None:  # results of earlier versions stay valid
+            del used["run"]["window"]
+        return used
 
     def search_settings(self) -> SearchSettings:
         """The core's settings of `direct` and `indirect`; raises ConfigError as :meth:`jmap_settings`."""
@@ -355,7 +388,7 @@ class Config(Section):
     def river_settings(self) -> RiverSettings:
         """The core's settings of `posterior` on a river; raises ConfigError as :meth:`jmap_settings`."""
         delays = self._delays(self.posterior)
-        day = max(round(DAY / self.reach.sample_time), 1)
+        day = max(round((self.run.window_s or DAY) / self.reach.sample_time), 1)
         with _table("posterior"):
             return RiverSettings(**delays, warm=core.lags_of(delays["d_max"]), day=day)
 

@@ -6,7 +6,7 @@ A new estimator is one record, passed to :func:`register`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -343,8 +343,13 @@ def _of_posterior(
     too_short = (
         f"the delay is shorter than d_min = {s.d_min}: lower {_key(config, 'posterior', 'd_min')}"
         if s.d_min > 1
-        else "the delay is shorter than one sample: a shorter [reach] sample_time would show it"
+        else "the delay is about one sample or less (a shorter [reach] sample_time would show it)"
     )
+    given, T_s = config.input.model_dump(include={"stamp", "hold", "interval"}), config.reach.sample_time
+    _, short = stamp_doubt(given, T_s, river=config.reach.kind == "river")
+    if short and s.d_min == 1:
+        too_short += f", or up to {short:g} s longer if u_Qi is stamped at the end of its interval"
+        too_short += " ([input.stamp])"
     too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'posterior', 'd_max')}"
     least = getattr(s, "answer_above", None)  # a river's t50 needs a narrow band instead
     unsure = found.message
@@ -367,6 +372,22 @@ def _of_posterior(
         delay_high=np.where(known, candidates[::-1][np.argmax(found.in_set[:, ::-1], axis=1)], np.nan),
         outside=outside,
     )
+
+
+def stamp_doubt(given: Mapping[str, Any], sample_time: float, *, river: bool) -> tuple[float, float]:
+    """By how much travel times may be too long, and too short [s], as stamps are not declared.
+
+    A column without `[input.stamp]` is read as instants. If it is stamped at the end of its interval
+    instead, its true time is one interval earlier: a travel time is then too long if it is the output, too
+    short if it is the inflow. `given` are the keys of `[input]`.
+    """
+    long, short = (
+        0.0
+        if name in given.get("stamp", {}) or name in given.get("hold", {})
+        else float(given.get("interval", {}).get(name, sample_time))
+        for name in ("Q_L" if river else "h_L", "u_Qi")
+    )
+    return long, short
 
 
 def _key(config: Config, table: str, name: str) -> str:

@@ -15,7 +15,7 @@ FLOWS = ("u_Qi", "u_Qo", "Q_L")
 """Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
 
 UNITS: dict[str, dict[str, float]] = {
-    "flow": {"m3/s": 1.0, "cfs": 0.028316846592, "L/s": 1e-3, "m3/h": 1 / 3600},
+    "flow": {"m3/s": 1.0, "cfs": 0.028316846592, "kcfs": 28.316846592, "L/s": 1e-3, "m3/h": 1 / 3600},
     "level": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
 }
 """Factors to m3/s and to m of the units that `[input.units]` knows."""
@@ -141,7 +141,8 @@ class InputConfig(Section):
         ),
     ] = Field(default_factory=dict)
     units: Annotated[
-        dict[str, str], Means("-", "unit of a column: `m3/s`, `cfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
+        dict[str, str],
+        Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`"),
     ] = Field(default_factory=dict)
     stamp: Annotated[
         dict[str, Stamp],

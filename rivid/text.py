@@ -7,6 +7,8 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 
+SECONDS_BELOW = 20
+"""Durations below [s] are given in seconds."""
 HOURS_FROM = 7200
 """Durations from here on [s] are given in hours."""
 
@@ -58,16 +60,27 @@ def time_unit(longest: float) -> tuple[str, int]:
     return ("hours", 3600) if longest >= HOURS_FROM else ("minutes", 60)
 
 
+def _spelt(seconds: Sequence[float]) -> tuple[list[str], str]:
+    """Durations [s] without their unit, and the unit.
+
+    Hours where all are two hours or longer, seconds where all are brief, else minutes.
+    """
+    if max(seconds) < SECONDS_BELOW:
+        return [f"{s:.3g}" for s in seconds], "s"
+    unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
+    return spelt([s / size for s in seconds]), unit
+
+
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
-    """Durations [s] in minutes, in hours where all of them are two hours or longer, joined by `joint`.
+    """Durations [s] in seconds, minutes or hours, joined by `joint`.
 
     Examples
     --------
-    >>> duration([798]), duration([798, 931]), duration([3714, 21900]), duration([23400])
-    ('13.3 min', '13.3 to 15.5 min', '61.9 to 365 min', '6.5 h')
+    >>> duration([798, 931]), duration([3714, 21900]), duration([23400]), duration([0.7, 1.5])
+    ('13.3 to 15.5 min', '61.9 to 365 min', '6.5 h', '0.7 to 1.5 s')
     """
-    unit, size = ("min", 60) if min(seconds) < HOURS_FROM else ("h", 3600)
-    return f"{listed(list(dict.fromkeys(spelt([s / size for s in seconds]))), joint)} {unit}"
+    texts, unit = _spelt(seconds)
+    return f"{listed(list(dict.fromkeys(texts)), joint)} {unit}"
 
 
 def spelt(values: Sequence[float]) -> list[str]:
@@ -203,8 +216,8 @@ def travel(values: Sequence[float], sample_time: float) -> str:
 
     Examples
     --------
-    >>> travel([5], 300), travel([6, 7], 133), travel([6, 9], 133), travel([5.5], 300)
-    ('25 to 30 min', '13.3 to 17.7 min', '13.3 to 15.5 or 19.9 to 22.2 min', '25 to 35 min')
+    >>> travel([5], 300), travel([6, 7], 133), travel([6, 9], 133), travel([5.5], 300), travel([20], 0.05)
+    ('25 to 30 min', '13.3 to 17.7 min', '13.3 to 15.5 or 19.9 to 22.2 min', '25 to 35 min', '1 to 1.05 s')
     """
     spans: list[tuple[float, float]] = []
     for d in values:
@@ -214,8 +227,7 @@ def travel(values: Sequence[float], sample_time: float) -> str:
         else:
             spans.append((low, high))
     ends = [end for span in spans for end in span]
-    unit, size = ("min", 60) if ends[0] < HOURS_FROM else ("h", 3600)
-    texts = spelt([end / size for end in ends])
+    texts, unit = _spelt(ends)
     if all(text.endswith(".0") or "." not in text for text in texts):
         texts = [text.removesuffix(".0") for text in texts]
     spans_given = [f"{low} to {high}" for low, high in zip(texts[::2], texts[1::2], strict=True)]

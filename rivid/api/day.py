@@ -169,6 +169,8 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     if not sources:
         why = "; ".join(f"{name}: {reason}" for name, reason in catalog.bad_files[:1])
         raise DataError(f"{root}: no day can be read" + (f": {why}" if why else ""))
+    if settings.run.window:
+        raise ConfigError("[run] window is of `rivid run`: leave it out for whole days, or pass arrays")
     length = settings.run.window_days
     if wanted is None:
         if len(sources) > length:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from rivid.api.day import Day
 from rivid.api.inputs import GivenConfig, Result, as_config
@@ -435,7 +436,8 @@ def posterior(
     (estimator,) = build(settings).values()
     if days.u.shape[1] < estimator.min_samples:
         raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.needed_for}")
-    answer = estimator.estimate(days)
+    with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
+        answer = estimator.estimate(days)
     columns = {
         "status": answer.status, "delay": answer.delay, "probability": answer.probability,
         "delay_low": answer.delay_low, "delay_high": answer.delay_high, "travel": answer.travel,

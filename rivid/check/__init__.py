@@ -14,7 +14,7 @@ from rivid.check.spacing import Spacing
 from rivid.check.units import units
 from rivid.config import Config
 from rivid.errors import DataError, PendingError
-from rivid.logs.days import DataSet, find_days, read_window, refuse_columns
+from rivid.logs.days import DataSet, DaySource, find_days, read_window, refuse_columns, spans_of
 from rivid.types import ONE_DAY
 
 __all__ = ["DayReport", "Finding", "Report", "check", "check_days"]
@@ -50,6 +50,9 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
     days, record, spacing = [], Record(config.reach), Spacing(root, config)
     for source in catalog.days:
         try:
+            if config.run.window:  # units, clocks and gauge are judged by whole days
+                days.append(_parts(root, source, config))
+                continue
             data = read_window(root, [source], config, today=today)
         except PendingError as error:
             days.append(DayReport(source.date, "pending", str(error)))
@@ -71,6 +74,15 @@ def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None
     span = min((max(present) - min(present)).days, LONGEST)
     absent = [date for k in range(span) if (date := min(present) + k * ONE_DAY) not in present]
     return Report(days, catalog.bad_files, absent, findings)
+
+
+def _parts(root: Path, source: DaySource, config: Config) -> DayReport:
+    """Read the data sets of a day that are shorter than it."""
+    spans, _ = spans_of(root, source, config)
+    sets = [read_window(root, [source], config, span=span) for span in spans]
+    note = f"{len(sets)} data sets of {config.run.window}; units, clocks and gauge are not judged"
+    samples, filled = sum(len(data.inflow) for data in sets), sum(data.n_filled for data in sets)
+    return DayReport(source.date, "ok", "", [note], samples, filled)
 
 
 def check_days(days: Iterable[DataSet], config: Config) -> list[Finding]:

@@ -34,13 +34,14 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     import numpy as np
 
     from rivid.cli.locate import configuration
-    from rivid.config import load_config
+    from rivid.config import DAY, load_config
     from rivid.core.settings import MAX_ORDER
     from rivid.errors import ConfigError
     from rivid.report.page import terminal
 
     console = Console()
-    reach = load_config(configuration(config, data_dir, console)).reach
+    settings = load_config(configuration(config, data_dir, console))
+    reach = settings.reach
     (low, high), T_s = reach.discharge_range, reach.sample_time
     bounds = reach.bounds(np.linspace(low, high, 8))
     proposal = reach.proposal()
@@ -51,10 +52,12 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
         console.info(f"[reach] lacks {', '.join(missing)}: taken from another reach (Table I), {listed}")
     too_long = ""
     if proposal.order > MAX_ORDER:
-        enough = math.ceil(T_s * proposal.order / MAX_ORDER)
+        enough = T_s * (proposal.d_max + 6) / MAX_ORDER
+        unit = 10.0 ** (math.floor(math.log10(enough)) - 1)
+        enough = math.ceil(enough / unit) * unit
         too_long = (
-            f"these bounds need an impulse response of {proposal.order} samples at sample_time = {T_s:g} s, "
-            f"{MAX_ORDER} is the most: set [reach] sample_time to {enough} s or more"
+            f"these bounds need an impulse response of {proposal.d_max + 3} samples at sample_time = {T_s:g} "
+            f"s, {MAX_ORDER} is the most: set [reach] sample_time to {enough:g} s or more"
         )
     if as_json:
         table = {name: values.tolist() for name, values in asdict(bounds).items()}
@@ -65,6 +68,9 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
         f"[jmap]\nd_min = {proposal.d_min}\nd_max = {proposal.d_max}\norder = {proposal.order}\n"
         f"sigma_d = {proposal.delay_scale:g}"
     )
+    days = math.ceil((3 if reach.kind == "river" else 2) * proposal.order * T_s / DAY)
+    if days > settings.run.window_days:  # the response needs two samples for each of its lags
+        lines += f"\n# set [run] window_days = {days} or more: the response is long beside a data set"
     if as_toml:
         if too_long:
             raise ConfigError(too_long)

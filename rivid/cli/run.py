@@ -2,6 +2,7 @@
 
 import datetime as dt
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,6 +120,8 @@ def command(
     from rivid.run.run import run
 
     settings, notes = _settings(found, estimator)
+    if settings.run.window:
+        options = replace(options, figures=False)
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
     with executing as engine_given:
@@ -185,7 +188,7 @@ def _dry_run(data_dir: Path, out: Path, settings: "Config", options: "Options") 
     )
     click.echo(f"estimators: {', '.join(settings.run.estimators)}; results would go to {out}")
     for window in new[:5]:
-        click.echo(f"  {window.date}")
+        click.echo(f"  {window.start or window.date}")
     if len(new) > 5:
         click.echo(f"  ... {new[-1].date}")
     return 0

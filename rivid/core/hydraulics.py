@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rivid.core.settings import MAX_ORDER
 from rivid.errors import ConfigError
 from rivid.types import Floats
 
@@ -124,7 +125,8 @@ def propose_delays(
         `delay_scale` is the middle of the delays over the range, to half a sample, because the mode of
         the Rayleigh prior is its scale. In a pool `d_max` is twice the longest delay and `order` twice
         `d_max`, as 15 and 30 are in the paper. In a river the kinematic wave is the slow bound already:
-        `d_max` is its longest delay, and `order` leaves half as much again for the tail.
+        `d_max` is its longest delay, and `order` leaves half as much again for the tail. `order` is
+        shortened to the longest that estimators accept, as long as `d_max` fits.
 
     Examples
     --------
@@ -144,4 +146,6 @@ def propose_delays(
     longest = float(delays.max())
     d_max = max(int(2 * longest) if kind == "pool" else int(np.ceil(longest)), 4)
     order = max(2 * d_max if kind == "pool" else d_max + d_max // 2, 12)
+    if d_max + 3 <= MAX_ORDER:
+        order = min(order, MAX_ORDER)
     return DelayProposal(1, d_max, order, scale, wave)

@@ -482,7 +482,7 @@ def _limit(spec: Spec) -> str:
 def _span(micros: int) -> str:
     seconds = micros / MICRO
     if seconds < 120:
-        return f"{seconds:.0f} s"
+        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.3g} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
@@ -521,10 +521,47 @@ class DataSet:
     notes: str
 
 
+Span = tuple[int, int]
+"""Start and end of a data set shorter than a day [us UTC]."""
+
+
+def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span], dt.tzinfo]:
+    """Cut a day's log into data sets of `[run] window`; return them and the zone of the log.
+
+    They follow each other from the first row on, and again from the first row after each pause that no data
+    set may hold. The rest of a stretch, shorter than a data set, is left out.
+
+    Raises
+    ------
+    DataError
+        Where the log of the day cannot be read, or is too short.
+    """
+    spec, length = spec_of(config), round(config.run.window_s * MICRO)
+    series, zone = _day(root if root.is_dir() else root.parent, source, spec, Counter())
+    if not all(len(times) for times, _ in series.values()):
+        raise DataError(f"the log of {source.date} has an empty column")
+    times, begin = series["u_Qi"][0], max(int(times[0]) for times, _ in series.values())
+    spacing = next(signal.spacing for signal in spec.signals if signal.name == "u_Qi")
+    pause = spacing + min(spec.max_gap, round(spec.input.max_filled * length))
+    spans = []
+    for part in np.split(times, np.flatnonzero(np.diff(times) > pause) + 1):
+        first = max(int(part[0]), begin)
+        for k in range((int(part[-1]) + spacing + spec.tolerance - first) // length):
+            spans.append((first + k * length, first + (k + 1) * length))
+    if not spans:
+        raise DataError(f"the log of {source.date} holds no {config.run.window} in a row ([run] window)")
+    return spans, zone
+
+
 def read_window(
-    root: Path, sources: Sequence[DaySource], config: Config, *, today: dt.date | dt.datetime | None = None
+    root: Path,
+    sources: Sequence[DaySource],
+    config: Config,
+    *,
+    today: dt.date | dt.datetime | None = None,
+    span: Span | None = None,
 ) -> DataSet:
-    """Read consecutive days and put them on one grid.
+    """Read consecutive days, or a span of one day, and put them on one grid.
 
     Parameters
     ----------
@@ -535,6 +572,8 @@ def read_window(
     config : Config
     today : date or aware datetime, optional
         A log of this day may be unfinished; of a moment, the day is that of the log's own zone.
+    span : (int, int), optional
+        A data set of :func:`spans_of`.
 
     Returns
     -------
@@ -549,7 +588,7 @@ def read_window(
     """
     spec, folder, last = spec_of(config), root if root.is_dir() else root.parent, sources[-1]
     try:
-        return _read(folder, sources, spec)
+        return _read(folder, sources, spec, span)
     except TrailingGap as error:
         if _may_grow(folder, last, spec, today):
             raise PendingError(f"the log of {last.date} is not finished: {error}") from None
@@ -607,7 +646,7 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
         raise ConfigError(min(reasons))
 
 
-def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
+def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | None) -> DataSet:
     notes: Counter[str] = Counter()
     days = [_day(root, source, spec, notes) for source in sources]
     bounds = [day_bounds(source.date, zone) for source, (_, zone) in zip(sources, days, strict=True)]
@@ -620,7 +659,10 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec) -> DataSet:
     series = days[0][0]
     if len(days) > 1:
         series = {name: _join([day[name] for day, _ in days]) for name in series}
-    grid = make_grid(bounds[0][0], bounds[-1][1], spec.period, days[0][1], len(sources))
+    start, end = span or (bounds[0][0], bounds[-1][1])
+    if span:
+        series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}
+    grid = make_grid(start, end, spec.period, days[0][1], len(sources))
     samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
         date=sources[-1].date,
@@ -666,6 +708,13 @@ def _day(root: Path, source: DaySource, spec: Spec, notes: Counter[str]) -> tupl
                 continue  # the next day's fault: without its row, the gap at the end decides
             series = _closed(series, log, logs[0].bounds(date)[1])
     return series, zone
+
+
+def _within(times: Ints, values: Floats, span: Span, late: int) -> tuple[Ints, Floats]:
+    """The values of a span, from the last one at or before its start on."""
+    low = max(int(times.searchsorted(span[0] + late, side="right")) - 1, 0)
+    high = int(times.searchsorted(span[1] - late))
+    return times[low:high], values[low:high]
 
 
 def _join(parts: list[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:

@@ -441,8 +441,12 @@ def judge(
     faults: Sequence[Fault],
     spec: Spec,
     today: dt.date,
+    whole: bool = True,
 ) -> tuple[DayResult, DayRows]:
-    """A day as `rivid run` would take it, and its rows; a log of `today` or later may be unfinished."""
+    """A day as `rivid run` would take it, and its rows; a log of `today` or later may be unfinished.
+
+    If the data sets are not `whole` days, gaps refuse no day.
+    """
     grid = make_grid(*day_bounds(date, zone), spec.period, zone)
     parts = [column.of_day(grid, spec.tolerance) for column in columns]
     times = np.unique(np.concatenate([times for times, _, _ in parts]))
@@ -459,6 +463,8 @@ def judge(
         day.status, day.reason = "refused", f"{own[0].text}{more}"
         return day, rows
     series = {column.signal.name: (at, there) for column, (at, there, _) in zip(columns, parts, strict=True)}
+    if not whole:
+        return day, rows
     try:
         _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
     except DataError as error:
@@ -601,13 +607,13 @@ def ingest(
     today = today or dt.datetime.now(zone).date()
     if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
         for date in dates:
-            day, rows = judge(date, columns, zone, faults, spec, today)
+            day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
             path = out / f"{date}.{format}"
             if day.status == "good" and _standing_log(path, _bytes_of(rows, zone, format)[0])[0] == "differs":
                 _refuse_overwriting(run_config)
     results = []
     for date in dates:
-        day, rows = judge(date, columns, zone, faults, spec, today)
+        day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
         if day.status == "good":
             path = out / f"{date}.{format}"
             _write(day, path, *_bytes_of(rows, zone, format), force=force, dry_run=dry_run)

@@ -1,7 +1,7 @@
 """Read the tables of a run as arrays or as a DataFrame, and classify the days of an estimator."""
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.errors import NoDataError, RividError
+from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import ESTIMATORS
 from rivid.types import Bools, Floats
 
@@ -104,6 +104,7 @@ def load_results(out: Path | str) -> Results:
     out = Path(out)
     try:
         run = _record(out)
+        refuse_parts(run, out)
         delays, fir, criterion = (
             pq.read_table(out / f"{name}.parquet", page_checksum_verification=True)
             for name in ("delays", "fir", "criterion")
@@ -118,6 +119,15 @@ def load_results(out: Path | str) -> Results:
         raise RividError(f"{out}: results cannot be read (they lack {error}): run again") from None
     except (OSError, ValueError, TypeError) as error:
         raise RividError(f"{out}: results cannot be read ({error}): run again") from None
+
+
+def refuse_parts(run: Mapping[str, Any], out: Path) -> None:
+    """Raise ConfigError where a run's data sets are shorter than a day."""
+    if window := run.get("config", {}).get("run", {}).get("window"):
+        raise ConfigError(
+            f"{out} holds data sets of {window} ([run] window): expected whole days. Its results are in "
+            "delays.csv and the Parquet tables, by `start`"
+        )
 
 
 def brief_results(rows: "pa.Table", config: "Config") -> Results:

@@ -3,7 +3,7 @@
 import datetime as dt
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from rivid.core.law import DelayLaw, delay_law
 from rivid.core.season import season
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
+from rivid.estimators import stamp_doubt
+from rivid.results.read import refuse_parts
 from rivid.results.store import (
     DATE,
     FLAG,
@@ -43,7 +45,9 @@ class SeasonDays:
     `river`: the delay is t50, rounded; in a pool travel times from d to d + 1 samples are the delay d.
     `window` is the days of a data set, `candidates`, shape (D,), the delays [samples]. Of the day alone, NaN
     where it has none: `probability`, shape (n, D), is p(d | y), `delay` in samples, `travel` the travel time
-    [s], `discharge` the mean inflow of its data set [m3/s], if positive. `sample_time` is T_s [s].
+    [s], `discharge` the mean inflow of its data set [m3/s], if positive. `sample_time` is T_s [s]. `doubt` is
+    by how much all travel times may be too long, and too short [s], because the stamps of output and inflow
+    are not declared.
     """
 
     reach: str
@@ -56,6 +60,7 @@ class SeasonDays:
     delay: Floats
     travel: Floats
     discharge: Floats
+    doubt: tuple[float, float] = (0.0, 0.0)
 
     def place(self, probability: Floats, share: float) -> Floats:
         """Quantile `share` of the travel time [samples] of each row, shape (n,); NaN where the row is NaN.
@@ -84,6 +89,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     RividError
         If the tables cannot be read, or span more than :data:`LONGEST` days.
     """
+    refuse_parts(record, out)
     if "posterior" not in record["estimators"]:
         raise ConfigError(
             f"{out} has no posterior, only {', '.join(record['estimators'])}: its probabilities are what is "
@@ -129,6 +135,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         dates=[start + dt.timedelta(days=k) for k in range(n)], candidates=candidates,
         probability=probability, delay=delay, travel=travel,
         discharge=np.where(discharge > 0.0, discharge, np.nan),
+        doubt=stamp_doubt(record["config"]["input"], float(record["sample_time"]), river=river),
     )  # fmt: skip
 
 
@@ -211,10 +218,18 @@ def law_of(days: SeasonDays) -> DelayLaw:
 
     Days have equal weights: within a sample a table of probabilities does not resolve the travel time, which
     would count as an error of a third of a sample that no day has. The scatter about the law includes the
-    errors of the days, so the interval of a single day is rather wide.
+    errors of the days, so the interval of a single day is rather wide. The doubt of stamps that are not
+    declared is added to the intervals of times: it is common to all days.
     """
     T = days.travel
-    return delay_law(days.discharge, T, T, T, day=np.array([day.toordinal() for day in days.dates]))
+    law = delay_law(days.discharge, T, T, T, day=np.array([day.toordinal() for day in days.dates]))
+    long, short = days.doubt
+    t = law.table
+    table = replace(
+        t, low=np.maximum(t.low - long, 0.0), high=t.high + short,
+        day_low=np.maximum(t.day_low - long, 0.0), day_high=t.day_high + short,
+    )  # fmt: skip
+    return replace(law, T0_low=max(law.T0_low - long, 0.0), T0_high=law.T0_high + short, table=table)
 
 
 NAME = "posterior-season"
@@ -286,5 +301,6 @@ def law_json(days: SeasonDays, law: DelayLaw) -> dict[str, Any]:
     return finite(values) | {
         "reach": days.reach, "estimator": "posterior", "law": "T = T0 (Q / Q0)^-b", "units": units,
         "quantity": "t50" if days.river else "travel time", "sample_time": days.sample_time,
+        "stamp_doubt_s": list(days.doubt),
         "first": str(days.dates[0]), "last": str(days.dates[-1]),
     }  # fmt: skip

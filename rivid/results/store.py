@@ -136,10 +136,12 @@ SEGMENT = pa.schema(
         ("fir_sd", pa.list_(pa.float64())),
         ("first_candidate", pa.int64()),
         ("curve", pa.list_(pa.float64())),
+        ("start", TEXT),
     ]
 )
 """Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
-candidate delay (of CUSUM its g, of posteriors the probability)."""
+candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
+day."""
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
@@ -201,12 +203,15 @@ def safe_for_spreadsheets(table: pa.Table, columns: Sequence[str] = ("message",)
     return table
 
 
-def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool) -> None:
+def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bool = False) -> None:
     """Write the :data:`TABLES`, each atomically; posterior.parquet has the rows with probabilities.
 
     `chunks` are rows of schema :data:`SEGMENT` in the order of the tables; each becomes a row group of
     delays.parquet. With `spread`, fir.parquet has a column `sd`, the standard deviation of the response.
+    With `starts`, every table has a column `start`.
     """
+    start = ["start"] if starts else []
+    kept = pa.schema([SEGMENT.field(name) for name in [*DELAYS.names, *start]])
     with ExitStack() as files:
         delays, fir, criterion, posterior = (
             files.enter_context(_growing(out / f"{name}.parquet"))
@@ -214,16 +219,16 @@ def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool) -> None:
         )
         scratch = files.enter_context(replacing(out / "delays.csv"))
         options = pyarrow.csv.WriteOptions(quoting_style="needed")
-        text = files.enter_context(pyarrow.csv.CSVWriter(scratch, DELAYS, write_options=options))
+        text = files.enter_context(pyarrow.csv.CSVWriter(scratch, kept, write_options=options))
         for chunk in chunks:
-            short = chunk.select(DELAYS.names)
+            short = chunk.select(kept.names)
             delays(short)
             text.write_table(safe_for_spreadsheets(short))
-            responses = _long(chunk, "fir", None, "lag", "value")
+            responses = _long(chunk, "fir", None, "lag", "value", start)
             fir(_with_sd(responses, chunk) if spread else responses)
-            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion"))
+            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion", start))
             sure = chunk.filter(chunk["probability"].is_valid())
-            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability"))
+            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability", start))
 
 
 @contextmanager
@@ -248,15 +253,20 @@ def _growing(path: Path) -> Iterator[Callable[[pa.Table], None]]:
         stack.close()
 
 
-def _long(rows: pa.Table, column: str, first: str | None, axis: str, value: str) -> pa.Table:
-    """A row per element of a list column: date, reach, estimator, axis, value; the axis begins at `first`."""
+def _long(
+    rows: pa.Table, column: str, first: str | None, axis: str, value: str, more: Sequence[str] = ()
+) -> pa.Table:
+    """A row per element of a list column: date, reach, estimator and `more`, axis, value.
+
+    The axis begins at `first`.
+    """
     lists = rows[column].combine_chunks()
     lengths = pc.fill_null(pc.list_value_length(lists), 0).to_numpy(zero_copy_only=False)
     of_row = np.repeat(np.arange(len(rows)), lengths)
     labels = np.arange(len(of_row)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
     if first is not None:
         labels += pc.fill_null(rows[first], 0).to_numpy()[of_row]
-    keys = rows.select(["date", "reach", "estimator"]).take(whole_numbers(of_row))
+    keys = rows.select(["date", "reach", "estimator", *more]).take(whole_numbers(of_row))
     return keys.append_column(axis, whole_numbers(labels)).append_column(value, pc.list_flatten(lists))
 
 
@@ -364,7 +374,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 2
+METHOD_VERSION = 3
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0
@@ -483,7 +493,7 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     for path in paths:
         try:
             file = _open(path)
-            if file.schema_arrow.names != SEGMENT.names:
+            if file.schema_arrow.names not in (SEGMENT.names, SEGMENT.names[:-1]):
                 raise ValueError("another version's columns")
             groups = []
             for group in range(file.num_row_groups):
@@ -534,6 +544,8 @@ def _open(path: Path) -> pq.ParquetFile:
 
 
 def _cast(table: pa.Table) -> pa.Table:
+    if "start" not in table.column_names:  # an earlier version's
+        table = table.append_column("start", pa.nulls(len(table), TEXT))
     return table if table.schema.equals(SEGMENT) else table.cast(SEGMENT)
 
 

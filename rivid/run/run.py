@@ -35,13 +35,15 @@ from rivid.logs.days import (
     DataSet,
     DaySource,
     FileFacts,
+    Span,
     find_days,
     look_ahead,
     read_window,
     refuse_columns,
+    spans_of,
     unread,
 )
-from rivid.logs.spec import is_day_file
+from rivid.logs.spec import MICRO, is_day_file
 from rivid.results.store import (
     METHOD_VERSION,
     SCHEMA_VERSION,
@@ -155,13 +157,18 @@ class Options:
 
 @dataclass(frozen=True)
 class Window:
-    """A data set to read: last date, logs, key of content and settings, missing days, key of content."""
+    """A data set to read: last date, logs, key of content and settings, missing days, key of content.
+
+    `span` is that of a data set shorter than a day, `start` its local begin (ISO 8601).
+    """
 
     date: dt.date
     sources: tuple[DaySource, ...]
     key: str
     missing: tuple[dt.date, ...] = ()
     content: str = ""
+    span: Span | None = None
+    start: str | None = None
 
 
 @dataclass(frozen=True)
@@ -214,12 +221,16 @@ def make_plan(
         missing = tuple(day for day in days if day not in sources)
         content = digest(str(date), [[str(s.date), *(sha for _, sha, _ in s.parts)] for s in present])
         unfinished = str(may_be_today) if date >= may_be_today else None
-        windows.append(Window(date, present, key_of(content, unfinished), missing, content))
+        for span, start in _spans(data_dir, present[-1:], config):
+            part = digest(content, span) if span else content
+            windows.append(Window(date, present, key_of(part, unfinished), missing, part, span, start))
     if not windows:
-        raise NoDataError(
-            f"{len(sources)} days of logs in {data_dir}: a data set takes {length} days in a row "
-            "([run] window_days)"
+        takes = (
+            f"{config.run.window} ([run] window)"
+            if config.run.window
+            else (f"{length} days in a row ([run] window_days)")
         )
+        raise NoDataError(f"{len(sources)} days of logs in {data_dir}: a data set takes {takes}")
     first, last = options.first or dt.date.min, options.last or dt.date.max
     asked = [w for w in windows if first <= w.date <= last]
     if asked and options.shard:
@@ -230,6 +241,20 @@ def make_plan(
             f"{data_dir} has them from {windows[0].date} to {windows[-1].date}"
         )
     return Plan(catalog, windows, asked, now)
+
+
+def _spans(
+    data_dir: Path, sources: tuple[DaySource, ...], config: Config
+) -> list[tuple[Span | None, str | None]]:
+    """Data sets of a day and their local begins; one without a span for whole days and for a faulty log."""
+    if not config.run.window or not sources:
+        return [(None, None)]
+    try:
+        spans, zone = spans_of(data_dir, sources[0], config)
+    except DataError:
+        return [(None, None)]  # it fails with the reason when it is read
+    begin = [dt.datetime.fromtimestamp(start / MICRO, zone) for start, _ in spans]
+    return [(span, f"{moment:%Y-%m-%dT%H:%M:%S.%f}") for span, moment in zip(spans, begin, strict=True)]
 
 
 def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str, FileFacts]:
@@ -301,7 +326,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
                 if len(sets[0].inflow) < estimator.min_samples:
                     reason = DataError(
                         f"{len(sets[0].inflow)} samples are too few for {estimator.needed_for}: "
-                        f"lower {estimator.key}, or raise [run] window_days"
+                        f"lower {estimator.key}, or {config.run.lengthen}"
                     )
                     refused += [(at, k, "failed", reason) for at in places]
                     continue
@@ -317,7 +342,9 @@ def _read(batch: Batch, window: Window) -> DataSet:
         days = ", ".join(str(day) for day in window.missing)
         raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
     try:
-        return read_window(batch.root, window.sources, batch.config, today=batch.now)
+        if batch.config.run.window and not window.span:
+            spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
+        return read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
     except (OSError, MemoryError, ValueError) as error:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
@@ -328,6 +355,7 @@ def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
     columns: dict[str, list[Any]] = {
         "key": [window.key for window in windows],
         "date": [window.date for window in windows],
+        "start": [window.start for window in windows],
         "reach": [reach.name] * len(windows),
         "estimator": [batch.config.run.estimators[k] for _, k, _, _ in refused],
         "status": [status for _, _, status, _ in refused],
@@ -359,6 +387,7 @@ def _measured(
     return days, {
         "key": [window.key for window in windows],
         "date": [window.date for window in windows],
+        "start": [window.start for window in windows],
         "reach": [reach.name] * len(sets),
         "output_unit": [reach.output_unit] * len(sets),
         "n_samples": [len(data.inflow) for data in sets],
@@ -448,6 +477,8 @@ def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
     if delay == candidates[-1]:
         return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
     if delay == candidates[0]:
+        if delay == 1:
+            return "d = 1 is the shortest delay that is tried: the true one may be about one sample or less"
         return f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter"
     return ""
 
@@ -463,11 +494,13 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
         return str(answer.reason[i])
     number = np.nan if answer.condition is None else answer.condition[i]
     condition = f"condition number of U'U is {number:.1e}"
-    order, n = config.jmap_settings().order, days.u.shape[1]
-    if 2 * order > n:  # fewer than two samples for each coefficient
+    settings, n = config.jmap_settings(), days.u.shape[1]
+    order, unused = settings.order, settings.order - 1 if settings.free_start else 0
+    if 2 * order > n - unused:  # fewer than two samples for each coefficient
+        history = f", of which {unused} are history only" if unused else ""
         return (
-            f"an FIR of order {order} is too long for {n} samples ({condition}): lower [jmap] order, "
-            "or raise [run] window_days"
+            f"an FIR of order {order} is too long for {n} samples{history} ({condition}): lower [jmap] "
+            f"order, or {config.run.lengthen}"
         )
     return f"the inflow moves too little: {condition}"
 
@@ -618,6 +651,8 @@ def run(
     painters = min(options.workers or cores(), MOST_PAINTERS)
     build(config)  # refuses settings that contradict each other
     _refuse_places(data_dir, out)
+    if config.run.window:  # figures and report are of whole days
+        options = replace(options, figures=False)
     draws = options.figures and not options.shard and engine is None and painters > 1
     own = processes(
         options.workers or cores(), DRAWING if draws else ESTIMATING
@@ -762,7 +797,7 @@ def _write(
 ) -> list[Path]:
     """Write tables, and figures and report where wanted; return the files. Adds `seconds` to the record."""
     write_record(out, before | UNFINISHED)
-    write_tables(rows.chunks(), out, rows.spread)
+    write_tables(rows.chunks(), out, rows.spread, starts="window" in now["config"]["run"])
     now["seconds"] = round(time.perf_counter() - began, 3)
     files = [out / name for name in TABLES]
     if not options.figures:

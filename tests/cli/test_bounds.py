@@ -47,3 +47,24 @@ def test_an_order_beyond_the_limit_is_not_proposed(rivid, settings):
     enough = int(str(done.exception).split("sample_time to ")[1].split()[0])
     path.write_text(path.read_text().replace("sample_time = 60", f"sample_time = {enough}"))
     assert rivid("bounds", "--config", path, "--toml").code == 0
+
+
+def test_a_long_response_is_cut_to_the_longest_order_and_asks_for_longer_data_sets(rivid, settings):
+    path = settings(120_000)  # d_max = 714: twice that is beyond the limit
+    proposed = rivid("bounds", "--config", path, "--toml").stdout
+    assert "order = 1000" in proposed and "[run] window_days = 2" in proposed
+    path.write_text(path.read_text() + proposed)
+    assert load_config(path).jmap_settings().order == 1000
+    assert "[run]" not in rivid("bounds", "--config", settings(), "--toml").stdout
+
+
+@pytest.mark.parametrize("sample_time", [0.05, 0.7, 3.0, 40.0])
+def test_the_sample_time_that_it_asks_for_is_enough(rivid, settings, sample_time):
+    path = settings(600_000)
+    text = path.read_text()
+    path.write_text(text.replace("sample_time = 60", f"sample_time = {sample_time}"))
+    error = str(rivid("bounds", "--config", path, "--toml").exception)
+    enough = error.split("sample_time to ")[1].split()[0]
+    path.write_text(text.replace("sample_time = 60", f"sample_time = {enough}"))
+    proposed = rivid("bounds", "--config", path, "--toml")
+    assert proposed.code == 0 and "order = 1000" in proposed.stdout

@@ -8,10 +8,11 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
 
+from rivid.core.posterior import response, river
 from rivid.core.posterior.noise import SINE, daily_sine, river_noises, whitened_sums
-from rivid.core.posterior.response import hastened, response_grid
+from rivid.core.posterior.response import hastened, hayami, response_grid, response_grids, responses
 from rivid.core.posterior.river import LEAD_SHARE, LEADS, evidence, marginal, nothing, posterior_river
-from rivid.core.settings import RiverSettings
+from rivid.core.settings import RiverSettings, lags_of
 from rivid.errors import RividError
 from tests import examples
 from tests.core.river_windows import river_windows
@@ -191,3 +192,27 @@ def test_a_kind_of_noise_is_whitened_by_its_filter(which):
     assert np.allclose(lfilter(a, c, lfilter(c, a, e)), e, atol=1e-6)
     assert (np.abs(np.roots(c)) < 1).all()
     assert a[0] == c[0] == 1.0
+
+
+def test_a_long_range_of_delays_is_searched_on_coarser_grids_with_the_same_answer(monkeypatch):
+    t50, N, d_max = (20.4, 40.3, 57.6), 500, 60
+    s = RiverSettings(d_max=d_max, warm=lags_of(d_max))
+    rng = np.random.default_rng(3)
+    u = 100 + np.cumsum(rng.normal(0, 3, (len(t50), N)), axis=1)
+    h = responses(hayami, 0.2, np.array(t50), 150)
+    y = np.stack([300 + np.convolve(a - a[0], b)[:N] for a, b in zip(u, h, strict=True)])
+    y += rng.normal(0, 1, y.shape)
+    coarse = posterior_river(u, y, s)
+    assert [grid.stride for grid in response_grids(s)] == [1, 2, 4]
+    assert sum(grid.h.size for grid in response_grids(s)) < response_grid(s).h.size / 3
+    monkeypatch.setattr(response, "UNIFORM_TO", d_max)
+    response_grids.cache_clear()
+    river._spread.cache_clear()
+    fine = posterior_river(u, y, s)
+    response_grids.cache_clear()
+    river._spread.cache_clear()
+    assert np.allclose(coarse.place, t50, atol=0.8)
+    assert np.allclose(coarse.place, fine.place, atol=0.2)
+    assert np.allclose(coarse.place_high - coarse.place_low, fine.place_high - fine.place_low, atol=0.4)
+    assert np.allclose(coarse.gain, fine.gain, atol=0.01)
+    assert np.allclose(coarse.fir.sum(axis=1), coarse.gain, atol=0.01)

@@ -3,6 +3,7 @@
 import csv
 import datetime as dt
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -395,3 +396,24 @@ def test_a_river_is_not_joined_both_ways(tmp_path):
     assert code == 0 and "a river's days alone are as good" in said
     assert max(map(len, said.splitlines()[:-1])) <= 80
     assert json.loads((out / "delay_law.json").read_text())["quantity"] == "t50"
+
+
+@pytest.mark.parametrize(
+    ("given", "long", "short"),
+    [
+        ({}, T_S, T_S),
+        ({"stamp": {"u_Qi": "end", "h_L": "instant"}}, 0.0, 0.0),
+        ({"stamp": {"h_L": "instant"}, "interval": {"u_Qi": 3600.0}}, 0.0, 3600.0),
+    ],
+)
+def test_the_doubt_of_stamps_that_are_not_declared_is_in_the_intervals(tmp_path, given, long, short):
+    out = made(tmp_path, *law_days(1))
+    record = record_of(out)
+    record["config"]["input"] |= given
+    days = read_days(out, record)
+    law, alone = law_of(days), law_of(replace(days, doubt=(0.0, 0.0)))
+    assert days.doubt == (long, short) and law.T0 == alone.T0 and law.b_low == alone.b_low
+    assert law.T0_low == pytest.approx(alone.T0_low - long)
+    assert law.T0_high == pytest.approx(alone.T0_high + short)
+    assert np.allclose(law.table.high, alone.table.high + short)
+    assert np.allclose(law.table.day_low, alone.table.day_low - long)

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import rivid as rivid_package
 from rivid.core.posterior.blind import posterior_blind
 from rivid.core.posterior.daily import posterior
 from rivid.core.posterior.river import posterior_river
@@ -220,3 +221,19 @@ def test_settings_of_posterior_repeat_only_its_own_work(logs, tmp_path):
     for n, text, more in ((4, "", ()), (0, "0.9", ()), (4, "0.9", ASKED), (4, "0.8", ASKED)):
         config.write_text(f"[posterior]\nanswer_above = {text}\n" if text else "")
         assert f"{n} estimated now" in rivid(*words, *more)[1]
+
+
+@pytest.mark.parametrize(("stamp", "doubt"), [({}, True), ({"u_Qi": "end"}, False)])
+def test_an_hourly_pool_with_a_delay_below_one_sample_names_the_doubt_of_its_stamps(stamp, doubt):
+    rng = np.random.default_rng(1)
+    u, T, lag = 300 + np.repeat(rng.normal(0, 60, 120), 60), 3600, 50  # minutes
+    arrived = np.roll(u, lag)
+    o = np.roll(arrived, 30) + rng.normal(0, 5, u.size)
+    level = 100 + np.cumsum((arrived - o) * 60 / 2e6)
+    series = [x[::60][None, 1:] for x in (u, level + rng.normal(0, 0.003, u.size), o)]
+    found = rivid_package.posterior(
+        *series, config={"reach": {"sample_time": T}, "input": {"stamp": stamp}}, d_max=4
+    )
+    assert found.status[0] == "unidentifiable"
+    assert "about one sample or less" in found.reason[0] and "shorter than" not in found.reason[0]
+    assert ("3600 s longer if u_Qi is stamped" in found.reason[0]) is doubt

@@ -5,12 +5,14 @@ import json
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError
+from rivid.estimators import Answer, Days
 from rivid.results.read import load_results
-from rivid.run.run import Options, run
+from rivid.run.run import Options, _why, run
 from tests.daily import write_days
 from tests.run.test_run import bytes_of, command, rivid
 
@@ -174,6 +176,16 @@ def test_a_message_names_the_setting_that_spoils_a_day(data, tmp_path, text, sta
     rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")
     (jmap,) = load_results(tmp_path / "out").estimators
     assert message in jmap.messages[0] and status in (None, jmap.status[0])
+
+
+@pytest.mark.parametrize(("order", "too_long"), [(300, True), (100, False)])
+def test_a_response_too_long_for_the_window_of_a_river_is_the_reason(order, too_long):
+    config = parse({"reach": {"kind": "river"}, "jmap": {"order": order, "d_max": 20}}, Config)
+    u = np.sin(np.arange(700) / 500.0)[None]  # smooth: no response is identified
+    answer = Answer(np.array(["unidentifiable"]), condition=np.array([1e15]))
+    reason = _why(answer, 0, Days(u, u), config)
+    assert ("too long for 700 samples, of which 299 are history only" in reason) is too_long
+    assert ("the inflow moves too little" in reason) is not too_long
 
 
 @pytest.mark.parametrize(

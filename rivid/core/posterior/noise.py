@@ -156,17 +156,26 @@ class Sums(NamedTuple):
     yz: Floats  # (B, Z)
 
 
-def whitened_sums(u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, noises: Noises) -> Sums:
+def whitened_sums(
+    u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, noises: Noises, stride: int = 1
+) -> Sums:
     """The sums of :class:`Sums` for versions u (C, N) of the inflow, y (N,) and `extra` (Z - 1, N).
 
     The extra columns are filtered as u and y are; a constant goes before them, and is not. `warm` is the
     first row that counts, at least `n_lags`. Series are filtered from rest as deviations from their first
     sample. Correlations with the lags go by Fourier transform. Lags among themselves follow from the first
     row: ``uu[i+1, j+1]`` is ``uu[i, j]`` with what enters at one end, less what leaves at the other.
+
+    With a `stride` q above 1, the lags are 0, q, ..., q `n_lags`, and the inflow is averaged with a triangle
+    of q samples to each side: the response is linear between these lags.
     """
     from scipy.signal import lfilter  # slow to import
 
     N, C = u.shape[-1], len(u)
+    if stride > 1:
+        hat = np.convolve(np.ones(stride), np.ones(stride)) / stride**2
+        padded = np.pad(u, ((0, 0), (stride - 1, stride - 1)), mode="edge")
+        u = np.stack([np.convolve(row, hat, "valid") for row in padded])
     series = np.concatenate([u - u[:, :1], (y - y[0])[None], extra])
     white = np.stack([lfilter(a, c, series) for a, c in noises], axis=1)  # (series, B, N)
     inflow, output = white[:C], white[C]
@@ -176,6 +185,17 @@ def whitened_sums(u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, n
     aims = np.zeros((len(noises), 1 + Z.shape[-1], N))
     aims[:, 0, warm:] = output[:, warm:]
     aims[:, 1:, warm:] = Z.swapaxes(1, 2)
+    tail = output[:, warm:]
+    own_sums = np.einsum("bn,bn->b", tail, tail), np.matmul(tail[:, None], Z)[:, 0]
+    if stride > 1:  # few lags: their products are formed one by one
+        uu = np.empty((C, len(noises), n_lags + 1, n_lags + 1))
+        crossed = np.empty((C, *aims.shape[:2], n_lags + 1))
+        lags = range(0, stride * (n_lags + 1), stride)
+        for kind, aim in enumerate(aims[..., warm:]):
+            lagged = np.stack([inflow[:, kind, warm - k : N - k] for k in lags], axis=1)
+            uu[:, kind] = np.matmul(lagged, lagged.swapaxes(1, 2))
+            crossed[:, kind] = np.matmul(aim, lagged.swapaxes(1, 2))
+        return Sums(uu, crossed[:, :, 0], crossed[:, :, 1:].swapaxes(-1, -2), *own_sums)
 
     size = 1 << (N - 1).bit_length()
     U = np.conj(np.fft.rfft(inflow, size))
@@ -193,14 +213,7 @@ def whitened_sums(u: Floats, y: Floats, extra: Floats, warm: int, n_lags: int, n
         row -= leave[..., i : i + 1] * leave[..., i:n_lags]
         uu[:, :, i + 1, i + 1 :] = row
         uu[:, :, i + 1 :, i + 1] = row
-    tail = output[:, warm:]
-    return Sums(
-        uu,
-        crossed[:, :, 0],
-        crossed[:, :, 1:].swapaxes(-1, -2),
-        np.einsum("bn,bn->b", tail, tail),
-        np.matmul(tail[:, None], Z)[:, 0],
-    )
+    return Sums(uu, crossed[:, :, 0], crossed[:, :, 1:].swapaxes(-1, -2), *own_sums)
 
 
 MEMORY = (0.9, 0.97, 1.0)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
 
-from rivid.core.settings import GUARD, RiverSettings
+from rivid.core.settings import GUARD, RiverSettings, lags_of
 from rivid.types import Floats
 
 STEP = 0.25
@@ -32,6 +32,11 @@ EXCHANGED = 0.25
 """Share of the water that is held."""
 HELD_FOR = 0.6
 """Mean time for which it is held, in mean travel times of the rest."""
+
+UNIFORM_TO = 48
+"""Longest d_max [samples] of a grid with one step."""
+OCTAVE = 24
+"""End of the first grid of a longer d_max [samples]; each further grid doubles travel time, step and lag."""
 
 BLOCK = 24
 """Travel times that share the lags on which their responses are not zero."""
@@ -87,23 +92,57 @@ FAMILIES: tuple[tuple[Family, tuple[float, ...]], ...] = (
 
 @dataclass(frozen=True)
 class ResponseGrid:
-    """All responses, by t50 and shape."""
+    """All responses, by t50 and shape.
+
+    The lags of `h` are multiples of `stride`; between them a response is linear.
+    """
 
     t50: Floats  # travel times [samples], (T,)
-    h: Floats  # (shapes, T, n_lags + 1), each sums to one
+    h: Floats  # (shapes, T, lags + 1), each sums to one
     prior: Floats  # of each shape; families have equal mass
     blocks: tuple[tuple[int, slice, slice], ...]  # shape, travel times and lags that are not zero
+    stride: int = 1  # samples
+
+    def at_lags(self, h: Floats, n_lags: int) -> Floats:
+        """Interpolate a function of the grid's lags to lags of 0 to `n_lags` samples."""
+        lags = np.arange(n_lags + 1) / self.stride
+        return np.asarray(np.interp(lags, np.arange(len(h)), h, right=0.0))
 
 
 @lru_cache(maxsize=4)
+def response_grids(s: RiverSettings) -> tuple[ResponseGrid, ...]:
+    """The grids of :class:`RiverSettings`, made once.
+
+    Up to :data:`UNIFORM_TO` it is one grid. Beyond, the cost would grow with the cube of `d_max`, and the
+    resolution of t50 is a share of it: travel times of 24 to 48 samples have a step of two samples' worth,
+    those of 48 to 96 of four, and so on.
+    """
+    if s.d_max <= UNIFORM_TO:
+        return (response_grid(s),)
+    grids, low, stride = [], max(s.d_min - GUARD, STEP), 1
+    while low <= s.d_max + GUARD:
+        high = OCTAVE * stride
+        if low < high:
+            n_lags = min(lags_of(OCTAVE), s.n_lags // stride)
+            last = min(high - STEP * stride, s.d_max + GUARD)
+            grids.append(_grid(low / stride, last / stride, n_lags, stride))
+            low = float(high)
+        stride *= 2
+    return tuple(grids)
+
+
 def response_grid(s: RiverSettings) -> ResponseGrid:
-    """The grid of :class:`RiverSettings`, made once."""
-    low = max(s.d_min - GUARD, STEP)
-    t50 = np.arange(low, s.d_max + GUARD + 1e-9, STEP)
+    """One grid for all travel times of :class:`RiverSettings`."""
+    return _grid(max(s.d_min - GUARD, STEP), s.d_max + GUARD, s.n_lags)
+
+
+def _grid(low: float, high: float, n_lags: int, stride: int = 1) -> ResponseGrid:
+    """The grid of travel times from `low` to `high`, both in units of `stride` samples."""
+    t50 = np.arange(low, high + 1e-9, STEP)
     h, prior = [], []
     for family, parameters in FAMILIES:
         for parameter in parameters:
-            h.append(responses(family, parameter, t50, s.n_lags))
+            h.append(responses(family, parameter, t50, n_lags))
             prior.append(1.0 / (len(FAMILIES) * len(parameters)))
     all_h = np.stack(h)
     blocks = []
@@ -112,7 +151,7 @@ def response_grid(s: RiverSettings) -> ResponseGrid:
             part = slice(begin, min(begin + BLOCK, len(t50)))
             lags = np.flatnonzero(all_h[shape, part].max(axis=0) > 0.0)
             blocks.append((shape, part, slice(int(lags[0]), int(lags[-1]) + 1)))
-    return ResponseGrid(t50, all_h, np.array(prior), tuple(blocks))
+    return ResponseGrid(t50 * stride, all_h, np.array(prior), tuple(blocks), stride)
 
 
 def responses(family: Family, parameter: float, t50: Floats, n_lags: int) -> Floats:

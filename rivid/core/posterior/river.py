@@ -16,7 +16,7 @@ from scipy.special import log_ndtr, ndtr
 from rivid.core.fir import as_days
 from rivid.core.posterior.daily import TOLERANCE, PosteriorResult, normalised, smallest_set
 from rivid.core.posterior.noise import SINE, Sums, daily_sine, river_noises, whitened_sums
-from rivid.core.posterior.response import ResponseGrid, hastened, response_grid
+from rivid.core.posterior.response import ResponseGrid, hastened, response_grids
 from rivid.core.settings import RiverSettings
 from rivid.types import Floats
 
@@ -75,11 +75,18 @@ def _positive(g: Floats, variance: Floats) -> tuple[Floats, Floats]:
 
 
 def evidence(
-    sums: Sums, grid: ResponseGrid, n_rows: int, gain: float, gain_sd: float, within: float = inf
+    sums: Sums,
+    grid: ResponseGrid,
+    n_rows: int,
+    gain: float,
+    gain_sd: float,
+    within: float = inf,
+    best: float = -inf,
 ) -> Evidence:
     """Evidence of all responses, shape (C, B, 2, shapes, T): without and with the daily sine.
 
-    Responses that cannot come `within` so much of the best one's log evidence have minus infinity.
+    Responses that cannot come `within` so much of the best one's log evidence, or of the `best` already
+    known, have minus infinity.
     """
     C, B, n, _ = sums.uu.shape
     shapes, T, _ = grid.h.shape
@@ -98,15 +105,16 @@ def evidence(
         xx = xx - np.einsum("...z,...z->...", part, part)
         xy = xy - np.matmul(part, yz[:, None, :, None])[..., 0]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
+        price = 0.5 * columns.stop * np.log(n_rows)
         every = np.broadcast_to(yy[:, None, None], xy.shape)
-        log, *of_gain = _worth(every, xy, xx, n_rows, gain, gain_sd, within)
-        found.append((log - 0.5 * columns.stop * np.log(n_rows), *of_gain))
+        log, *of_gain = _worth(every, xy, xx, n_rows, gain, gain_sd, best + price - within, within)
+        found.append((log - price, *of_gain))
     log, mean, variance = (np.stack(x, axis=2) for x in zip(*found, strict=True))
     return log, mean, variance
 
 
 def _worth(
-    yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float, within: float
+    yy: Floats, xy: Floats, xx: Floats, m: int, gain: float, gain_sd: float, least: float, within: float
 ) -> Evidence:
     """:func:`marginal` of the responses that count; no evidence is above its highest likelihood."""
     best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
@@ -115,7 +123,7 @@ def _worth(
     likeliest, _, _ = marginal(
         np.array([yy[top]]), np.array([xy[top]]), np.array([xx[top]]), m, gain, gain_sd
     )  # fmt: skip
-    keep = bound >= likeliest[0] - within
+    keep = bound >= max(likeliest[0] - within, least)
     found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
     out = np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape)
     for whole, part in zip(out, found, strict=True):
@@ -173,6 +181,7 @@ class RiverPosterior(PosteriorResult):
     lead: Floats
 
 
+Grids = tuple[ResponseGrid, ...]
 _Window = tuple[Floats, float, float, float, float, Floats, Floats]
 """Distribution of t50 over the grid, link, gain and its spread, lead, response and its spread."""
 
@@ -199,46 +208,67 @@ def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None =
     s = settings or RiverSettings()
     series, least = {"inflow": u, "output": y}, s.warm + LEAST_ROWS
     (inflow, output), _ = as_days(series, least, f"warm = {s.warm}", row="window", one=False)
-    grid = response_grid(s)
+    grids = response_grids(s)
     still = (np.ptp(inflow, axis=1) <= 0.0) | (np.ptp(output[:, s.warm :], axis=1) <= 0.0)
     windows = [
-        None if dead else _window(a, b, grid, s) for a, b, dead in zip(inflow, output, still, strict=True)
+        None if dead else _window(a, b, grids, s) for a, b, dead in zip(inflow, output, still, strict=True)
     ]
-    return _answer(windows, grid, s)
+    return _answer(windows, s)
 
 
-def _window(u: Floats, y: Floats, grid: ResponseGrid, s: RiverSettings) -> _Window:
+def _window(u: Floats, y: Floats, grids: Grids, s: RiverSettings) -> _Window:
     """Average over leads, noises, sine, shapes and travel times."""
     n_rows = len(u) - s.warm
     middle = float(np.median(u[s.warm :]))
     hastier = np.stack([hastened(u, middle, lead) for lead in LEADS])
-    sums = whitened_sums(hastier, y, daily_sine(len(u), s.day), s.warm, s.n_lags, river_noises())
-    T = s.flattening(n_rows)
-    found = evidence(sums, grid, n_rows, s.gain, s.gain_sd, NEGLIGIBLE * T)
-    none = nothing(sums, n_rows)
-    top = max(float(found[0].max()), float(none.max()))
-    leads = np.array(LEADS)
-    allowed = leads[:, None] <= LEAD_SHARE * grid.t50
-    prior = allowed / allowed.sum(axis=0) / len(grid.t50) / none.size
-    q = np.exp((found[0] - top) / T)
-    q *= prior[:, None, None, None, :] * grid.prior[:, None]
+    T, sine = s.flattening(n_rows), daily_sine(len(u), s.day)
+    parts: list[Evidence] = []
+    top = -inf
+    for grid in grids:
+        n_lags = grid.h.shape[2] - 1
+        sums = whitened_sums(hastier, y, sine, s.warm, n_lags, river_noises(), grid.stride)
+        parts.append(evidence(sums, grid, n_rows, s.gain, s.gain_sd, NEGLIGIBLE * T, top))
+        top = max(top, float(parts[-1][0].max()))
+    log, mean, variance = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    none = nothing(sums, n_rows)  # the same for all grids
+    top = max(top, float(none.max()))
+    leads, (t50, share) = np.array(LEADS), _places(grids)
+    allowed = leads[:, None] <= LEAD_SHARE * t50
+    prior = allowed / allowed.sum(axis=0) * share / none.size
+    q = np.exp((log - top) / T)
+    q *= prior[:, None, None, None, :] * grids[0].prior[:, None]
     seen, unseen = float(q.sum()), float(np.exp((none - top) / T).mean())
     q /= seen
-    return q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grid, s)
+    found = log, mean, variance
+    return q.sum(axis=(0, 1, 2, 3)), seen / (seen + unseen), *_averages(q, found, leads, grids, s)
+
+
+def _places(grids: Grids) -> tuple[Floats, Floats]:
+    """All t50 of the grids [samples], and the prior share of each: it is uniform."""
+    step = np.concatenate([np.full(len(grid.t50), float(grid.stride)) for grid in grids])
+    return np.concatenate([grid.t50 for grid in grids]), step / step.sum()
 
 
 def _averages(
-    q: Floats, found: Evidence, leads: Floats, grid: ResponseGrid, s: RiverSettings
+    q: Floats, found: Evidence, leads: Floats, grids: Grids, s: RiverSettings
 ) -> tuple[float, float, float, Floats, Floats]:
     """Gain and its spread, lead, response and its spread."""
     _, mean, spread = found
     once = np.einsum("cbzst,cbzst->st", q, mean)
     twice = np.einsum("cbzst,cbzst->st", q, mean**2 + spread)
     gain = float(once.sum())
-    fir = np.einsum("st,stl->l", once, grid.h)
-    variance = np.einsum("st,stl->l", twice, grid.h**2) - fir**2
+    fir, square = np.zeros((2, s.n_lags + 1))
+    begin = 0
+    for grid in grids:
+        here = slice(begin, begin := begin + len(grid.t50))
+        h = grid.h / grid.stride
+        fir += grid.at_lags(np.einsum("st,stl->l", once[:, here], h), s.n_lags)
+        square += grid.at_lags(np.einsum("st,stl->l", twice[:, here], h**2), s.n_lags)
+    variance = square - fir**2
     # the error that no window can see moves the whole response
-    moved = np.gradient(fir) * (s.spread + s.spread_share * float(q.sum(axis=(0, 1, 2, 3)) @ grid.t50))
+    moved = np.gradient(fir) * (
+        s.spread + s.spread_share * float(q.sum(axis=(0, 1, 2, 3)) @ _places(grids)[0])
+    )
     return (
         gain,
         float(np.sqrt(max(float(twice.sum()) - gain**2, 0.0))),
@@ -251,16 +281,16 @@ def _averages(
 @lru_cache(maxsize=4)
 def _spread(s: RiverSettings) -> tuple[Floats, Floats]:
     """Edges [samples], and the distribution function there of a t50 found at each place of the grid."""
-    t50 = response_grid(s).t50
+    t50, _ = _places(response_grids(s))
     edges = np.arange(0.0, 1.25 * t50[-1] + 5.0, EDGE_STEP)
     return edges, ndtr((edges - t50[:, None]) / (s.spread + s.spread_share * t50[:, None]))
 
 
-def _answer(windows: list[_Window | None], grid: ResponseGrid, s: RiverSettings) -> RiverPosterior:
+def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
     """Travel times of the windows that have one, and the reasons of the others."""
     edges, table = _spread(s)
     no_fir = np.full(s.n_lags + 1, np.nan)
-    empty = np.full(len(grid.t50), np.nan), 0.0, np.nan, np.nan, np.nan, no_fir, no_fir
+    empty = np.full(len(table), np.nan), 0.0, np.nan, np.nan, np.nan, no_fir, no_fir
     still = np.array([w is None for w in windows])
     weight, link, gain, gain_sd, lead, fir, fir_sd = (
         np.stack(part) for part in zip(*(w or empty for w in windows), strict=True)

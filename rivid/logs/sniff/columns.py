@@ -17,6 +17,7 @@ MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (
 """Decimal and thousands marks that are tried, the plainest first."""
 
 _FLOW_UNITS = (
+    ("kcfs", r"kcfs|1000 ?cfs"),
     ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft|00060"),
     ("m3/h", r"m3/h|m³/h"),
     ("L/s", r"l/s|lps"),
@@ -29,10 +30,13 @@ _LEVEL_UNITS = (
     ("mm", r"mm"),
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
 )
+TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a-z])"
+"""Names of an outside level: the level of the reach only where no other is logged."""
 _ROLES = (
     (
         "h_L",
         r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$"
+        rf"|{TIDE}"
         r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
@@ -169,6 +173,9 @@ def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> s
 
 MOST_TAGS = 200
 VALUE = re.compile(r"values?|val|wert|messwert|valeurs?|valor|valore|reading|vtq|magnitude", re.I)
+_IDENTIFIER = re.compile(
+    r"station|site|sensor|gau?ge|tag|point|param|series|(^|[^a-z])(id|no|nr|num|number|code)$|id$", re.I
+)
 _FLAGS = re.compile(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|remark|tz|zone", re.I)
 NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
@@ -176,14 +183,19 @@ NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 def find_tags(layout: Layout, file: str) -> None:
     """Find the columns of values, or the tags of a long table; `file` names the tag if no column does."""
     value_at = _value_column(layout)
-    tag_at = None if value_at is None else _tag_column(layout, value_at)
+    tags_at = () if value_at is None else _tag_columns(layout, value_at)
     if value_at is not None and layout.blocks:
         _by_tag(layout, value_at, layout.blocks, layout.block_units)
-    elif value_at is not None and tag_at is not None:
+    elif value_at is not None and tags_at:
+        tags = [" ".join(row[i] for i in tags_at) for row in layout.rows]
         unit_at = next((i for i, name in enumerate(layout.names) if is_unit_column(name)), None)
-        units = {} if unit_at is None else {row[tag_at]: row[unit_at] for row in layout.rows[::-1]}
-        layout.tag = layout.names[tag_at]
-        _by_tag(layout, value_at, [row[tag_at] for row in layout.rows], units)
+        value = layout.names[value_at]  # it may state a unit, as discharge_cfs
+        flow, level = (stated_unit(value, "", level=level) for level in (False, True))
+        units = dict.fromkeys(tags, flow or level)
+        if unit_at is not None:
+            units = {tag: row[unit_at] for tag, row in zip(tags[::-1], layout.rows[::-1], strict=True)}
+        layout.tag = tuple(layout.names[i] for i in tags_at)
+        _by_tag(layout, value_at, tags, units)
     elif value_at is not None and VALUE.fullmatch(layout.names[value_at]):
         _by_tag(layout, value_at, [stem_of(file)] * len(layout.rows), {})
     else:
@@ -195,24 +207,41 @@ def find_tags(layout: Layout, file: str) -> None:
 
 
 def _value_column(layout: Layout) -> int | None:
-    """The one column of numbers that is no flag; None where there are several."""
+    """The one column of numbers that is no flag or identifier; None where there are several."""
     rest = [
-        i for i, name in enumerate(layout.names)
-        if i not in layout.time_at and not _FLAGS.search(name) and _numeric([row[i] for row in layout.rows])
-    ]  # fmt: skip
+        i
+        for i, name in enumerate(layout.names)
+        if i not in layout.time_at
+        and not _FLAGS.search(name)
+        and _numeric(cells := [row[i] for row in layout.rows])
+        and not _is_identifier(name, cells)
+    ]
     named = [i for i in rest if VALUE.fullmatch(layout.names[i])]
     return named[0] if len(named) == 1 else rest[0] if len(rest) == 1 else None
 
 
-def _tag_column(layout: Layout, value_at: int) -> int | None:
+def _is_identifier(name: str, cells: list[str]) -> bool:
+    """Whether a column holds whole numbers that name a station or a quantity."""
+    return _IDENTIFIER.search(name) is not None and all(re.fullmatch(r"\d*", cell) for cell in cells)
+
+
+def _tag_columns(layout: Layout, value_at: int) -> tuple[int, ...]:
+    """The first columns of names or identifiers that together make each time of a tag unique."""
+    found: list[int] = []
     for i, name in enumerate(layout.names):
         if i == value_at or i in layout.time_at or _FLAGS.search(name) or is_unit_column(name):
             continue
         cells = [row[i] for row in layout.rows]
         texts = set(cells)
-        if 2 <= len(texts) <= MOST_TAGS and "" not in texts and not _numeric(cells):
-            return i
-    return None
+        if not 2 <= len(texts) <= MOST_TAGS or "" in texts:
+            continue
+        if _numeric(cells) and not _is_identifier(name, cells):
+            continue
+        found.append(i)
+        keys = Counter((layout.time(row), *(row[k] for k in found)) for row in layout.rows)
+        if max(keys.values()) == 1:
+            return tuple(found)
+    return tuple(found[:1])
 
 
 def _by_tag(layout: Layout, value_at: int, tags: list[str], units: dict[str, str]) -> None:
@@ -263,7 +292,7 @@ class Flags:
 
 def find_flags(layout: Layout) -> Flags:
     """Find columns of flags and zones."""
-    values = {layout.tag, layout.value}
+    values = {*layout.tag, layout.value}
     names = [n for i, n in enumerate(layout.names) if n and i not in layout.time_at and n not in values]
     cells = {name: [row[layout.names.index(name)] for row in layout.rows] for name in names}
     texts = {name: set(column) for name, column in cells.items()}
@@ -323,6 +352,12 @@ _TOTAL = re.compile(r"(?<![a-z])(total|sum|gesamt|summe|somme|suma|totale)(?![a-
 _TAILWATER = re.compile(r"tail|unterwasser|(?<![a-z])[ut]w(?![a-z])|down|aval|abajo")
 
 
+def _outside(level: ColumnGuess) -> tuple[bool, bool]:
+    """Sort key of levels: those of the reach, of its tailwater, of the tide."""
+    name = level.name.lower()
+    return re.search(TIDE, name) is not None, _TAILWATER.search(name) is not None
+
+
 Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
 """Columns by canonical column (several are summed), the kind of reach, and other choices by column."""
 
@@ -332,11 +367,13 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
 
     Appends to `questions` what the names do not determine.
     """
+    if len(columns) > 1 and not any(c.role for c in columns):
+        return _by_order(columns, questions)
     flows = [c for c in columns if c.role in ("u_Qi", "u_Qo", "flow")]
     levels = [c for c in columns if c.role == "h_L"]
     if not levels:
         return _river(flows, questions)
-    level = next((c for c in levels if not _TAILWATER.search(c.name.lower())), levels[0])
+    level = min(levels, key=_outside)
     instead: dict[str, list[Group]] = {}
     if len(levels) > 1:
         names = ", ".join(c.name for c in levels)
@@ -352,6 +389,16 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
             instead |= _others(ins, outs, flows, sites)
     groups = {"h_L": [level], "u_Qi": ins, "u_Qo": outs}
     return {role: group for role, group in groups.items() if group}, "pool", instead
+
+
+def _by_order(columns: Group, questions: Questions) -> Roles:
+    """Columns without a name that states a quantity: in the order of rivid's own logs."""
+    kind = "river" if len(columns) == 2 else "pool"
+    roles = ("u_Qi", "Q_L") if kind == "river" else ("u_Qi", "u_Qo", "h_L")
+    names = ", ".join(c.name for c in columns)
+    text = f"no name states what {names} are: {', '.join(roles)} in their order, check each"
+    questions.append(("u_Qi", text))
+    return {role: [c] for role, c in zip(roles, columns, strict=False)}, kind, {}
 
 
 def _river(flows: Group, questions: Questions) -> Roles:

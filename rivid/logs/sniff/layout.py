@@ -10,8 +10,8 @@ from rivid.errors import DataError
 from rivid.logs.spec import read_text
 from rivid.logs.text import LINE, ZRXP_UNIT, split_cells, unmarked_utf16
 
-SEPARATORS = (";", "\t", "|", ",")
-"""In this order where several fit: a comma may be a decimal mark, the others hardly anything else."""
+SEPARATORS = (";", "\t", "|", ",", " ")
+"""In this order where several fit: a comma may be a decimal mark, a blank may be within a time."""
 MARKS = ("#", "!", "%", "//")
 """Prefixes of lines without data, in the order in which they are tried."""
 ZRXP_TAG = "#REXCHANGE([^|]+)"
@@ -50,6 +50,7 @@ class Layout:
     zone: str = ""  # zone of its clock, where stated
     missing: tuple[float, ...] = ()  # numbers of values that are not measured
     block_units: dict[str, str] = field(default_factory=dict)  # units by tag
+    headerless: bool = False  # whether the names are made up
     footer: list[str] = field(default_factory=list)  # the last lines, where these hold no data
 
     time_at: tuple[int, ...] = ()  # columns of the time: one, or two, of date and clock
@@ -64,7 +65,7 @@ class Layout:
     # name, unit and cells of all that may hold numbers: columns of the wide layout, or tags of the long
     columns: list[tuple[str, str, list[str]]] = field(default_factory=list)
     value: str = ""  # column of the values of the long layout; empty for the wide
-    tag: str = ""  # column of its tags; empty where lines or the file's name hold them
+    tag: tuple[str, ...] = ()  # columns of its tags; empty where lines or the file's name hold them
     tag_steps: dict[str, list[int]] = field(default_factory=dict)  # between the values of each tag [us]
 
     def time(self, row: Sequence[str]) -> str:
@@ -106,13 +107,12 @@ def guess_layout(content: bytes, name: str) -> Layout:
     separator, width = _guess_separator(lines)
     cells = [split_cells(line, separator) or [] for line in lines]
     if width < 2 or not any(any(row) for row in cells if len(row) == width):
-        raise DataError(f"{name} is no table: no separator among ; tab | , divides its lines alike")
+        raise DataError(f"{name} is no table: no separator among ; tab | , blank divides its lines alike")
     header = _find_header(cells, width)
     names = cells[header]
-    if sum(map(_looks_like_data, names)) > len(names) // 2:
-        raise DataError(
-            f"{name} has no header: line {header + 1} is already data; add a line of column names"
-        )
+    headerless = sum(map(_looks_like_data, names)) > len(names) // 2
+    if headerless:
+        names, header = [f"column {k}" for k in range(1, width + 1)], header - 1
     full = [row for row in cells[header + 1 :] if len(row) == width and any(row)]
     body = [row for row in full if row != names]
     above = 0
@@ -126,7 +126,7 @@ def guess_layout(content: bytes, name: str) -> Layout:
     return Layout(
         encoding,
         separator,
-        skip_rows=0 if only_comments else numbered[header][0],
+        skip_rows=0 if only_comments else numbered[header + headerless][0],
         unit_rows=above - header_rows + 1,
         names=tuple(" ".join(filter(None, texts)) for texts in parts),
         units=tuple(body[header_rows - 1]) if above >= header_rows else ("",) * width,
@@ -134,6 +134,7 @@ def guess_layout(content: bytes, name: str) -> Layout:
         comment=comment,
         header_rows=header_rows,
         repeated=len(full) > len(body),
+        headerless=headerless,
     )
 
 

@@ -124,6 +124,8 @@ class Proposal:
         values = [entry for entry in sources if entry[0] not in self.flags.columns]
         guesses = [guess_column(name, unit, cells, reader) for name, unit, cells in values]
         self.columns: Group = [column for column in guesses if column is not None]
+        if layout.headerless:
+            self.ask("columns", "the file has no header: the names in columns are made up, in its order")
         self.ask("time_format", layout.doubt)
         self.roles, self.kind, self.instead = roles_of(self.columns, self.questions)
         self.used = [column for group in self.roles.values() for column in group]
@@ -158,9 +160,11 @@ class Proposal:
         if self.kind == "pool" and "u_Qo" not in self.roles:
             keys["u_Qo"] = ""
         if layout.value:
-            keys |= {"tag": layout.tag or None, "value": layout.value}
+            keys |= {"tag": _one_or_all([*layout.tag]) if layout.tag else None, "value": layout.value}
         if layout.blocks:
-            keys |= {"tag_pattern": ZRXP_TAG, "columns": list(layout.names)}
+            keys["tag_pattern"] = ZRXP_TAG
+        if layout.blocks or layout.headerless:
+            keys["columns"] = list(layout.names)
         keys |= {
             "time_format": None if layout.other_formats else layout.time_format,
             "time_zone": self.time_zone,
@@ -260,6 +264,8 @@ class Proposal:
             slow = {role: group[0].every for role, group in self.roles.items() if group[0].every > self.every}
             intervals = {role: every * step for role, every in slow.items() if step}
         self.tables["interval"] = intervals
+        if step * self.every > InputConfig().max_gap:  # one value may be missing
+            self.keys["max_gap"] = step * self.every
         late = f" ({step * self.every:g} s)" if step else ""
         self.ask(
             "stamp",
@@ -272,7 +278,7 @@ class Proposal:
         """The keys that differ from the defaults, other choices in comments below them, and the questions."""
         lines = _comment(f"Proposed for {name}. Check each line: it is inferred from the file alone.", "# ")
         lines += ["[reach]", '# name = "..."       # letters, digits, . _ -', f"kind = {_toml(self.kind)}"]
-        if 1 <= self.step * self.every <= 86_400:
+        if 0.01 <= self.step * self.every <= 86_400:
             lines.append(f"sample_time = {self.step * self.every:g}")
         lines += [*FILL_IN, "", "[input]"]
         for key, value in self.keys.items():

@@ -1,0 +1,118 @@
+"""Exports from elsewhere that are read by the proposal alone: integer tags, no header, tide, kcfs."""
+
+import datetime as dt
+import tomllib
+
+import numpy as np
+import pytest
+
+from rivid.config import Config, parse
+from rivid.logs.days import find_days, read_window
+from rivid.logs.exports import ingest
+from rivid.logs.sniff.propose import sniff
+
+TIMES = [dt.datetime(2024, 5, 1) + dt.timedelta(minutes=15 * k) for k in range(97)]
+UP, DOWN, LEVEL = 100 + np.arange(97) % 7, 90 + np.arange(97) % 5, 5 + np.arange(97) % 3
+KCFS = 28.316846592
+
+
+def wide(header, *columns, separator=",", clock="%Y-%m-%d %H:%M"):
+    rows = [
+        separator.join([f"{t:{clock}}", *(f"{v:.2f}" for v in row)])
+        for t, *row in zip(TIMES, *columns, strict=True)
+    ]
+    return "\n".join([*([header] if header else []), *rows]) + "\n"
+
+
+def long(header, **series):
+    rows = [
+        f"{tag.replace('_', ',')},{t:%Y-%m-%d %H:%M},{v:.2f}"
+        for tag, values in series.items()
+        for t, v in zip(TIMES, values, strict=True)
+    ]
+    return "\n".join([header, *rows]) + "\n"
+
+
+FILES = {
+    "integer station ids": (
+        long("station_id,datetime,value", **{"1": UP, "2": DOWN, "3": LEVEL}),
+        {"tag": "station_id", "u_Qi": "1", "u_Qo": "2", "h_L": "3"},
+        (UP, LEVEL),
+    ),
+    "station ids and parameters": (
+        long("station,parameter,datetime,value", **{"11_flow": UP, "12_flow": DOWN, "12_stage": LEVEL}),
+        {"tag": ["station", "parameter"], "u_Qi": "11 flow", "u_Qo": "12 flow", "h_L": "12 stage"},
+        (UP, LEVEL),
+    ),
+    "unit in the name of the values": (
+        long("site_no,time,discharge_cfs", **{"11": UP * 1000 / KCFS, "12": DOWN * 1000 / KCFS}),
+        {"tag": "site_no", "u_Qi": "11", "Q_L": "12", "units": {"u_Qi": "cfs", "Q_L": "cfs"}},
+        (UP, DOWN),
+    ),
+    "no header": (
+        wide("", UP, DOWN, LEVEL),
+        {"u_Qi": "column 2", "u_Qo": "column 3", "h_L": "column 4"},
+        (UP, LEVEL),
+    ),
+    "no header and blanks": (
+        wide("", UP, DOWN, separator=" "),
+        {"time": ["column 1", "column 2"], "u_Qi": "column 3", "Q_L": "column 4", "separator": " "},
+        (UP, DOWN),
+    ),
+    "a tide beside a level": (
+        wide("time,Q in [m3/s],Q out [m3/s],tide level [m],water level [m]", UP, DOWN, DOWN / 50, LEVEL),
+        {"u_Qi": "Q in [m3/s]", "u_Qo": "Q out [m3/s]", "h_L": "water level [m]"},
+        (UP, LEVEL),
+    ),
+    "a tide alone": (
+        wide("time,inflow_m3s,tide_m", UP, LEVEL),
+        {"u_Qi": "inflow_m3s", "u_Qo": "", "h_L": "tide_m"},
+        (UP, LEVEL),
+    ),
+    "kcfs": (
+        wide("time,Inflow (kcfs),Outflow (kcfs),Forebay (m)", UP / KCFS, DOWN / KCFS, LEVEL),
+        {"u_Qi": "Inflow (kcfs)", "units": {"u_Qi": "kcfs", "u_Qo": "kcfs", "h_L": "m"}},
+        (UP, LEVEL),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_first_proposal_is_read_by_ingest(name, tmp_path):
+    text, keys, (inflow, output) = FILES[name]
+    path = tmp_path / "export.csv"
+    path.write_text(text)
+    proposal = sniff(path, "UTC")
+    raw = tomllib.loads(proposal.toml)
+    assert {key: raw["input"].get(key) for key in keys} == keys, proposal.toml
+    config = parse(raw, Config)
+    outcome = ingest([path], tmp_path / "logs", config)
+    assert outcome.exit_code == 0, [day.reason for day in outcome.days]
+    settings = parse(
+        {
+            "reach": {"kind": config.reach.kind, "sample_time": 900},
+            "input": {"u_Qo": config.input.u_Qo and "u_Qo"},
+        },
+        Config,
+    )
+    day = read_window(tmp_path / "logs", find_days(tmp_path / "logs", settings).days[:1], settings)
+    assert np.allclose(day.inflow, inflow[:96], atol=0.02 * KCFS)
+    assert np.allclose(day.output, output[:96], atol=0.02)
+
+
+def test_names_that_state_nothing_leave_questions(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(wide("", UP, DOWN, LEVEL))
+    assert {"columns", "u_Qi"} <= set(sniff(path, "UTC").open_keys)
+
+
+def test_one_missing_value_an_hour_fails_no_day(tmp_path):
+    path = tmp_path / "export.csv"
+    times = [t for k in range(49) if k != 9 and (t := dt.datetime(2024, 5, 1) + dt.timedelta(hours=k))]
+    path.write_text(
+        "time,inflow_m3s,level_m\n" + "".join(f"{t},{100 + t.hour},{t.hour / 9:.2f}\n" for t in times)
+    )
+    raw = tomllib.loads(sniff(path, "UTC").toml)
+    assert raw["input"]["max_gap"] == raw["reach"]["sample_time"] == 3600
+    outcome = ingest([path], tmp_path / "logs", parse(raw, Config))
+    assert [day.status for day in outcome.days] == ["good"] * 2 or outcome.exit_code == 0
