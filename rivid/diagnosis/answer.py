@@ -8,7 +8,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
+from rivid.diagnosis.decision import ALONE, TOGETHER, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, DayErrors, day_errors
@@ -122,16 +122,21 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 "Check length, width and depth in the configuration."
             )
         nothing = study.chance(lambda names, unknown: not names and not unknown)
+        first = ""
+        if study.names:
+            p = study.chance_of(study.names[0])
+            first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
+        if study.unknown < UNKNOWN and nothing <= 1.0 - TOGETHER:
+            return "unknown", (
+                f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
+                f"enough{first}."
+            )
         if study.unknown >= UNKNOWN:
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
             return "unknown", (
                 f"Something is missing that no known effect explains, with a probability of "
                 f"{study.unknown:.2f}{what}."
             )
-        first = ""
-        if study.names:
-            p = study.chance_of(study.names[0])
-            first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
         return "no_gap", (
             f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
         )
