@@ -258,6 +258,15 @@ def test_each_verdict_is_reached(verdict):
         assert next_one == CATALOGUE["leakage"].confounded_with["gate_head_effect"]
 
 
+def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
+    """A name of 0.73 beside something unknown of 0.27: each too little, and nothing missing has no chance."""
+    flow = explained("", 8.0, MUCH, parent=NOTHING, unknown="flow")
+    found, reason = _verdict(study_of(NOTHING, LEAK, flow), gap_of(evidence_of(RECORD)), None)
+    assert found == "unknown" and "leakage, has 0.73" in reason
+    weak = replace(flow, density=NOTHING.density), replace(LEAK, density=NOTHING.density)
+    assert _verdict(study_of(NOTHING, *weak), gap_of(evidence_of(RECORD)), None)[0] == "no_gap"
+
+
 def test_the_ranking_has_a_row_for_each_explanation_with_gain_and_materiality():
     nothing = explained()
     small = explained("outflow_lag", 9.0, 0.01, parent=nothing)
