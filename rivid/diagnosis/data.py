@@ -87,8 +87,9 @@ class Record:
 
     def world(self, level: float | None = None, flow: float | None = None) -> World:
         """Grid and logs for effects; the usual level and flow unless given."""
+        past = dt.timedelta(days=int(self.time[0, self.lead] // DAY))  # of some days, the first may be later
         return World(
-            time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0],
+            time=self.time, inflow=self.inflow, outflow=self.outflow, first_day=self.dates[0] - past,
             sample_time=self.sample_time, level=self.usual_output if level is None else level,
             flow=self.usual_flow if flow is None else flow,
         )  # fmt: skip

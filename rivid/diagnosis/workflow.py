@@ -541,6 +541,7 @@ class _Search:
         rivals: dict[tuple[str, ...], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
             same = one.count == lead.count and one.unknown == lead.unknown and id(one) in self.grown
+            same = same and one.model.reach.name == lead.model.reach.name
             if same and one.names != lead.names and one.others == lead.others:
                 rivals[one.names] = one
         for one in rivals.values():
@@ -593,6 +594,8 @@ class _Search:
         library, name, grow, columns = self.grown[id(lead)]
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
+            if rival.model.reach.name != lead.model.reach.name:  # its columns are others
+                continue
             if len(others) != count or name in others or others == set(lead.parent.names):
                 continue
             if p >= 1.0 - ALONE or _alike(rival, lead.parent, self.classes):

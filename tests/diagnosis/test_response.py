@@ -173,6 +173,18 @@ def test_a_row_that_runs_dry_is_simulated_up_to_there():
     assert 30 < last < 300 and np.isfinite(level[1, :last]).all() and level[1, last - 1] < 128.0
 
 
+@pytest.mark.parametrize("response", [few, lambda record: pool_of("none")[1]])
+def test_some_days_alone_are_simulated_as_among_all(response):
+    """Effects with dates too, whichever day is the first."""
+    record = season(4, days=4)
+    reach, dates = response(record), (record.dates[1], record.dates[2])
+    effect = CATALOGUE["lateral_inflow"](inflow=(20.0, 5.0), dates=dates)
+    alone = record.take([2, 3])
+    whole, part = (reach.baseline(r, changes_of([effect], r.world(125.0, 300.0))) for r in (record, alone))
+    np.testing.assert_allclose(part, whole[2:], atol=1e-9)
+    assert np.abs(part - reach.baseline(alone)).max() > 1e-3
+
+
 def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
     """A well of 60 s, in a fit that starts at none; without it the reach is longer."""
     record = season(5, days=8, lag=60.0)

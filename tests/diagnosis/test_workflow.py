@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
-from rivid.diagnosis.workflow import _alike, diagnose, find_effects
+from rivid.diagnosis.workflow import _alike, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from tests.diagnosis import pools
+from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained
 
 DAYS, T_S = 20, 600.0
 
@@ -188,3 +189,20 @@ def test_rivals_that_are_easily_mistaken_differ_by_one_confounded_effect(one, ot
 
 def explained_by(*names):
     return SimpleNamespace(names=names)
+
+
+@pytest.mark.parametrize(("response", "levelled"), [("linear", 1), ("another", 0)])
+def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, levelled):
+    """The columns of a candidate are those of its response: with another one the diagnosis ended."""
+    nothing = explained()
+    leak = explained("leakage", 9.0, 0.5, parent=nothing)
+    lead = explained("rain_inflow", 9.0, 0.5, parent=leak)
+    model = SimpleNamespace(**{**vars(MODEL), "reach": SimpleNamespace(name=response)})
+    rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing, model=model)
+    grown = []
+    search = SimpleNamespace(
+        pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
+        grown={id(lead): (None, "rain_inflow", None, None)}, _grow=lambda one, *_: grown.append(one),
+    )  # fmt: skip
+    _Search.level_rivals(search, lead)
+    assert grown == [rival] * levelled
