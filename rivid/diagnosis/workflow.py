@@ -537,17 +537,17 @@ class _Search:
             return lead
         self.report(0.05, f"refitting with {lead.added.name}")
         best = self._polished(lead, lead.model)
-        reach = self.score(lead) - (self.score(best) - self.score(lead)) - LEAST
+        least = 2.0 * self.score(lead) - self.score(best) - LEAST
         rivals: dict[tuple[str, ...], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
-            same = one.count == lead.count and one.unknown == lead.unknown and id(one) in self.grown
-            same = same and one.model.reach.name == lead.model.reach.name
-            if same and one.names != lead.names and one.others == lead.others:
+            same = one.count == lead.count and one.unknown == lead.unknown and one.others == lead.others
+            same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
+            if same and one.names != lead.names and id(one) in self.grown:
                 rivals[one.names] = one
         for one in rivals.values():
             if alike := _alike(one, lead, self.classes):
                 one = self._polished(one, replace(one.model, reach=best.model.reach))
-            if alike or self.score(one) > reach:
+            if alike or self.score(one) > least:
                 self._polished(one, one.model)
         return self.lead()
 
