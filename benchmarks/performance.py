@@ -73,19 +73,21 @@ def year(season: Season, work: Path, runs: int) -> str:
     out = work / "out"
     commands = {
         "floor": [PYTHON, "-m", "benchmarks.floor", str(data), str(work / "floor.png")],
-        "jmap": [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q"],
-        "four": [PYTHON, "-m", "rivid", "run", str(data), "--config", str(CONFIG), "--out", str(out), "-q"],
-        "tables": [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"],
+        "run": _run(data, out),
+        "jmap": [*_run(data, out), "--estimator", "jmap"],
+        "five": [*_run(data, out), "--config", str(CONFIG)],
+        "tables": [*_run(data, out), "--no-figures"],
     }
     usages = in_turn(commands, runs, lambda _: shutil.rmtree(out, ignore_errors=True))
-    process(commands["jmap"])
-    again = in_turn({"again": commands["jmap"]}, runs, lambda _: None)["again"]
+    process(commands["run"])
+    again = in_turn({"again": commands["run"]}, runs, lambda _: None)["again"]
     floor = usages["floor"]
     names = {
         "floor": "floor: same libraries, same files, one figure",
-        "jmap": "`rivid run`, jmap, tables, figures, report",
-        "four": "`rivid run`, ml, map, jmap, jmap-uniform, tables, figures, report",
-        "tables": "`rivid run --no-figures`, jmap",
+        "run": "`rivid run`: jmap and posterior, tables, figures, report",
+        "jmap": "`rivid run --estimator jmap`",
+        "five": "`rivid run`: jmap, posterior, jmap-uniform, map, ml",
+        "tables": "`rivid run --no-figures`",
         "again": "`rivid run` again, nothing new",
     }
     rows = []
@@ -108,7 +110,7 @@ def every_day(data: Path, work: Path, runs: int) -> str:
     last = max(data.glob("*.csv"))
     aside = work / "last.csv"
     shutil.move(last, aside)
-    run = [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
+    run = [*_run(data, out), "--no-figures"]
     process(run)
     shutil.copytree(out, finished)
 
@@ -229,8 +231,12 @@ def engines(season: Season, work: Path, days: int, runs: int) -> str:
     return text + table(head, rows)
 
 
+def _run(data: Path, out: Path) -> list[str]:
+    return [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q"]
+
+
 def _tables(data: Path, out: Path) -> list[str]:
-    return [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--no-figures"]
+    return [*_run(data, out), "--no-figures", "--estimator", "jmap"]
 
 
 def _scaled(name: str, days: int, used: Usage) -> list[str]:

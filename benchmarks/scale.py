@@ -46,6 +46,7 @@ class Measured:
 
 def command(data: Path, out: Path, *more: str) -> list[str]:
     """`rivid run` as it is measured: two workers, tables without figures."""
+    more = more if "--estimator" in more else (*more, "--estimator", "jmap")
     return [PYTHON, "-m", "rivid", "run", str(data), "--out", str(out), "-q", "--workers", "2", *more]
 
 

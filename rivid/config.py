@@ -224,7 +224,7 @@ class RunConfig(Section):
 
     estimators: Annotated[
         list[str], Means("-", f"names of estimators; a day has a row for each: {_NAMES}")
-    ] = Field(["jmap"], min_length=1)
+    ] = Field(["jmap", "posterior"], min_length=1)
     window_days: Annotated[
         int, Field(ge=1, le=31), Means("days", "length of a data set; it is dated by its last day")
     ] = 1

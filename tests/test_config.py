@@ -108,7 +108,7 @@ def test_an_indirect_search_needs_no_outflow():
 
 
 def test_only_the_tables_that_are_worked_with_count():
-    assert set(Config().as_used()) == set(Config.model_fields) - {"search", "cusum", "posterior"}
+    assert set(Config().as_used()) == set(Config.model_fields) - {"search", "cusum"}
     pairs = (("direct", "search"), ("indirect", "search"), ("cusum-map", "cusum"), ("posterior", "posterior"))
     for name, table in pairs:
         used = parse({"run": {"estimators": ["jmap", name]}}, Config).as_used()

@@ -281,4 +281,4 @@ def test_the_recipe_for_a_reader_works(scratch):
     run(logs, *words, package / "by_feather")
     assert rivid_run("run", week, *words, package / "by_csv")[0] == 0
     tables = [(package / out / "delays.csv").read_bytes() for out in ("by_csv", "by_feather")]
-    assert tables[0] == tables[1] and tables[0].count(b"\n") == 8
+    assert tables[0] == tables[1] and tables[0].count(b"\n") == 15

@@ -164,4 +164,4 @@ def test_run_estimates_the_same_from_ingested_logs_as_from_the_sample(tmp_path, 
         )
         assert done.return_value == 0, done.output
     ours, theirs = ((tmp_path / out / "delays.csv").read_text() for out in "ba")
-    assert ours == theirs and ours.count("\n") == N_DAYS + 1
+    assert ours == theirs and ours.count("\n") == 2 * N_DAYS + 1

@@ -73,7 +73,7 @@ def test_the_short_commands_run_in_their_order(place, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     names = {}
     exec(block("python", "rivid.read_day"), names)
-    assert len(names["frame"]) == 14
+    assert len(names["frame"]) == 28  # of jmap and of posterior
 
     # the morning run of the README: rivid.toml above the logs, and no option but --quiet
     (place / "data").mkdir()

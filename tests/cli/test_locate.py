@@ -55,7 +55,10 @@ def test_the_nearest_applies_as_a_whole_and_is_named_on_stderr(logs, rivid):
     path = put(logs, MINE.replace("mine", "near"))
     done = rivid("run", logs, "--no-figures")
     assert done.code == 0 and str(path) in done.stderr and len(done.stderr.splitlines()) == 1
-    assert column(Path("out"), "reach") == {"near"} and column(Path("out"), "estimator") == {"jmap"}
+    assert column(Path("out"), "reach") == {"near"} and column(Path("out"), "estimator") == {
+        "jmap",
+        "posterior",
+    }
 
 
 def test_every_command_that_takes_a_configuration_finds_it(logs, rivid, monkeypatch):

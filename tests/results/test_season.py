@@ -298,7 +298,7 @@ def test_a_run_keeps_the_files_of_season(data, tmp_path):
 
 def test_a_run_without_posterior_or_without_a_logged_outflow_is_refused(data, tmp_path):
     out = tmp_path / "out"
-    rivid("run", data, "--out", out, "--no-figures", "--to", str(FIRST))
+    rivid("run", data, "--out", out, "--no-figures", "--to", str(FIRST), "--estimator", "jmap")
     code, said = rivid("season", out)
     assert code == 2 and "has no posterior, only jmap" in said and "--estimator posterior" in said
     config = tmp_path / "c.toml"

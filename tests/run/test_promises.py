@@ -100,7 +100,7 @@ def test_json_is_json_also_for_a_day_without_motion(data, tmp_path):
         raise ValueError(word)
 
     lines = [json.loads(line, parse_constant=refuse) for line in said.splitlines()]
-    assert lines[2]["status"] == "unidentifiable" and lines[2]["condition"] is None
+    assert lines[4]["status"] == "unidentifiable" and lines[4]["condition"] is None
 
 
 def test_places_and_days_that_cannot_be_run(data, tmp_path):
@@ -174,7 +174,7 @@ def test_a_message_names_the_setting_that_spoils_a_day(data, tmp_path, text, sta
     for path in sorted(data.iterdir())[1:]:
         path.unlink()
     rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")
-    (jmap,) = load_results(tmp_path / "out").estimators
+    jmap, _ = load_results(tmp_path / "out").estimators
     assert message in jmap.messages[0] and status in (None, jmap.status[0])
 
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import traceback
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 
 import pyarrow.parquet as pq
 import pytest
@@ -169,8 +170,9 @@ def test_only_what_is_new_is_estimated_and_the_report_follows_the_tables(data, t
     write_days(data, 1, first=dt.date(2008, 3, 22))
     code, said = rivid("run", data, "--out", out, "--no-figures", "--json")
     lines = [json.loads(line) for line in said.splitlines()]
-    assert code == 0 and len(lines) == 14
-    assert [line["date"] for line in lines[:-1] if line["computed"]] == ["2008-03-13", "2008-03-22"]
+    assert code == 0 and len(lines) == 27  # a line per day and estimator, and the summary
+    computed = {(line["date"], line["estimator"]) for line in lines[:-1] if line["computed"]}
+    assert computed == set(product(("2008-03-13", "2008-03-22"), ("jmap", "posterior")))
     whole = lines[-1]["summary"]
     assert (whole["data_sets"], whole["computed"], whole["reused"]) == (13, 2, 11)
 
@@ -198,7 +200,7 @@ def test_a_bad_day_is_a_row_with_its_reason_and_nothing_else_is_lost(data, tmp_p
     (data / "2008-03-15.csv").write_bytes(b"")
     code, _ = rivid("run", data, "--out", out)
     assert code == 3
-    (jmap,) = load_results(out).estimators
+    jmap, _ = load_results(out).estimators
     assert jmap.status.count("failed") == 2 and jmap.status.count("ok") == 10
     assert "2008-03-12.csv" in jmap.messages[2]
     assert rivid("run", data, "--out", out)[0] == 0, "they had failed before"
@@ -228,10 +230,10 @@ def test_a_constant_inflow_is_unidentifiable(data, tmp_path):
     with_inflow("2008-03-12", lambda i: "300")
     with_inflow("2008-03-14", lambda i: f"{300 + i % 7 * 1e-9:.12f}")
     assert rivid("run", data, "--out", tmp_path / "out", "--no-figures")[0] == 0
-    (jmap,) = load_results(tmp_path / "out").estimators
+    jmap, posterior = load_results(tmp_path / "out").estimators
     assert [jmap.status[i] for i in (2, 4)] == ["unidentifiable"] * 2
     assert "does not move" in jmap.messages[2]
-    assert jmap.status.count("ok") == 10
+    assert jmap.status.count("ok") == 10 and posterior.status[2] == posterior.status[4] == "unidentifiable"
 
 
 def test_too_few_samples_for_the_fir_fail_the_day(tmp_path):
@@ -241,8 +243,8 @@ def test_too_few_samples_for_the_fir_fail_the_day(tmp_path):
     assert (
         rivid("run", tmp_path / "data", "--out", tmp_path / "out", "--config", config, "--no-figures")[0] == 3
     )
-    (jmap,) = load_results(tmp_path / "out").estimators
-    assert "24 samples are too few" in jmap.messages[0]
+    jmap, posterior = load_results(tmp_path / "out").estimators
+    assert "24 samples are too few" in jmap.messages[0] and posterior.status[0] == "failed"
 
 
 def test_windows_of_three_days(data, tmp_path):
@@ -250,10 +252,10 @@ def test_windows_of_three_days(data, tmp_path):
     config.write_text("[run]\nwindow_days = 3\n")
     (data / "2008-03-14.csv").unlink()
     assert rivid("run", data, "--out", tmp_path / "out", "--config", config, "--no-figures")[0] == 3
-    (jmap,) = load_results(tmp_path / "out").estimators
+    jmap, posterior = load_results(tmp_path / "out").estimators
     assert [str(d) for d in jmap.dates[:2]] == ["2008-03-12", "2008-03-13"]
     assert [s for s in jmap.status if s == "failed"] == ["failed"] * 2
-    assert "2008-03-14" in jmap.messages[2]
+    assert "2008-03-14" in jmap.messages[2] and "2008-03-14" in posterior.messages[2]
     table = pq.read_table(tmp_path / "out" / "delays.parquet")
     assert set(table["n_samples"].to_pylist()) == {None, 1949}
 

@@ -104,7 +104,7 @@ def test_a_log_shorter_than_a_window_fails_with_the_reason(tmp_path):
     write_log(tmp_path / "data" / "2024-03-14.csv", [stretch(1)])
     settings = parse(SETTINGS | {"run": {"window": "5 min"}}, Config)
     run(tmp_path / "data", tmp_path / "out", settings, Options(workers=1))
-    (row,) = rows_of(tmp_path / "out")
+    row, _ = rows_of(tmp_path / "out")
     assert row["status"] == "failed" and "holds no 5 min in a row" in row["message"]
 
 

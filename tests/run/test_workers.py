@@ -46,7 +46,7 @@ def test_the_day_that_kills_its_worker_is_alone_and_failed(tmp_path, monkeypatch
         [*words, "--workers", "2"], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
     )
     assert done.returncode == 3, done.stderr
-    (jmap,) = load_results(tmp_path / "out").estimators
+    jmap, _ = load_results(tmp_path / "out").estimators
     assert [s == "failed" for s in jmap.status] == [str(d) == "2008-03-13" for d in jmap.dates]
     assert "worker process died" in jmap.messages[3]
 
@@ -66,8 +66,8 @@ def test_one_worker_draws_in_the_process_itself_and_two_draw_the_same_bytes(tmp_
         run(tmp_path / "data", tmp_path / "1", Config(), Options(workers=1))
     run(tmp_path / "data", tmp_path / "2", Config(), Options(workers=2))
     one, two = ({p.name: p.read_bytes() for p in (tmp_path / n / "figures").iterdir()} for n in "12")
-    assert len(one) == 5 and one == two
-    assert (tmp_path / "1" / "report.html").read_bytes().count(b"data:image/png") == 5
+    assert len(one) == 9 and one == two
+    assert (tmp_path / "1" / "report.html").read_bytes().count(b"data:image/png") == 9
 
 
 @pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.long)])
