@@ -16,6 +16,7 @@ LAYERS = (
     ("effects", "logs"),
     ("simulation", "results"),
     ("check", "diagnosis"),
+    ("export", "forecast"),
     ("plots",),
     ("report",),
     ("run",),

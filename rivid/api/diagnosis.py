@@ -109,8 +109,8 @@ class DiagnosisResult(Result):
         RividError
             If a file cannot be written.
         """
+        from rivid.diagnosis.calibrated import write_model
         from rivid.diagnosis.choice import library_of
-        from rivid.diagnosis.result import write_model
         from rivid.report.diagnosis import write_diagnosis
 
         page = write_diagnosis(
@@ -118,7 +118,10 @@ class DiagnosisResult(Result):
             classes=library_of(self.config),
         )  # fmt: skip
         if self.evidence is not None:
-            write_model(Path(out) / "model.toml", self.answer, self.evidence.record, self.config, self.start)
+            write_model(
+                Path(out) / "model.toml", self.answer, self.evidence.record, self.config, self.start,
+                self.evidence.model,
+            )  # fmt: skip
         return page
 
     _between = 0.57  # room for the dates of the upper panel
@@ -203,9 +206,9 @@ def diagnose(
     The steps are described in docs/diagnose.md. Two months take half a minute, a year some minutes.
     """
     from rivid.diagnosis import workflow
+    from rivid.diagnosis.calibrated import read_effects
     from rivid.diagnosis.choice import gauge_floor_of, library_of, responses_of
     from rivid.diagnosis.data import read_record
-    from rivid.diagnosis.result import read_effects
 
     begin, end = as_date(first), as_date(last)
     failed: tuple[tuple[dt.date | None, str], ...] = ()

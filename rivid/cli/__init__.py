@@ -18,6 +18,7 @@ from rivid.errors import RividError
 COMMANDS = {
     "run": "Estimate every day of DATA_DIR that is new or changed.",
     "diagnose": "Find the effects that a simulation of the reach lacks.",
+    "forecast": "Forecast the next hours from a diagnosed model.",
     "check": "Report faults in the logs, without estimating.",
     "sniff": "Propose an [input] block for a foreign export.",
     "ingest": "Convert foreign exports to daily logs.",
@@ -27,6 +28,7 @@ COMMANDS = {
     "figures": "Redraw figures and report from stored results.",
     "fleet": "Report on all reaches of a fleet together.",
     "season": "Join the days of a run; fit delay against discharge.",
+    "export": "Write a model or delays for other software.",
     "completion": "Print the script that completes commands in a shell.",
 }
 """Each command with its line in ``rivid --help``."""

@@ -11,7 +11,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.decision import ALONE, TOGETHER, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
-from rivid.diagnosis.fit import HOURS, DayErrors, day_errors
+from rivid.diagnosis.fit import HOURS, DayErrors, Model, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.result import (
@@ -65,6 +65,8 @@ class Evidence:
         The unexplained inflow w [m3/s] and its standard deviation, from whole days.
     step_response : ndarray, shape (n,)
         Output at each sample after 1 m3/s more flows in at the upstream dam.
+    model : Model or None
+        As it was fitted, with the named effects.
     """
 
     record: Record
@@ -78,6 +80,7 @@ class Evidence:
     inflow_after: Floats
     inflow_after_sd: Floats
     step_response: Floats
+    model: Model | None = None
 
 
 def conclude(
@@ -398,6 +401,7 @@ def _evidence(study: Study) -> Evidence:
     return Evidence(
         record, study.split, runs[0], runs[1], first.residual, last.residual,
         smooth[0].inflow, smooth[0].inflow_sd, smooth[1].inflow, smooth[1].inflow_sd, study.kernels["up"],
+        replace(last.whole, noise=last.noise),
     )  # fmt: skip
 
 

@@ -62,14 +62,18 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Probability of each explanation, shape (explanations,).
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. So all scores are divided by the inflation of
-    the likeliest explanation; that of something unknown is 1, for there the scatter is what is unknown.
+    times the variance the gain of chance is c times as large. So what is gained over the best explanation by
+    something unknown is divided by the inflation of the likeliest one. An unknown has none, for there the
+    scatter is what is unknown: what predicts worse than it is compared with it as it is.
     """
     scores = scores_of(pool, chosen, blocks)
-    temper = TEMPER / pool[int(np.argmax(scores.sum(axis=1)))].inflation
+    total = scores.sum(axis=1)
+    unknown = [i for i, one in enumerate(pool) if one.unknown in ("flow", "gauge")]
+    best = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
+    doubt = np.where(total > total[best], pool[int(np.argmax(total))].inflation, 1.0)
     return probabilities(
-        scores, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1], temper=temper,
-        draws=DRAWS,
+        scores[best] + (scores - scores[best]) / doubt[:, None], [one.log_prior for one in pool],
+        parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
 
 

@@ -152,6 +152,7 @@ def find_effects(
             search.extend(parent)
         lead = search.polished(search.lead())
         search.level_rivals(lead)
+        search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
         if turn == most - 1 or lead.names == parent.names and lead.unknown in ("", parent.unknown):
             break

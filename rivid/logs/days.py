@@ -781,3 +781,40 @@ def _count_outside(log: Log, date: dt.date, notes: Counter[str]) -> None:
         )
     if outside:
         notes["rows of other days dropped"] += outside
+
+
+def read_series(
+    root: Path, sources: Sequence[DaySource], config: Config
+) -> tuple[TimedValues, dt.tzinfo | None, list[str]]:
+    """Values of some days as they are logged, on no grid; days that cannot be read are left out.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or one file.
+    sources : sequence of DaySource
+        In date order.
+    config : Config
+
+    Returns
+    -------
+    dict of str to (ndarray, ndarray)
+        Times [us UTC] and values of each canonical column, shape (n,) each; empty where no day can be read.
+    datetime.tzinfo or None
+        Zone of the last day that was read.
+    list of str
+        Reasons of the days that were left out.
+    """
+    spec, folder = spec_of(config), root if root.is_dir() else root.parent
+    parts: list[TimedValues] = []
+    zone, refused = None, []
+    for source in sources:
+        try:
+            series, zone = _day(folder, source, spec, Counter())
+        except DataError as error:
+            refused.append(str(error))
+        else:
+            parts.append(series)
+    names = [signal.name for signal in spec.signals]
+    empty = (np.empty(0, np.int64), np.empty(0))
+    return {name: _join([part[name] for part in parts]) if parts else empty for name in names}, zone, refused

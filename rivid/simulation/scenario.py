@@ -218,6 +218,10 @@ class Scenario(Section):
         tuple[Annotated[dict[str, Any], AfterValidator(_an_effect)], ...],
         Means("-", "tables `[[effects]]`: what is hidden, see the effects"),
     ] = ()
+    calibration: Annotated[
+        dict[str, Any] | None,
+        Means("-", "table of a diagnosis' model.toml, for `forecast` and `export`; not simulated"),
+    ] = None
     cascade: Annotated[
         tuple[dict[str, Any], ...],
         Means("-", "tables `[[cascade]]`: what differs from reach to reach, each fed by the one before"),

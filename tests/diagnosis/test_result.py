@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rivid.config import Config, parse
+from rivid.diagnosis.calibrated import write_model
 from rivid.diagnosis.response.base import vector_of
-from rivid.diagnosis.result import Estimate, write_model
+from rivid.diagnosis.result import Estimate
 from rivid.simulation.scenario import load_scenario
 from rivid.simulation.season import Water
 from tests.diagnosis.answers import BYPASS, LOCKS, diagnosis, evidence_of, gap_of

@@ -226,6 +226,19 @@ class NoiseModel:
             return Smoothed(s, np.sqrt(variance[..., 2]), s, s)
         return Smoothed(w, np.sqrt(variance[..., 1]), x, s)
 
+    def ahead(self, residual: ArrayLike, activity: ArrayLike | None = None) -> tuple[Floats, Floats]:
+        """Expected residual, and the standard deviation of a reading about it, shape (days, n) [m].
+
+        Of each sample by those before it that are there: after the last one they are forecasts.
+        """
+        from rivid.diagnosis.noise.kalman import filtered, gains, gather
+
+        (values, there), m = gather(residual), self.system()
+        K, _, P = gains(np.ascontiguousarray(there.T), _moved(activity, values.shape), m, True)
+        states, _ = filtered(values, K, m)
+        variance = P[0].T + 2.0 * P[2].T + P[5].T + m.gauge
+        return states[..., 0] + states[..., 2], np.sqrt(variance)
+
     def simulate(
         self, days: int, n: int, rng: np.random.Generator, activity: ArrayLike | None = None
     ) -> Floats:

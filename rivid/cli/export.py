@@ -1,0 +1,42 @@
+"""``rivid export``."""
+
+from pathlib import Path
+
+import click
+
+from rivid.cli import options as shared
+
+FORMATS = ("state-space", "rtc-tools", "pypsa", "csv")
+
+
+@click.command("export")
+@click.argument("source", type=shared.PATH)
+@shared.value("--to", shared.OneOf(FORMATS), "|".join(FORMATS), "The format.", required=True)
+@shared.value(
+    "--out", shared.NEW_DIRECTORY, "DIR", "Directory of the files; default: SOURCE/export.", short="-o"
+)
+@click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
+def command(source: Path, to: str, out: Path | None, quiet: bool) -> int:
+    """Write a calibrated reach, or its delays, for other software.
+
+    SOURCE is, for state-space and rtc-tools, the model.toml of `rivid diagnose` or its directory; for pypsa
+    and csv the directory of a run that `rivid season` has joined.
+
+    \b
+    state-space  discrete A, B, C, D and noise covariances with true dead time: .npz, .mat, .json
+    rtc-tools    parameters of an IDZ block (pool) or a LagAndK block (river): parameters.csv
+    pypsa        a link for each class of discharge, with its delay: links.csv, buses.csv
+    csv          delay against discharge, with its interval
+
+    \b
+    Examples:
+      rivid export out/found --to state-space
+      rivid export out/sure --to csv --out out/law
+    """
+    from rivid.export import export
+
+    folder = source if source.is_dir() else source.parent
+    for path in export(source, out or folder / "export", to):
+        if not quiet:
+            click.echo(str(path))
+    return 0

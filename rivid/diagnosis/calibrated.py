@@ -1,0 +1,281 @@
+"""model.toml: the calibrated reach as a scenario, and in `[calibration]` as it was fitted, written and read.
+
+A table of the response's own fields, so that the model that is read is the one that was fitted.
+"""
+
+import datetime as dt
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from rivid import __version__
+from rivid.atomic import write_text
+from rivid.config import Config, read_toml
+from rivid.core.hydraulics import GRAVITY
+from rivid.diagnosis.data import Kind, Record
+from rivid.diagnosis.fit import Model
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.response.base import FreeParameter, Response, kernels_of
+from rivid.diagnosis.response.hydraulic import HydraulicResponse, bed_width
+from rivid.diagnosis.response.linear import LinearPool
+from rivid.diagnosis.response.river import RiverResponse
+from rivid.diagnosis.result import Diagnosis
+from rivid.effects import Effect, build, effect_classes
+from rivid.errors import ConfigError, RividError
+from rivid.types import Floats
+
+RESPONSES: tuple[type[Any], ...] = (HydraulicResponse, LinearPool, RiverResponse)
+
+
+@dataclass(frozen=True, eq=False)
+class ReachModel:
+    """A calibrated reach: response, noise and effects.
+
+    Attributes
+    ----------
+    name : str
+        Of the reach.
+    model : Model
+    sample_time : float
+        T_s [s].
+    origin : dict
+        Where the model comes from: days, verdict, version, intervals of its parameters.
+    """
+
+    name: str
+    model: Model
+    sample_time: float
+    origin: dict[str, Any]
+
+    @property
+    def kind(self) -> Kind:
+        """Pool, with a level as output, or river, with a discharge."""
+        return "river" if self.model.reach.surface_area is None else "pool"
+
+    @property
+    def noise(self) -> NoiseModel:
+        """The noise of the residual; a calibrated model has one."""
+        assert self.model.noise is not None
+        return self.model.noise
+
+    def kernels(self, samples: int) -> dict[str, Floats]:
+        """Step responses `up` and `down` about the usual flow, shape (samples,) [m per m3/s, or -].
+
+        See :func:`rivid.diagnosis.response.base.kernels_of`.
+        """
+        row = np.arange(float(samples)) * self.sample_time
+        flow, one = np.full((1, samples), self.model.flow), np.ones((1, samples), bool)
+        still = Record(
+            dates=(dt.date(2000, 1, 1),), time=row[None], inflow=flow,
+            outflow=flow if self.kind == "pool" else np.zeros((1, samples)),
+            output=np.full((1, samples), self.model.level), used=one, lead=0,
+            sample_time=self.sample_time, kind=self.kind,
+        )  # fmt: skip
+        return kernels_of(self.model.reach, still)
+
+
+def calibration(model: Model) -> dict[str, Any]:
+    """The table `[calibration]` of a model: its response, noise and references."""
+    reach, noise = model.reach, model.noise
+    assert noise is not None
+    own = {
+        f.name: value
+        for f in fields(reach)  # type: ignore[arg-type]  # all responses are dataclasses
+        if f.init and f.name != "parameters" and (value := getattr(reach, f.name)) is not None
+    }
+    return {
+        "response": type(reach).__name__,
+        "settings": own,
+        "parameters": {p.name: p.natural for p in reach.parameters},
+        "noise": {f.name: value for f in fields(noise) if (value := getattr(noise, f.name)) is not None},
+        "level": model.level,
+        "flow": model.flow,
+        "gauge_floor": model.gauge_floor,
+    }
+
+
+def load_model(path: Path | str) -> ReachModel:
+    """Read the calibrated reach of `rivid diagnose`.
+
+    Parameters
+    ----------
+    path : Path or str
+        model.toml, or the directory that holds it.
+
+    Returns
+    -------
+    ReachModel
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, has no `[calibration]`, or one that is not complete.
+    """
+    path = Path(path)
+    path = path / "model.toml" if path.is_dir() else path
+    raw = read_toml(path)
+    table = raw.get("calibration")
+    if not isinstance(table, Mapping):
+        raise ConfigError(
+            f"{path}: no table [calibration]: expected the model.toml of `rivid diagnose`, version 0.2 or "
+            "later; run the diagnosis again"
+        )
+    try:
+        reach = _response(table)
+        noise = NoiseModel(**{"surface_area": None, **table["noise"]})
+        classes = effect_classes(raw.get("effects_file"))
+        effects = tuple(build(one, classes) for one in raw.get("effects", []))
+        model = Model(
+            reach, noise, float(table["level"]), float(table["flow"]), float(table["gauge_floor"]), effects,
+            ((),) * len(effects),
+        )  # fmt: skip
+        return ReachModel(
+            str(raw["reach"]["name"]), model, float(raw["reach"]["sample_time"]), dict(table["origin"])
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise ConfigError(
+            f"{path}: [calibration] is not complete ({what}): run the diagnosis again"
+        ) from None
+    except RividError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def _response(table: Mapping[str, Any]) -> Response:
+    classes = {one.__name__: one for one in RESPONSES}
+    if table["response"] not in classes:
+        raise ConfigError(f"response = {table['response']!r}: expected one of {', '.join(classes)}")
+    parameters = tuple(
+        FreeParameter(name, "", float(v), float(v), 0.0, float(v), float(v))
+        for name, v in table["parameters"].items()
+    )
+    own = {k: tuple(v) if isinstance(v, list) else v for k, v in table["settings"].items()}
+    response: Response = classes[table["response"]](parameters=parameters, **own)
+    return response
+
+
+MODEL_COMMENT = """\
+# The calibrated reach with the effects that a diagnosis named, SI units; flow programme and operators are the
+# default ones.
+"""
+
+
+def write_model(
+    path: Path,
+    diagnosis: Diagnosis,
+    record: Record,
+    config: Config,
+    start: Sequence[Effect] = (),
+    model: Model | None = None,
+) -> None:
+    """Write the calibrated reach and the named effects as a scenario.
+
+    Parameters
+    ----------
+    path : Path
+    diagnosis : Diagnosis
+    record : Record
+    config : Config
+        Of the diagnosis.
+    start : sequence of Effect
+        Effects known from the start.
+    model : Model, optional
+        What `[calibration]` holds; without it the file is a scenario alone.
+
+    Notes
+    -----
+    `rivid simulate` runs that of a pool; that of a river reach is for `diagnose --model`, `forecast` and
+    `export`.
+    """
+    reach = config.reach
+    noise = diagnosis.noise or {}
+    found = {e.name: e.value for e in diagnosis.reach_parameters}
+    daily = record.inflow[:, record.lead :].mean(axis=1)
+    level = record.usual_output
+    tables: dict[str, dict[str, Any]] = {}
+    tables["reach"] = {"name": reach.name, "kind": reach.kind, "sample_time": reach.sample_time}
+    tables["reach"]["length"] = found.get("length", reach.length)
+    tables["reach"]["width"] = found.get("width", reach.width)
+    if record.kind == "pool" and "surface_area" in found:  # a pool without hydraulics
+        tables["reach"] |= {"surface_area": found["surface_area"], "inflow_gain": found["inflow_gain"]}
+        tables["reach"] |= {"depth": reach.depth, "wave_depth": _wave_depth(config, record, found["delay"])}
+    if record.kind == "pool" and "length" in found:
+        modes = {k: [v for n, v in found.items() if n.startswith(f"{k}_mode")] for k in ("width", "bed")}
+        modes["bed"] = [0.0, *modes["bed"]]  # the first is the fall
+        tables["reach"]["width"] = bed_width(found["width"], found["bank"], found["depth"])
+        tables["channel"] = {
+            "bed_level": level - found["depth"] - 0.5 * found["fall"],
+            "slope": found["fall"] / found["length"],
+            "manning": found["manning"], "side_slope": found["bank"], "gate_time": found["gate_time"],
+            "width_modes": modes["width"], "bed_modes": modes["bed"],
+        }  # fmt: skip
+    tables["flow"] = {
+        "mean": float(np.median(daily)), "lowest": float(daily.min()), "highest": float(daily.max()),
+    }  # fmt: skip
+    if record.kind == "pool":
+        tables["operators"] = {"level_gain": -50.0}
+        tables["level"] = {"set_point": level, "drawdown": 0.0, "noise": noise.get("gauge_sd", 0.003)}
+        tables["level"]["lag"] = found.get("gauge_lag", 0.0)
+        tables["weather"] = {
+            "inflow": noise.get("inflow_sd", 0.0), "memory": noise.get("inflow_memory", 3600.0), "place": 0.5,
+        }  # fmt: skip
+    document: dict[str, Any] = {
+        "name": f"{reach.name}-augmented", "first_day": record.dates[0],
+        "days": (record.dates[-1] - record.dates[0]).days + 1,
+    }  # fmt: skip
+    if config.diagnose.effects_file is not None:
+        document["effects_file"] = str(Path(config.diagnose.effects_file).resolve())
+    document |= tables
+    if model is not None:
+        document["calibration"] = calibration(model) | {
+            "origin": {
+                "first": record.dates[0], "last": record.dates[-1], "days": record.days,
+                "verdict": diagnosis.verdict, "rivid": __version__,
+                "intervals": {e.name: [e.low, e.high] for e in diagnosis.reach_parameters},
+            }
+        }  # fmt: skip
+    if effects := [e.to_table() for e in start] + [e.table for e in diagnosis.effects]:
+        document["effects"] = effects
+    write_text(path, MODEL_COMMENT + tomli_w.dumps(_rounded(document)))
+
+
+def _wave_depth(config: Config, record: Record, delay: float) -> float:
+    """Depth at which a wave takes `delay` [s] at the usual flow [m]."""
+    reach = config.reach
+    celerity = reach.length / delay - record.usual_flow / (reach.width * reach.depth)
+    return max(celerity, 0.1) ** 2 / GRAVITY
+
+
+def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:
+    """The effects of an augmented model.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read or an effect is impossible.
+    """
+    raw = read_toml(path)
+    tables = raw.get("effects", [])
+    if not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):
+        raise ConfigError(f"{path}: effects: expected tables [[effects]], as model.toml of a diagnosis has")
+    classes = effect_classes(config.diagnose.effects_file)
+    return tuple(build(table, classes) for table in tables)
+
+
+def _rounded(value: Any) -> Any:
+    """TOML values with plain numbers, those above 1e-3 to nine decimals."""
+    if isinstance(value, dict):
+        return {key: _rounded(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(part) for part in value]
+    if isinstance(value, bool | str | int | dt.date):
+        return value
+    number = float(value)
+    if not math.isfinite(number):
+        raise ConfigError(f"a parameter of the model is {number}: expected a finite number")
+    return round(number, 9) if abs(number) > 1e-3 else number

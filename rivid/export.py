@@ -1,0 +1,342 @@
+"""The calibrated reach for other software: matrices with dead times, routing parameters, delays by discharge.
+
+Each file says where it comes from: the days, the verdict, the version and the intervals of the parameters.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rivid import __version__
+from rivid.atomic import replacing, write_text
+from rivid.diagnosis.calibrated import ReachModel, load_model
+from rivid.errors import ConfigError, NoDataError
+from rivid.results.store import finite
+from rivid.types import DAY, HOUR, Floats
+
+if TYPE_CHECKING:
+    import control
+    from scipy.signal import StateSpace as ScipyStateSpace
+
+LONGEST = 2.0 * DAY
+"""Length of the step responses that are realised [s]."""
+STARTED = 1e-3
+"""Share of the largest response before which it is dead time."""
+KEPT = 2e-3
+"""Least Hankel singular value that is kept, over the largest: the step response is off by about as much."""
+MOST_STATES = 12
+"""Most states of one response, dead time aside."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A discrete linear model of a reach about its usual flow, with dead times as states.
+
+    ``x[k+1] = A x[k] + B u[k] + G e[k]``, ``y[k] = C x[k] + D u[k] + v[k]``; u and y are deviations from
+    `operating`.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray, shapes (n, n), (n, p), (1, n), (1, p)
+        Inputs u_Qi and, of a pool, u_Qo [m3/s]; output h_L [m] or Q_L [m3/s].
+    G : ndarray, shape (n, q)
+        How the process noise enters.
+    Q, R : ndarray, shapes (q, q), (1, 1)
+        Covariances of e and v, by sample.
+    sample_time : float
+        T_s [s].
+    inputs, outputs, states : tuple of str
+        Names; states `u_Qi[k-3]` are dead time.
+    delays : tuple of int
+        Dead time of each input [samples].
+    operating : dict of str to float
+        Usual level [m] or discharge, and flow [m3/s].
+    origin : dict
+        Where the model comes from.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    G: Floats
+    Q: Floats
+    R: Floats
+    sample_time: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    delays: tuple[int, ...]
+    operating: dict[str, float]
+    origin: dict[str, Any]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each input and output."""
+        return {name: "m" if name == "h_L" else "m3/s" for name in (*self.inputs, *self.outputs)}
+
+    def to_scipy(self) -> "ScipyStateSpace":
+        """As :class:`scipy.signal.StateSpace`, without the noise."""
+        from scipy.signal import StateSpace as Made
+
+        return Made(self.A, self.B, self.C, self.D, dt=self.sample_time)
+
+    def to_control(self) -> "control.StateSpace":
+        """As :class:`control.StateSpace` of python-control, without the noise.
+
+        Raises
+        ------
+        ConfigError
+            Where python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError:
+            raise ConfigError("python-control is not installed: pip install control") from None
+        return control.ss(
+            self.A, self.B, self.C, self.D, self.sample_time, inputs=list(self.inputs),
+            outputs=list(self.outputs), states=list(self.states),
+        )  # fmt: skip
+
+    def arrays(self) -> dict[str, Any]:
+        """All of it as arrays and texts, for .npz and .mat."""
+        about = json.dumps(_json(self.origin | {"operating": self.operating, "units": self.units}))
+        return {
+            "A": self.A, "B": self.B, "C": self.C, "D": self.D, "G": self.G, "Q": self.Q, "R": self.R,
+            "sample_time": self.sample_time, "inputs": list(self.inputs), "outputs": list(self.outputs),
+            "states": list(self.states), "delays": np.array(self.delays), "about": about,
+        }  # fmt: skip
+
+
+def state_space(model: ReachModel) -> StateSpace:
+    """Realise a calibrated reach about its usual flow.
+
+    The response to each flow is its dead time, a chain of states, and then the balanced realisation of its
+    impulse response (Ho and Kalman 1966; Kung 1978). A pool's level keeps what has flowed in: its response
+    ends in an integrator of its own.
+
+    Parameters
+    ----------
+    model : ReachModel
+
+    Returns
+    -------
+    StateSpace
+    """
+    T, pool = model.sample_time, model.kind == "pool"
+    steps = model.kernels(round(LONGEST / T) + 1)
+    responses = [steps["up"], -steps["down"]] if pool else [steps["up"]]
+    inputs = ("u_Qi", "u_Qo") if pool else ("u_Qi",)
+    parts = [_realised(np.diff(step, prepend=0.0), pool) for step in responses]
+    blocks, names, delays = [], [], []
+    for name, (dead, (a, b, c)) in zip(inputs, parts, strict=True):
+        chain = np.eye(dead, k=-1)
+        A = np.zeros((dead + len(a), dead + len(a)))
+        A[:dead, :dead], A[dead:, dead:] = chain, a
+        B, C = np.zeros((len(A), 1)), np.zeros((1, len(A)))
+        if dead:
+            B[0, 0], A[dead:, dead - 1] = 1.0, b
+        else:
+            B[:, 0] = b
+        C[0, dead:] = c
+        blocks.append((A, B, C))
+        names += [f"{name}[k-{lag}]" for lag in range(1, dead + 1)]
+        names += [f"{name} state {j + 1}" for j in range(len(a))]
+        delays.append(dead)
+    noise, m = model.noise, model.noise.system()
+    # x gathers the unlogged inflow w, s is a noise of the level or of a river's discharge
+    extra = np.array([[1.0, m.c, 0.0], [0.0, m.phi, 0.0], [0.0, 0.0, m.psi]])
+    variance = np.diag([m.walk, (1.0 - m.phi**2) * m.inflow, (1.0 - m.psi**2) * m.level])
+    kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0])
+    extra, variance = extra[np.ix_(kept, kept)], variance[np.ix_(kept, kept)]
+    reads = np.array([1.0, 0.0, 1.0])[kept]
+    names += [n for n, k in zip(("level error", "unlogged inflow", "level noise"), kept, strict=True) if k]
+    n = sum(len(A) for A, _, _ in blocks)
+    A = np.zeros((n + len(extra), n + len(extra)))
+    B, C = np.zeros((len(A), len(blocks))), np.zeros((1, len(A)))
+    at = 0
+    for j, (a, b, c) in enumerate(blocks):
+        here = slice(at, at + len(a))
+        A[here, here], B[here, j : j + 1], C[:, here] = a, b, c
+        at += len(a)
+    A[n:, n:], C[0, n:] = extra, reads
+    G = np.vstack([np.zeros((n, len(extra))), np.eye(len(extra))])
+    level = "level" if pool else "discharge"
+    return StateSpace(
+        A, B, C, np.zeros((1, len(blocks))), G, variance, np.array([[m.gauge]]), T, inputs,
+        ("h_L",) if pool else ("Q_L",), tuple(names), tuple(delays),
+        {level: model.model.level, "flow": model.model.flow}, _origin(model),
+    )  # fmt: skip
+
+
+def _realised(impulse: Floats, integrates: bool) -> tuple[int, tuple[Floats, Floats, Floats]]:
+    """Dead time [samples], and A, b, c of the rest of an impulse response (n,), its first value at lag 0.
+
+    What a flow does within its own sample comes out at the next one: the output is read before the flow of
+    its sample has passed.
+    """
+    seen = np.abs(impulse) >= STARTED * np.abs(impulse).max()
+    dead = max(int(np.argmax(seen)) - 1, 0)
+    rest = impulse[dead + 1 :]
+    last = float(rest[-max(len(rest) // 8, 1) :].mean()) if integrates else 0.0
+    decaying = rest - last
+    half = len(decaying) // 2
+    index = np.arange(half)[:, None] + np.arange(half)
+    U, sizes, V = np.linalg.svd(decaying[np.minimum(index, len(decaying) - 1)])
+    order = min(max(int((sizes > KEPT * sizes[0]).sum()), 1), MOST_STATES)
+    root = np.sqrt(sizes[:order])
+    left, right = U[:, :order] * root, root[:, None] * V[:order]
+    a = np.linalg.pinv(left[:-1]) @ left[1:]
+    b, c = right[:, 0], left[0]
+    if integrates:
+        a = np.block([[a, np.zeros((order, 1))], [np.zeros((1, order)), np.ones((1, 1))]])
+        b, c = np.append(b, last), np.append(c, 1.0)
+    return dead, (a, b, c)
+
+
+def routing(model: ReachModel) -> dict[str, float]:
+    """Parameters of RTC-Tools' routing blocks: `IDZ` of a pool, `LagAndK` of a river; SI units.
+
+    From the step responses. A pool: delay of the inflow, area Ad and the level's first rise p21 and p22
+    (integrator-delay-zero, Litrico and Fromion 2004). A river: the lag until its front, and K so that the
+    mean travel time is right.
+    """
+    T = model.sample_time
+    steps = model.kernels(round(LONGEST / T) + 1)
+    time = T * np.arange(len(steps["up"]))
+    if model.kind == "river":
+        up = steps["up"] / steps["up"][-1]
+        front = float(time[int(np.argmax(up >= 0.1))])
+        mean = float(((1.0 - up) * T).sum())
+        return {"Lag_parameter": front, "K_parameter": max(mean - front, 0.0), "gain": float(steps["up"][-1])}
+    late = time >= 0.5 * time[-1]
+    slope, begin = np.polyfit(time[late], steps["up"][late], 1)
+    rate = np.diff(steps["up"])
+    delay = float(time[int(np.argmax(rate >= 0.5 * rate[-1]))])
+    _, down = np.polyfit(time[late], steps["down"][late], 1)
+    return {
+        "delay": delay, "Ad": 1.0 / float(slope), "p21": float(begin + slope * delay), "p22": float(down),
+    }  # fmt: skip
+
+
+def _origin(model: ReachModel) -> dict[str, Any]:
+    return {"reach": model.name, "written_by": f"rivid {__version__}"} | model.origin
+
+
+def _json(value: dict[str, Any]) -> dict[str, Any]:
+    return {k: v if isinstance(v, int | float | str | list | dict) else str(v) for k, v in value.items()}
+
+
+def _state_space(source: Path, out: Path) -> list[Path]:
+    import scipy.io
+
+    arrays = state_space(load_model(source)).arrays()
+    writers: dict[str, Any] = {"npz": lambda file: np.savez(file, **arrays)}
+    writers["mat"] = lambda file: scipy.io.savemat(file, arrays)
+    for kind, write in writers.items():
+        with replacing(out / f"state_space.{kind}") as partial, open(partial, "wb") as file:
+            write(file)
+    values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in arrays.items()}
+    values["about"] = json.loads(arrays["about"])
+    write_text(out / "state_space.json", json.dumps(values, indent=1) + "\n")
+    return [out / f"state_space.{kind}" for kind in ("npz", "mat", "json")]
+
+
+def _rtc_tools(source: Path, out: Path) -> list[Path]:
+    model = load_model(source)
+    found = routing(model)
+    block = model.name.replace("-", "_")
+    names = [f"{block}.{name}" for name in found if name not in ("gain", "delay")]
+    values = [f"{v:.10g}" for name, v in found.items() if name not in ("gain", "delay")]
+    write_text(out / "parameters.csv", ",".join(names) + "\n" + ",".join(values) + "\n")
+    about = {"block": "IDZ" if model.kind == "pool" else "LagAndK", "values": found} | _origin(model)
+    write_text(out / "parameters.json", json.dumps(_json(about), indent=1) + "\n")
+    return [out / "parameters.csv", out / "parameters.json"]
+
+
+def law_of(source: Path) -> list[dict[str, float]]:
+    """Rows of delay_law.csv: discharge classes [m3/s] and their travel times [s].
+
+    Raises
+    ------
+    NoDataError
+        Where `rivid season` has not written it.
+    """
+    path = source / "delay_law.csv" if source.is_dir() else source
+    try:
+        rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+    except OSError:
+        raise NoDataError(
+            f"{path} cannot be read: expected the results of `rivid season`; run it on the results of a run"
+        ) from None
+    found = [{key: float(value) for key, value in row.items() if value} for row in rows]
+    if not found:
+        raise NoDataError(f"{path} has no class of discharge: see delay_law.json for the reason")
+    return found
+
+
+def _pypsa(source: Path, out: Path) -> list[Path]:
+    """links.csv for `pypsa.Network.import_from_csv_folder`: a link for each class of discharge."""
+    rows = law_of(source)
+    name = json.loads((source / "delay_law.json").read_text(encoding="utf-8"))["reach"]
+    lines = ["name,bus0,bus1,carrier,efficiency,p_nom,delay,cyclic_delay,delay_low_h,delay_high_h"]
+    for row in rows:
+        low, high = row["discharge_low_m3s"], row["discharge_high_m3s"]
+        delay = round(row["delay_s"] / HOUR)
+        ends = f"{row['delay_low_s'] / HOUR:.4g},{row['delay_high_s'] / HOUR:.4g}"
+        lines.append(
+            f"{name} {low:.0f}-{high:.0f} m3/s,{name} upstream,{name} downstream,water,1,{high:.6g},{delay},"
+            f"False,{ends}"
+        )
+    write_text(out / "links.csv", "\n".join(lines) + "\n")
+    buses = [f"{name} {end},water" for end in ("upstream", "downstream")]
+    write_text(out / "buses.csv", "\n".join(["name,carrier", *buses]) + "\n")
+    return [out / "links.csv", out / "buses.csv"]
+
+
+def _csv(source: Path, out: Path) -> list[Path]:
+    rows = law_of(source)
+    about = json.loads((source / "delay_law.json").read_text(encoding="utf-8"))
+    lines = [",".join(rows[0]), *(",".join(f"{v:.6g}" for v in row.values()) for row in rows)]
+    write_text(out / "delay_by_discharge.csv", "\n".join(lines) + "\n")
+    write_text(
+        out / "delay_by_discharge.json",
+        json.dumps(finite(about) | {"written_by": f"rivid {__version__}"}, indent=1) + "\n",
+    )
+    return [out / "delay_by_discharge.csv", out / "delay_by_discharge.json"]
+
+
+FORMATS: dict[str, tuple[str, Callable[[Path, Path], list[Path]]]] = {
+    "state-space": ("discrete A, B, C, D and noise covariances: .npz, .mat, .json", _state_space),
+    "rtc-tools": ("parameters of RTC-Tools' IDZ or LagAndK block: parameters.csv", _rtc_tools),
+    "pypsa": ("links with a delay for each class of discharge: links.csv, buses.csv", _pypsa),
+    "csv": ("delay against discharge with its interval", _csv),
+}
+"""What each format holds, and its writer: of model.toml the first two, of a season's law the others."""
+
+
+def export(source: Path, out: Path, form: str) -> list[Path]:
+    """Write a model or a law in a format of :data:`FORMATS`; return the files.
+
+    Parameters
+    ----------
+    source : Path
+        For `state-space` and `rtc-tools` the model.toml of `rivid diagnose` or its directory; for `pypsa` and
+        `csv` the directory of a run that `rivid season` has joined.
+    out : Path
+        Directory of the files; it is created.
+    form : str
+
+    Raises
+    ------
+    RividError
+        Where the source lacks what the format needs, or a file cannot be written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    return FORMATS[form][1](source, out)

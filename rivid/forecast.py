@@ -1,0 +1,427 @@
+"""The level or discharge of the next hours, from a calibrated reach and the logs until now.
+
+The reach is simulated through the logs and on, with the flows to come as the logs announce them, else held;
+the outflow of a pool then follows what arrives, as it did before. The residual until now gives, by the Kalman
+filter of the diagnosis, what is unlogged and on its way. How wrong such a forecast is, and what operators and
+programme will do, is learnt from the same forecast at earlier times of the record: for each horizon h
+
+    y(t + h) - y(t) = a f(t, h) + b (m - y(t)) + c (y(t + h - 24 h) - y(t)) + e + error,
+
+f the simulated change and m the mean output; the bands are quantiles of the errors of times that were left
+out of the fit. Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteorology 11,
+1203-1211).
+"""
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rivid.config import Config
+from rivid.diagnosis.calibrated import ReachModel
+from rivid.diagnosis.data import Record, activity
+from rivid.diagnosis.response.hydraulic import as_far_as_it_goes
+from rivid.errors import ConfigError, NoDataError
+from rivid.logs.days import find_days, read_series
+from rivid.logs.spec import MICRO, spec_of
+from rivid.types import DAY, HOUR, Bools, Floats, Ints
+
+HISTORY = 40
+"""Days before the forecast from which its errors are learnt: the weather and programme of a season."""
+HINDCASTS = 240
+"""Times in them, evenly spread: a 5 % quantile of errors then lies on its twelfth."""
+FEWEST = 48
+"""Fewest of these from which errors are learnt: twelve for each of four coefficients."""
+SETTLE = 6 * HOUR
+"""Time before each origin from which the filter learns the weather, beside the travel time [s]."""
+ARRIVED = 0.9
+"""Share of a river's step response after which water of before the row matters no more."""
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Quantiles of a forecast."""
+RIDGE = 1e-3
+"""Share of its own square that is added to each regressor: none is singular."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Logs on a grid, from some days ago until the last horizon.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Seconds since the local midnight of `first`.
+    first : datetime.date
+    inflow, outflow, output : ndarray, shape (n,)
+        Flows [m3/s], NaN where they are not known; outflow zero for a river. Output NaN where it is missing.
+    now : int
+        Index of the origin of the forecast.
+    begin : datetime.datetime
+        Time of the first sample, with the zone of the log.
+    """
+
+    time: Floats
+    first: dt.date
+    inflow: Floats
+    outflow: Floats
+    output: Floats
+    now: int
+    begin: dt.datetime
+
+    def moment(self, index: int) -> dt.datetime:
+        """Local time of a sample."""
+        later = dt.timedelta(seconds=float(self.time[index] - self.time[0]))
+        return (self.begin.astimezone(dt.UTC) + later).astimezone(self.begin.tzinfo)
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """A forecast.
+
+    Attributes
+    ----------
+    series : Series
+        With the flows that were assumed after the origin.
+    quantiles : ndarray, shape (5, H)
+        Of the output at each sample after the origin, at :data:`LEVELS` [m or m3/s].
+    announced : int
+        Samples after the origin with logged flows.
+    learnt : int
+        Earlier forecasts from which the bands are learnt; 0: they are those of the noise model.
+    delay_s : float
+        Time in which half of a small wave arrives at the usual flow [s].
+    notes : tuple of str
+    """
+
+    series: Series
+    quantiles: Floats
+    announced: int
+    learnt: int
+    delay_s: float
+    notes: tuple[str, ...] = ()
+
+
+def read_logs(
+    root: Path, config: Config, model: ReachModel, *, hours: float, at: dt.datetime | None = None
+) -> tuple[Series, tuple[str, ...]]:
+    """The logs that a forecast needs.
+
+    Parameters
+    ----------
+    root : Path
+        DATA_DIR, or one file.
+    config : Config
+    model : ReachModel
+    hours : float
+        Longest horizon [h].
+    at : datetime.datetime, optional
+        Origin; default: the last measured output. Later outputs are not used, later flows are announced.
+
+    Returns
+    -------
+    Series
+    tuple of str
+        Days that were left out, with the reason.
+
+    Raises
+    ------
+    NoDataError
+        Where no output is logged in the :data:`HISTORY` days before the origin.
+    ConfigError
+        Where the configuration is of another kind of reach or sample time than the model.
+    """
+    reach = config.reach
+    if (reach.kind, reach.sample_time) != (model.kind, model.sample_time):
+        raise ConfigError(
+            f"the model is of a {model.kind} at {model.sample_time:g} s, the configuration of a {reach.kind} "
+            f"at {reach.sample_time:g} s: expected the configuration of the diagnosis"
+        )
+    spec, sources = spec_of(config), find_days(root, config).days
+    if at is not None:
+        sources = [s for s in sources if s.date <= (at + dt.timedelta(hours=hours)).date()]
+    last = len(sources)
+    while last:  # the last day with an output; later ones may announce flows
+        series, zone, refused = read_series(root, sources[last - 1 : last], config)
+        times = series[spec.output][0]
+        if at is not None:
+            times = times[times <= at.timestamp() * MICRO]
+        if len(times) and zone is not None:
+            break
+        last -= 1
+    else:
+        raise NoDataError(f"{root}: no {spec.output} is logged {f'until {at}' if at else 'at all'}")
+    oldest = sources[last - 1].date - dt.timedelta(days=HISTORY)
+    kept = [s for s in sources if s.date >= oldest]
+    series, _, refused = read_series(root, kept, config)
+    origin = int(times[-1]) if at is None else round(at.timestamp() * MICRO)
+    step = round(model.sample_time * MICRO)
+    start = min(int(column[0][0]) for column in series.values() if len(column[0]))
+    back = min(max(origin - start, 0) // step, round(HISTORY * DAY / model.sample_time))
+    ahead = max(round(hours * HOUR / model.sample_time), 1)
+    grid = origin + step * np.arange(-back, ahead + 1)
+    found = {
+        signal.name: _held(series[signal.name], grid, spec.tolerance, spec.max_gap + signal.spacing)
+        if signal.held
+        else _between(series[signal.name], grid, spec.tolerance, spec.max_gap + signal.spacing)
+        for signal in spec.signals
+    }
+    begin = dt.datetime.fromtimestamp(grid[0] / MICRO, zone)
+    midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
+    output = found[spec.output]
+    output[back + 1 :] = np.nan
+    outflow = found.get("u_Qo", np.zeros(len(grid)))
+    made = Series(
+        (grid - grid[0]) / MICRO + (begin - midnight).total_seconds(), begin.date(), found["u_Qi"],
+        outflow if model.kind == "pool" else np.zeros(len(grid)), output, back, begin,
+    )  # fmt: skip
+    return made, tuple(refused)
+
+
+def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: int) -> Floats:
+    """A command at each time: the last one, for no longer than a gap."""
+    times, values = column
+    before = times.searchsorted(grid + late, side="right") - 1
+    if not len(times):
+        return np.full(len(grid), np.nan)
+    known = (before >= 0) & (grid - times[before] < gap)
+    return np.where(known, values[before], np.nan)
+
+
+def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: int) -> Floats:
+    """A measured quantity at each time, between neighbours that are no further apart than a gap."""
+    times, values = column
+    if not len(times):
+        return np.full(len(grid), np.nan)
+    after = np.minimum(times.searchsorted(grid - late), len(times) - 1)
+    before = np.maximum(times.searchsorted(grid + late, side="right") - 1, 0)
+    known = (times[before] <= grid + late) & (times[after] >= grid - late)
+    known &= times[after] - times[before] <= gap
+    return np.where(known, np.interp(grid, times, values), np.nan)
+
+
+def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) -> Forecast:
+    """Forecast the output after `series.now`.
+
+    Parameters
+    ----------
+    model : ReachModel
+    series : Series
+        Of :func:`read_logs`.
+    notes : sequence of str
+        Passed on to the result.
+
+    Returns
+    -------
+    Forecast
+
+    Raises
+    ------
+    NoDataError
+        Where the flows or the output before the origin are not known.
+    """
+    now, ahead = series.now, len(series.time) - 1 - series.now
+    known = np.isfinite(series.inflow) & np.isfinite(series.outflow)
+    announced = int(np.argmin(np.append(known[now + 1 :], False)))
+    lead = lead_of(model)
+    usable = _usable(series, known, lead, ahead)
+    if not known[max(now - lead, 0) : now + 1].all() or not np.isfinite(series.output[: now + 1]).any():
+        raise NoDataError(
+            f"the flows of the {lead * model.sample_time / HOUR:.0f} h before {series.moment(now)} are not "
+            "all logged: expected them for the water under way; see `rivid check`"
+        )
+    past = usable[np.linspace(0, len(usable) - 1, min(HINDCASTS, len(usable))).astype(int)]
+    rate = following(model, series)
+    origins = np.append(past, now)
+    simulated, sd, flows = run(model, series, origins, lead, ahead, announced, rate)
+    steps = np.arange(1, ahead + 1)
+    X = regressors(model, series, origins, simulated)
+    y0 = series.output[_latest(series.output, origins)]
+    if len(past) >= FEWEST:
+        target = series.output[past[:, None] + steps] - y0[:-1, None]
+        quantiles = Learnt.of(X[:-1], target, sd[:-1]).quantiles(X[-1:], sd[-1:])[:, 0]
+    else:
+        from scipy.special import ndtri
+
+        quantiles = simulated[-1] + ndtri(np.array(LEVELS))[:, None] * sd[-1]
+        more = (
+            f"{len(past)} earlier forecasts: expected {FEWEST} or more to learn from; the bands are the noise"
+        )
+        notes = (*notes, f"{more} model's, which holds flows to be known")
+    later = slice(now + 1, None)
+    inflow, outflow = series.inflow.copy(), series.outflow.copy()
+    inflow[later], outflow[later] = flows[0][-1], flows[1][-1]
+    up = model.kernels(lead + 1)["up"]
+    return Forecast(
+        replace(series, inflow=inflow, outflow=outflow), y0[-1] + quantiles, announced,
+        len(past) if len(past) >= FEWEST else 0, _half(model, up) * model.sample_time, tuple(notes),
+    )  # fmt: skip
+
+
+def lead_of(model: ReachModel) -> int:
+    """Samples before an origin that its forecast needs: the water under way, and :data:`SETTLE`."""
+    settle = round(SETTLE / model.sample_time)
+    up = model.kernels(max(round(4 * DAY / model.sample_time), 2))["up"]
+    if model.kind == "pool":
+        return settle + 2 * _half(model, up)
+    return settle + int(np.argmax(up >= ARRIVED * up[-1]))
+
+
+def _half(model: ReachModel, up: Floats) -> int:
+    """Samples until half of a step has arrived; at a pool, until its level rises at half of the last rate."""
+    rate = up if model.kind == "river" else np.diff(up)
+    return int(np.argmax(rate >= 0.5 * rate[-1]))
+
+
+def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
+    """Earlier origins with flows before and after them, an output at them, and targets before now."""
+    n, now = len(known), series.now
+    gaps = np.concatenate([[0], np.cumsum(~known)])
+    at = np.arange(lead, max(now - ahead + 1, lead))
+    at = at[(gaps[np.minimum(at + ahead + 1, n)] == gaps[at - lead]) & np.isfinite(series.output[at])]
+    targets = np.lib.stride_tricks.sliding_window_view(np.isfinite(series.output), ahead)[at + 1]
+    return np.asarray(at[targets.mean(axis=1) > 0.9] if len(at) else at)
+
+
+def _latest(output: Floats, origins: Ints) -> Ints:
+    """Index of the last measured output until each origin."""
+    last = np.maximum.accumulate(np.where(np.isfinite(output), np.arange(len(output)), 0))
+    return np.asarray(last[origins])
+
+
+def following(model: ReachModel, series: Series) -> float:
+    """Rate [1/s] at which the outflow went to what arrived: least squares over an hour, 0 to one an hour."""
+    if model.kind == "river":
+        return 0.0
+    up = model.kernels(max(round(DAY / model.sample_time), 2))["up"]
+    hour, delay = max(round(HOUR / model.sample_time), 1), _half(model, up)
+    arrived = np.concatenate([np.full(delay, np.nan), series.inflow[: len(series.inflow) - delay]])
+    gap = (arrived - series.outflow)[: series.now + 1 - hour]
+    moved = series.outflow[hour : series.now + 1] - series.outflow[: len(gap)]
+    there = np.isfinite(gap) & np.isfinite(moved)
+    square = float((gap[there] ** 2).sum())
+    share = float((gap * moved)[there].sum()) / square if square else 0.0
+    return float(-np.log1p(-min(max(share, 0.0), 0.98)) / HOUR)
+
+
+def run(
+    model: ReachModel,
+    series: Series,
+    origins: Ints,
+    lead: int,
+    ahead: int,
+    announced: int,
+    rate: float,
+) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    """Simulated change of the output after each origin, by the logs until there and the announced flows.
+
+    Parameters
+    ----------
+    model : ReachModel
+    series : Series
+    origins : ndarray of int, shape (m,)
+    lead, ahead : int
+        Samples before and after each origin.
+    announced : int
+        Samples after an origin with known flows.
+    rate : float
+        Of :func:`following`.
+
+    Returns
+    -------
+    change, sd : ndarray, shape (m, ahead)
+        Expected output less the last measured one, and its standard deviation by the noise [m or m3/s].
+    (inflow, outflow) : ndarray, shape (m, ahead)
+        The flows that were assumed [m3/s].
+    """
+    at = np.maximum(origins[:, None] + np.arange(-lead, ahead + 1), 0)
+    T, until = model.sample_time, lead + announced
+    inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
+    output[:, lead + 1 :] = np.nan
+    if until < lead + ahead:
+        inflow[:, until + 1 :] = inflow[:, until : until + 1]
+        if model.kind == "pool":
+            delay = _half(model, model.kernels(lead + 1)["up"])
+            for k in range(until + 1, lead + ahead + 1):
+                gap = inflow[:, max(k - delay, 0)] - outflow[:, k - 1]
+                outflow[:, k] = outflow[:, k - 1] + (1.0 - np.exp(-rate * T)) * gap
+    time = series.time[0] + (origins[:, None] + np.arange(-lead, ahead + 1)) * T
+    days = (time[:, lead] // DAY).astype(int).tolist()
+    record = Record(
+        dates=tuple(series.first + dt.timedelta(days=day) for day in days),
+        time=time, inflow=inflow, outflow=outflow, output=output, used=np.isfinite(output), lead=lead,
+        sample_time=T, kind=model.kind,
+    )  # fmt: skip
+    kernels = model.kernels(time.shape[1])
+    record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
+    baseline = as_far_as_it_goes(model.model.reach.baseline, record, model.model.changes(record))
+    mean, sd = model.noise.ahead(record.output - baseline, record.activity)
+    total = _hold(baseline + mean)
+    now = np.take_along_axis(output, _latest_of(output[:, : lead + 1])[:, None], axis=1)
+    later = slice(lead + 1, None)
+    return total[:, later] - now, sd[:, later], (inflow[:, later], outflow[:, later])
+
+
+def _hold(rows: Floats) -> Floats:
+    """Rows with the last finite value where nothing finite follows."""
+    last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[1]), 0), axis=1)
+    return np.take_along_axis(rows, last, axis=1)
+
+
+def _latest_of(output: Floats) -> Ints:
+    """Column of the last finite value of each row."""
+    last = np.where(np.isfinite(output), np.arange(output.shape[1]), 0).max(axis=1)
+    return np.asarray(last)
+
+
+def regressors(model: ReachModel, series: Series, origins: Ints, simulated: Floats) -> Floats:
+    """Simulated change, distance to the mean, change of the day before, and 1; shape (m, ahead, 4)."""
+    ahead, day = simulated.shape[1], round(DAY / model.sample_time)
+    y0 = series.output[_latest(series.output, origins)]
+    mean = float(np.nanmean(series.output[: series.now + 1]))
+    before = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
+    ended = np.take(_hold(series.output[None])[0], np.maximum(before, 0))
+    change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
+    away = np.broadcast_to((mean - y0)[:, None], change.shape)
+    return np.stack([simulated, away, change, np.ones_like(change)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """Coefficients by horizon, shape (H, 4), and quantiles of the standardised errors, shape (5, H)."""
+
+    coefficients: Floats
+    errors: Floats
+
+    @classmethod
+    def of(cls, X: Floats, target: Floats, sd: Floats) -> "Learnt":
+        """Least squares for each horizon, from forecasts at earlier times.
+
+        Parameters
+        ----------
+        X : ndarray, shape (m, H, 4)
+        target : ndarray, shape (m, H)
+            What came, less the output at the origin; NaN where it was not measured.
+        sd : ndarray, shape (m, H)
+            By the noise: errors are counted in these.
+
+        Notes
+        -----
+        The error of a time that was left out is that of the fit over 1 less its leverage.
+        """
+        weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
+        A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight
+        gram = np.einsum("mhi,mhj->hij", A, A)
+        gram += RIDGE * np.einsum("hii->hi", gram)[:, :, None] * np.eye(gram.shape[-1])
+        gram += 1e-12 * np.eye(gram.shape[-1])
+        inverse = np.linalg.inv(gram)
+        coefficients = np.einsum("hij,mhj,mh->hi", inverse, A, b)
+        leverage = np.einsum("mhi,hij,mhj->mh", A, inverse, A)
+        errors = (b - np.einsum("mhi,hi->mh", A, coefficients)) / np.maximum(1.0 - leverage, 0.1)
+        errors = np.where(weight > 0.0, errors, np.nan)
+        return cls(coefficients, np.nanquantile(errors, LEVELS, axis=0))
+
+    def quantiles(self, X: Floats, sd: Floats) -> Floats:
+        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 4) and deviations (m, H)."""
+        middle = np.einsum("mhi,hi->mh", X, self.coefficients)
+        return np.asarray(middle + self.errors[:, None] * sd)

@@ -1,0 +1,84 @@
+"""A forecast as a shift engineer needs it: what is under way, when it arrives, and the band of the output.
+
+The functions on Axes return their Axes.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.dates
+import numpy as np
+from matplotlib.axes import Axes
+
+from rivid.forecast import LEVELS, Forecast
+from rivid.plots import style
+from rivid.plots.style import FigureFile
+from rivid.text import duration
+
+mdates: Any = matplotlib.dates  # it has no types
+BEFORE = 1.0
+"""Time that is shown before the origin, over that after it."""
+OUTER, INNER = 0.16, 0.3
+"""Opacities of the 90 and the 50 % band."""
+
+
+def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
+    """Draw forecast.png."""
+    s, title = found.series, "The next hours"
+    note = f"{name} · from {s.moment(s.now):%Y-%m-%d %H:%M} · half of a wave arrives after "
+    with style.styled():
+        figure, (above, below) = style.sheet(
+            title, note + duration([found.delay_s]), [2.2, 1.5], gap=(0.65, 0.5)
+        )
+        style.key(output(above, found, unit))
+        style.key(flows(below, found))
+        for ax in (above, below):
+            ax.axvline(mdates.date2num(s.moment(s.now)), color=style.GREY, lw=0.8)
+            locator = mdates.AutoDateLocator(tz=s.begin.tzinfo, minticks=4, maxticks=9)
+            ax.xaxis.set_major_locator(locator)
+            ax.xaxis.set_major_formatter(mdates.ConciseDateFormatter(locator, tz=s.begin.tzinfo))
+        return style.written(figure, folder / "forecast.png", title)
+
+
+def _shown(found: Forecast) -> tuple[slice, np.ndarray]:
+    """Samples that are shown, and their places on the axis."""
+    s = found.series
+    ahead = len(s.time) - 1 - s.now
+    part = slice(max(s.now - round(BEFORE * ahead), 0), None)
+    begin = mdates.date2num(s.moment(0))
+    return part, begin + (s.time - s.time[0])[part] / 86400.0
+
+
+def output(ax: Axes, found: Forecast, unit: str) -> Axes:
+    """The measured output, and after the origin the median with its bands."""
+    s, (part, x) = found.series, _shown(found)
+    later = x[-found.quantiles.shape[1] :]
+    ax.plot(x, s.output[part], color=style.INK, lw=1.1, label="measured")
+    for (low, high), alpha in (((0, 4), OUTER), ((1, 3), INNER)):
+        share = f"{LEVELS[high] - LEVELS[low]:.0%}".replace("%", " %")
+        ends = found.quantiles[low], found.quantiles[high]
+        ax.fill_between(later, *ends, color=style.WATER, alpha=alpha, lw=0, label=share)
+    ax.plot(later, found.quantiles[2], color=style.WATER, lw=1.4, label="median")
+    ax.set_xlim(x[0], x[-1])
+    ax.yaxis.grid(True)
+    ax.set_ylabel("level [m]" if unit == "m" else "discharge [m³/s]")
+    return ax
+
+
+def flows(ax: Axes, found: Forecast) -> Axes:
+    """The flows of the dams, dashed where they are not announced, and the inflow as half of it arrives."""
+    s, (part, x) = found.series, _shown(found)
+    known = np.arange(len(s.time))[part] <= s.now + found.announced
+    series = [("inflow", s.inflow, style.WATER)]
+    if s.outflow.any():
+        series.append(("outflow", s.outflow, style.ACCENT))
+    for label, values, colour in series:
+        ax.plot(x, np.where(known, values[part], np.nan), color=colour, lw=1.1, label=label)
+        ax.plot(x, np.where(~known, values[part], np.nan), color=colour, lw=1.0, ls="--")
+    arrives = x + found.delay_s / 86400.0
+    ax.plot(arrives, s.inflow[part], color=style.WATER, lw=0.9, alpha=0.45, label="inflow as it arrives")
+    ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="assumed")
+    ax.set_xlim(x[0], x[-1])
+    ax.yaxis.grid(True)
+    ax.set_ylabel("flow [m³/s]")
+    return ax

@@ -1,0 +1,109 @@
+"""forecast.csv, forecast.parquet, the JSON lines and the page of a forecast."""
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from rivid.config import Config
+from rivid.forecast import Forecast
+from rivid.report.page import data_uri, write_page
+from rivid.results.store import FLAG, NUMBER, TEXT, described, finite, to_table, write_csv, write_parquet
+from rivid.types import HOUR
+
+SCHEMA, MEANINGS = described(
+    [
+        ("time", pa.timestamp("ms", "UTC"), "", "of the sample"),
+        ("reach", TEXT, "", "its name"),
+        ("horizon_h", NUMBER, "h", "after the origin of the forecast"),
+        ("median", NUMBER, "output unit", "of the output: level or discharge"),
+        ("low_50", NUMBER, "output unit", "lower end of the 50 % band"),
+        ("high_50", NUMBER, "output unit", "its upper end"),
+        ("low_90", NUMBER, "output unit", "lower end of the 90 % band"),
+        ("high_90", NUMBER, "output unit", "its upper end"),
+        ("inflow_m3s", NUMBER, "m3/s", "u_Qi, announced or assumed"),
+        ("outflow_m3s", NUMBER, "m3/s", "u_Qo, announced or assumed; empty for a river"),
+        ("announced", FLAG, "", "the flows are those of the logs"),
+        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
+    ]
+)
+"""A row for each sample after the origin."""
+
+
+def columns(found: Forecast, config: Config) -> dict[str, list[Any]]:
+    """Columns of the table."""
+    s, q = found.series, found.quantiles
+    count, pool = q.shape[1], config.reach.kind == "pool"
+    later = slice(s.now + 1, None)
+    return {
+        "time": [s.moment(s.now + 1 + k) for k in range(count)], "reach": [config.reach.name] * count,
+        "horizon_h": [(k + 1) * config.reach.sample_time / 3600.0 for k in range(count)],
+        "median": q[2].tolist(), "low_50": q[1].tolist(), "high_50": q[3].tolist(),
+        "low_90": q[0].tolist(), "high_90": q[4].tolist(), "inflow_m3s": s.inflow[later].tolist(),
+        "outflow_m3s": s.outflow[later].tolist() if pool else [None] * count,
+        "announced": [k < found.announced for k in range(count)],
+        "output_unit": [config.reach.output_unit] * count,
+    }  # fmt: skip
+
+
+def write_tables_of(found: Forecast, config: Config, out: Path) -> None:
+    """Write forecast.csv and forecast.parquet into OUT, each atomically."""
+    table = to_table(columns(found, config), SCHEMA)
+    write_parquet(table, out / "forecast.parquet")
+    write_csv(table, out / "forecast.csv")
+
+
+def lines(found: Forecast, config: Config) -> list[str]:
+    """A JSON object for each row; times with the offset of the log."""
+    given = columns(found, config)
+    return [
+        json.dumps(finite(dict(zip(given, row, strict=True))), default=lambda time: time.isoformat())
+        for row in zip(*given.values(), strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class _Row:
+    time: datetime
+    values: tuple[str, ...]
+
+
+def headline(found: Forecast, config: Config) -> str:
+    """The forecast in a sentence: where the output goes, and how sure that is."""
+    s, q = found.series, found.quantiles
+    unit = config.reach.output_unit.replace("m3", "m³")
+    digits = 2 if config.reach.kind == "pool" else 0
+    what = "level" if config.reach.kind == "pool" else "discharge"
+    hours = q.shape[1] * config.reach.sample_time / HOUR
+    return (
+        f"The {what} goes from {q[2, 0]:.{digits}f} to {q[2, -1]:.{digits}f} {unit} within {hours:g} h "
+        f"({q[0, -1]:.{digits}f} to {q[4, -1]:.{digits}f} with 90 %); from {s.moment(s.now):%Y-%m-%d %H:%M}."
+    )
+
+
+def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
+    """Draw figures/forecast.png and write forecast.html; return the page."""
+    from rivid.plots.forecast import draw
+
+    s, q, reach = found.series, found.quantiles, config.reach
+    figure = draw(found, reach.name, reach.output_unit, out / "figures")
+    pool = reach.kind == "pool"
+    digits = 3 if pool else 1
+    rows = []
+    each = max(round(HOUR / reach.sample_time), 1)
+    for k in range(each - 1, q.shape[1], each):
+        at = s.now + 1 + k
+        output = tuple(f"{v:.{digits}f}" for v in q[:, k])
+        flows = f"{s.inflow[at]:.0f}", f"{s.outflow[at]:.0f}" if pool else "–"
+        rows.append(_Row(s.moment(at), (*output, *flows)))
+    assumed = found.announced < q.shape[1]
+    context = {
+        "reach": reach.name, "at": s.moment(s.now), "delay_s": found.delay_s, "rows": rows, "pool": pool,
+        "headline": headline(found, config), "figure": figure, "uri": data_uri(figure.path),
+        "unit": reach.output_unit.replace("m3", "m³"), "learnt": found.learnt, "notes": found.notes,
+        "assumed": s.moment(s.now + 1 + found.announced) if assumed else None,
+    }  # fmt: skip
+    return write_page(out / "forecast.html", "forecast", context)
