@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 __all__ = [
-    "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult", "JmapSettings", "RividError",
-    "SimulatedSeason", "__version__", "cusum", "diagnose", "direct", "indirect", "jmap", "load_config",
-    "load_delays", "load_results", "load_scenario", "map_fir", "ml", "posterior",
+    "CalibratedReach", "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult",
+    "JmapSettings", "RividError", "SimulatedSeason", "__version__", "cusum", "diagnose", "direct", "indirect", "jmap", "load_config",
+    "load_delays", "load_model", "load_results", "load_scenario", "map_fir", "ml", "posterior",
     "propose_delays", "read_day", "simulate", "travel_bounds",
 ]  # fmt: skip
 
@@ -28,6 +28,7 @@ _MODULES = {
         "ml",
         "posterior",
     ),
+    "api.model": ("CalibratedReach", "load_model"),
     "api.season": ("SimulatedSeason", "simulate"),
     "config": ("Config", "load_config"),
     "core.hydraulics": ("propose_delays", "travel_bounds"),
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         ml,
         posterior,
     )
+    from rivid.api.model import CalibratedReach, load_model
     from rivid.api.season import SimulatedSeason, simulate
     from rivid.config import Config, load_config
     from rivid.core.hydraulics import propose_delays, travel_bounds

@@ -40,6 +40,7 @@ def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
         "delay_law.csv": (season.LAW_SCHEMA, season.LAW_MEANINGS),
         "fleet.csv, fleet.parquet": (fleet.FLEET, fleet.MEANINGS),
         "unexplained_inflow.parquet": (flows, diagnosis.MEANINGS),
+        "forecast.csv, forecast.parquet": (forecast.SCHEMA, forecast.MEANINGS),
     }  # fmt: skip
 
 

@@ -68,7 +68,8 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """
     scores = scores_of(pool, chosen, blocks)
     total = scores.sum(axis=1)
-    unknown = [i for i, one in enumerate(pool) if one.unknown in ("flow", "gauge")]
+    bare = min(len(one.names) for one in pool)  # effects known from the start
+    unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
     best = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
     doubt = np.where(total > total[best], pool[int(np.argmax(total))].inflation, 1.0)
     return probabilities(

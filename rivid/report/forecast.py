@@ -72,16 +72,19 @@ class _Row:
 
 
 def headline(found: Forecast, config: Config) -> str:
-    """The forecast in a sentence: where the output goes, and how sure that is."""
+    """The forecast in a sentence: where the output goes, when, and how sure that is."""
     s, q = found.series, found.quantiles
     unit = config.reach.output_unit.replace("m3", "m³")
     digits = 2 if config.reach.kind == "pool" else 0
     what = "level" if config.reach.kind == "pool" else "discharge"
     hours = q.shape[1] * config.reach.sample_time / HOUR
-    return (
-        f"The {what} goes from {q[2, 0]:.{digits}f} to {q[2, -1]:.{digits}f} {unit} within {hours:g} h "
-        f"({q[0, -1]:.{digits}f} to {q[4, -1]:.{digits}f} with 90 %); from {s.moment(s.now):%Y-%m-%d %H:%M}."
-    )
+    ends = sorted(((int(q[2].argmin()), "lowest"), (int(q[2].argmax()), "highest")))
+    parts = [
+        f"{word} at {s.moment(s.now + 1 + k):%H:%M} with {q[2, k]:.{digits}f} {unit} "
+        f"({q[0, k]:.{digits}f} to {q[4, k]:.{digits}f})"
+        for k, word in ends
+    ]
+    return f"In the next {hours:.3g} h the {what} is {parts[0]} and {parts[1]}; in brackets 90 %."
 
 
 def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
@@ -97,7 +100,7 @@ def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
     for k in range(each - 1, q.shape[1], each):
         at = s.now + 1 + k
         output = tuple(f"{v:.{digits}f}" for v in q[:, k])
-        flows = f"{s.inflow[at]:.0f}", f"{s.outflow[at]:.0f}" if pool else "–"
+        flows = tuple(f"{v[at]:.0f}" for v in ((s.inflow, s.outflow) if pool else (s.inflow,)))
         rows.append(_Row(s.moment(at), (*output, *flows)))
     assumed = found.announced < q.shape[1]
     context = {
