@@ -9,9 +9,9 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CalibratedReach", "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult",
-    "JmapSettings", "RividError", "SimulatedSeason", "__version__", "cusum", "diagnose", "direct", "indirect", "jmap", "load_config",
-    "load_delays", "load_model", "load_results", "load_scenario", "map_fir", "ml", "posterior",
-    "propose_delays", "read_day", "simulate", "travel_bounds",
+    "JmapSettings", "RividError", "SimulatedSeason", "__version__", "cusum", "diagnose", "direct",
+    "indirect", "jmap", "load_config", "load_delays", "load_model", "load_results", "load_scenario",
+    "map_fir", "ml", "posterior", "propose_delays", "read_day", "simulate", "travel_bounds",
 ]  # fmt: skip
 
 _MODULES = {

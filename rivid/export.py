@@ -131,7 +131,7 @@ def state_space(model: ReachModel) -> StateSpace:
     """
     T, pool = model.sample_time, model.kind == "pool"
     steps = model.kernels(round(LONGEST / T) + 1)
-    responses = [steps["up"], -steps["down"]] if pool else [steps["up"]]
+    responses = [steps["up"], steps["down"]] if pool else [steps["up"]]
     inputs = ("u_Qi", "u_Qo") if pool else ("u_Qi",)
     parts = [_realised(np.diff(step, prepend=0.0), pool) for step in responses]
     blocks, names, delays = [], [], []
@@ -192,8 +192,14 @@ def _realised(impulse: Floats, integrates: bool) -> tuple[int, tuple[Floats, Flo
     order = min(max(int((sizes > KEPT * sizes[0]).sum()), 1), MOST_STATES)
     root = np.sqrt(sizes[:order])
     left, right = U[:, :order] * root, root[:, None] * V[:order]
-    a = np.linalg.pinv(left[:-1]) @ left[1:]
-    b, c = right[:, 0], left[0]
+    roots, modes = np.linalg.eig(np.linalg.pinv(left[:-1]) @ left[1:])
+    # a mode that would grow is one whose end the response does not show: it decays over that length
+    roots *= np.minimum(1.0, (1.0 - 1.0 / len(rest)) / np.maximum(np.abs(roots), 1e-12))
+    a, b = np.real(modes @ np.diag(roots) @ np.linalg.inv(modes)), right[:, 0]
+    states = [b]
+    for _ in rest[1:]:
+        states.append(a @ states[-1])
+    c = np.linalg.lstsq(np.array(states), decaying, rcond=None)[0]
     if integrates:
         a = np.block([[a, np.zeros((order, 1))], [np.zeros((1, order)), np.ones((1, 1))]])
         b, c = np.append(b, last), np.append(c, 1.0)
@@ -221,7 +227,7 @@ def routing(model: ReachModel) -> dict[str, float]:
     delay = float(time[int(np.argmax(rate >= 0.5 * rate[-1]))])
     _, down = np.polyfit(time[late], steps["down"][late], 1)
     return {
-        "delay": delay, "Ad": 1.0 / float(slope), "p21": float(begin + slope * delay), "p22": float(down),
+        "delay": delay, "Ad": 1.0 / float(slope), "p21": float(begin + slope * delay), "p22": -float(down),
     }  # fmt: skip
 
 

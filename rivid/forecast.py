@@ -160,12 +160,11 @@ def read_logs(
     back = min(max(origin - start, 0) // step, round(HISTORY * DAY / model.sample_time))
     ahead = max(round(hours * HOUR / model.sample_time), 1)
     grid = origin + step * np.arange(-back, ahead + 1)
-    found = {
-        signal.name: _held(series[signal.name], grid, spec.tolerance, spec.max_gap + signal.spacing)
-        if signal.held
-        else _between(series[signal.name], grid, spec.tolerance, spec.max_gap + signal.spacing)
-        for signal in spec.signals
-    }
+    found = {}
+    for signal in spec.signals:
+        gap = np.where(grid > origin, 0, spec.max_gap) + signal.spacing  # what is announced has no gaps
+        place = _held if signal.held else _between
+        found[signal.name] = place(series[signal.name], grid, spec.tolerance, gap)
     begin = dt.datetime.fromtimestamp(grid[0] / MICRO, zone)
     midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
     output = found[spec.output]
@@ -178,8 +177,8 @@ def read_logs(
     return made, tuple(refused)
 
 
-def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: int) -> Floats:
-    """A command at each time: the last one, for no longer than a gap."""
+def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floats:
+    """A command at each time: the last one, for no longer than a gap (n,)."""
     times, values = column
     before = times.searchsorted(grid + late, side="right") - 1
     if not len(times):
@@ -188,7 +187,7 @@ def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: int) -> Float
     return np.where(known, values[before], np.nan)
 
 
-def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: int) -> Floats:
+def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floats:
     """A measured quantity at each time, between neighbours that are no further apart than a gap."""
     times, values = column
     if not len(times):

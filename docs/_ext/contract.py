@@ -10,11 +10,11 @@ from rivid.diagnosis.result import VERDICTS
 from rivid.effects import CATALOGUE, FAMILIES, Effect
 from rivid.errors import EXIT_CODES
 from rivid.fleet import report as fleet
-from rivid.report import diagnosis
+from rivid.report import diagnosis, forecast
 from rivid.results import season, store
 
 TYPES = {"double": "number", "int64": "whole number", "string": "text", "bool": "true or false",
-         "date32[day]": "date", "timestamp[ms]": "time"}  # fmt: skip
+         "date32[day]": "date", "timestamp[ms]": "time", "timestamp[ms, tz=UTC]": "time, UTC"}  # fmt: skip
 KEYS = ("date", "reach", "estimator")
 _INT, _FLOAT = pa.int64(), pa.float64()
 

@@ -11,10 +11,10 @@ FORMATS = ("state-space", "rtc-tools", "pypsa", "csv")
 
 @click.command("export")
 @click.argument("source", type=shared.PATH)
-@shared.value("--to", shared.OneOf(FORMATS), "|".join(FORMATS), "The format.", required=True)
 @shared.value(
     "--out", shared.NEW_DIRECTORY, "DIR", "Directory of the files; default: SOURCE/export.", short="-o"
 )
+@shared.value("--to", shared.OneOf(FORMATS), "|".join(FORMATS), "The format.", required=True)
 @click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
 def command(source: Path, to: str, out: Path | None, quiet: bool) -> int:
     """Write a calibrated reach, or its delays, for other software.
@@ -23,9 +23,9 @@ def command(source: Path, to: str, out: Path | None, quiet: bool) -> int:
     and csv the directory of a run that `rivid season` has joined.
 
     \b
-    state-space  discrete A, B, C, D and noise covariances with true dead time: .npz, .mat, .json
-    rtc-tools    parameters of an IDZ block (pool) or a LagAndK block (river): parameters.csv
-    pypsa        a link for each class of discharge, with its delay: links.csv, buses.csv
+    state-space  discrete A, B, C, D with dead time, and noise covariances
+    rtc-tools    parameters of an IDZ block (pool) or a LagAndK block (river)
+    pypsa        a link for each class of discharge, with its delay
     csv          delay against discharge, with its interval
 
     \b

@@ -17,10 +17,10 @@ MOMENT = click.DateTime(
 @click.command("forecast")
 @shared.data_dir
 @shared.config()
+@shared.out
 @shared.value(
     "--model", shared.PATH, "FILE", "model.toml of `rivid diagnose`, or its directory.", required=True
 )
-@shared.out
 @shared.value(
     "--hours", click.FloatRange(0.1, 96.0), "H", "Longest horizon.", default=24.0, show_default=True
 )
@@ -44,7 +44,7 @@ def command(
     Examples:
       rivid diagnose out/leaking --out out/found
       rivid forecast out/leaking --model out/found --out out/next
-      rivid forecast out/leaking --model out/found --hours 6 --at 2008-02-20T06:00+01:00 --json
+      rivid forecast out/leaking --model out/found --hours 6 --json
     """
     from rivid.cli.locate import configuration, results
     from rivid.config import load_config

@@ -64,7 +64,7 @@ class ReachModel:
         return self.model.noise
 
     def kernels(self, samples: int) -> dict[str, Floats]:
-        """Step responses `up` and `down` about the usual flow, shape (samples,) [m per m3/s, or -].
+        """Output after 1 m3/s more of u_Qi (`up`) and of u_Qo (`down`) on the usual flow, (samples,).
 
         See :func:`rivid.diagnosis.response.base.kernels_of`.
         """

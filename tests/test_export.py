@@ -1,0 +1,244 @@
+"""Exported models do what the calibrated reach does; files are read by those whom they are for."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import rivid
+from rivid.config import Config, parse
+from rivid.diagnosis.calibrated import ReachModel, load_model, write_model
+from rivid.diagnosis.fit import Model
+from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.response.linear import LinearPool
+from rivid.diagnosis.response.river import RiverResponse
+from rivid.diagnosis.result import Diagnosis
+from rivid.effects import CATALOGUE
+from rivid.errors import ConfigError
+from rivid.export import FORMATS, export, law_of, routing, state_space
+from tests.diagnosis.responses import nominal, river_record, season
+from tests.run.test_run import rivid as command
+
+NOTHING = Diagnosis("no_gap", "nothing", "any")
+NOISE = {"gauge_sd": 0.003, "walk_sd": 1e-4, "inflow_sd": 2.0, "inflow_memory": 3600.0, "level_sd": 0.0,
+         "level_memory": 3600.0}  # fmt: skip
+
+
+def pool(kind="saint-venant", effects=()):
+    """A pool's model and its record."""
+    record = season(3)
+    if kind == "saint-venant":
+        reach = nominal(record)
+    else:
+        reach = LinearPool.nominal(record, kind, surface_area=6.7e5, delay=900.0)
+    noise = NoiseModel(**NOISE, sample_time=record.sample_time, surface_area=reach.surface_area)
+    model = Model(reach, noise, record.usual_output, record.usual_flow, 1e-3, effects, ((),) * len(effects))
+    return ReachModel("pool", model, record.sample_time, {}), record
+
+
+def river():
+    """A river's model and its record."""
+    record = river_record(np.random.default_rng(4))
+    reach = RiverResponse.nominal(4.0 * 3600.0, 3600.0, record.usual_flow)
+    noise = NoiseModel(1.0, 0.0, 0.0, 9e4, 2.0, 3e4, record.sample_time, None)
+    model = Model(reach, noise, record.usual_flow, record.usual_flow, 0.5)
+    return ReachModel("river", model, record.sample_time, {}), record
+
+
+def written(reach, record, folder):
+    """model.toml of a reach."""
+    river = record.kind == "river"
+    kind = "river" if river else "pool"
+    config = parse({"reach": {"kind": kind, "sample_time": reach.sample_time}}, Config)
+    write_model(folder / "model.toml", NOTHING, record, config, reach.model.effects, reach.model)
+    return folder / "model.toml"
+
+
+@pytest.mark.parametrize("made", [pool, lambda: pool("none"), lambda: pool("fir"), river])
+def test_the_model_that_is_read_is_the_one_that_was_fitted(made, tmp_path):
+    reach, record = made()
+    again = load_model(written(reach, record, tmp_path))
+    few = record.take([1, 2])
+    np.testing.assert_allclose(again.model.baseline(few), reach.model.baseline(few), rtol=0, atol=2e-6)
+    for name, value in vars(reach.noise).items():
+        assert getattr(again.noise, name) == (value if value is None else pytest.approx(value))
+    assert again.kind == reach.kind
+    assert again.origin["days"] == record.days and again.origin["rivid"] == rivid.__version__
+
+
+def test_a_file_without_a_calibration_or_with_a_broken_one_is_refused(tmp_path):
+    path = written(*pool(), tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("HydraulicResponse", "Hydraulics"))
+    with pytest.raises(ConfigError, match="'Hydraulics': expected one of HydraulicResponse"):
+        load_model(tmp_path)
+    path.write_text(text[: text.index("[calibration]")])
+    with pytest.raises(ConfigError, match="no table \\[calibration\\]"):
+        load_model(tmp_path)
+    path.write_text(text.replace("gauge_sd", "gauge"))
+    with pytest.raises(ConfigError, match="not complete"):
+        load_model(path)
+
+
+def stepped(model, column, samples):
+    """Output after a step of one input, by the matrices alone."""
+    x, found = np.zeros(len(model.A)), []
+    u = np.eye(model.B.shape[1])[column]
+    for _ in range(samples):
+        found.append((model.C @ x + model.D @ u).item())
+        x = model.A @ x + model.B @ u
+    return np.array(found)
+
+
+@pytest.mark.parametrize("made", [pool, lambda: pool("none"), river])
+def test_the_state_space_answers_a_step_as_the_reach_does(made):
+    reach, record = made()
+    model, samples = state_space(reach), round(86400 / reach.sample_time)
+    steps = reach.kernels(samples)
+    assert steps["up"][-1] > 0.0 and (record.kind == "river" or steps["down"][-1] < 0.0)
+    for column, expected in enumerate([steps["up"], steps["down"]][: len(model.inputs)]):
+        found = stepped(model, column, samples)
+        assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
+        dead = model.delays[column]
+        assert not found[: dead + 1].any() and abs(found[dead + 1]) > 0.0
+        assert np.abs(expected[: dead + 1]).max() < 0.01 * np.abs(expected).max()
+    assert len(model.states) == len(model.A) and np.abs(np.linalg.eigvals(model.A)).max() <= 1.0 + 1e-9
+
+
+def kalman_sd(model, samples):
+    """Standard deviation of a reading, by the general filter, from a first sample that sets the level."""
+    P = model.G @ model.Q @ model.G.T * 0.0
+    names = list(model.states)
+    for name, row in zip(names, range(len(names)), strict=True):
+        if name == "level error":
+            P[row, row] = 1e6
+        elif name in ("unlogged inflow", "level noise"):
+            phi, q = model.A[row, row], (model.G @ model.Q @ model.G.T)[row, row]
+            P[row, row] = q / (1.0 - phi**2)
+    found = []
+    for _ in range(samples):
+        S = (model.C @ P @ model.C.T + model.R).item()
+        found.append(np.sqrt(S))
+        K = P @ model.C.T / S
+        P = P - K @ model.C @ P
+        P = model.A @ P @ model.A.T + model.G @ model.Q @ model.G.T
+    return np.array(found)
+
+
+@pytest.mark.parametrize("made", [pool, river])
+def test_its_noise_is_that_of_the_filter(made):
+    reach, record = made()
+    model = state_space(reach)
+    z = np.zeros((1, 60))
+    z[0, 40:] = np.nan
+    _, sd = reach.noise.ahead(z)
+    P = kalman_sd(model, 41)  # a reading of the sample after the last one that is there
+    assert sd[0, 40] == pytest.approx(P[40], rel=1e-3)
+
+
+def test_scipy_simulates_it():
+    reach, _ = river()
+    model = state_space(reach)
+    from scipy.signal import dlsim
+
+    _, found, *_ = dlsim(model.to_scipy(), np.ones((80, 1)))
+    np.testing.assert_allclose(found[:, 0], stepped(model, 0, 80), atol=1e-12)
+
+
+def test_python_control_simulates_it_in_closed_loop():
+    control = pytest.importorskip("control")
+    reach, _ = pool()
+    made = state_space(reach)
+    plant = made.to_control()
+    assert plant.dt == reach.sample_time and plant.input_labels == ["u_Qi", "u_Qo"]
+    law = control.ss([], [], [], [[60.0]], plant.dt, inputs=["h_L"], outputs=["u_Qo"])
+    loop = control.interconnect([plant, law], inputs=["u_Qi"], outputs=["h_L", "u_Qo"])
+    time = np.arange(400) * plant.dt
+    found = control.forced_response(loop, time, np.ones((1, 400)) * 10.0).outputs
+    dead = made.delays[0]
+    assert not found[:, : dead + 1].any() and abs(found[1, -1] - 10.0) < 1.0  # what comes in goes out
+
+
+def test_the_files_of_a_state_space_are_the_same_model(tmp_path):
+    from scipy.io import loadmat
+
+    reach, record = river()
+    paths = export(written(reach, record, tmp_path), tmp_path / "to", "state-space")
+    assert [p.suffix for p in paths] == [".npz", ".mat", ".json"]
+    npz, mat, text = np.load(paths[0]), loadmat(paths[1]), json.loads(paths[2].read_text())
+    for name in ("A", "B", "C", "D", "G", "Q", "R"):
+        np.testing.assert_array_equal(npz[name], mat[name])
+        np.testing.assert_array_equal(npz[name], np.array(text[name]))
+    assert text["inputs"] == ["u_Qi"] and text["outputs"] == ["Q_L"] and text["sample_time"] == 900.0
+    assert text["about"]["units"] == {"u_Qi": "m3/s", "Q_L": "m3/s"} and text["about"]["days"] == record.days
+
+
+def test_routing_parameters_give_the_step_response(tmp_path):
+    reach, record = pool("none")
+    found = routing(reach)
+    assert found["Ad"] == pytest.approx(6.7e5, rel=0.01) and found["delay"] == pytest.approx(900.0, abs=133.0)
+    assert abs(found["p21"]) * 6.7e5 < 300.0 and abs(found["p22"]) * 6.7e5 < 300.0  # no front: the step alone
+    reach, record = river()
+    found = routing(reach)
+    up = reach.kernels(300)["up"]
+    mean = ((1.0 - up / up[-1]) * 900.0).sum()
+    assert (
+        found["Lag_parameter"] + found["K_parameter"] == pytest.approx(mean, rel=1e-3) and found["gain"] > 0.9
+    )
+    paths = export(written(reach, record, tmp_path), tmp_path / "to", "rtc-tools")
+    (row,) = csv.DictReader(paths[0].read_text().splitlines())
+    block = {key.split(".")[1] for key in row}
+    assert block == {"Lag_parameter", "K_parameter"}
+
+
+LAW = (
+    "discharge_low_m3s,discharge_high_m3s,discharge_m3s,delay_s,delay_low_s,delay_high_s,day_low_s,day_high_s,"
+    "observed_s,n\n100,200,150,7300,7000,7600,6500,8100,7250,40\n200,400,300,3500,3300,3700,3100,3900,3480,60\n"
+)
+
+
+@pytest.fixture
+def joined(tmp_path):
+    """What `rivid season` leaves."""
+    (tmp_path / "delay_law.csv").write_text(LAW)
+    (tmp_path / "delay_law.json").write_text(json.dumps({"reach": "gorge", "T0": 5000.0}))
+    return tmp_path
+
+
+def test_delays_by_discharge(joined):
+    paths = export(joined, joined / "to", "csv")
+    rows = list(csv.DictReader(paths[0].read_text().splitlines()))
+    assert [float(r["delay_s"]) for r in rows] == [7300.0, 3500.0] and law_of(joined)[1]["n"] == 60.0
+    assert json.loads(paths[1].read_text())["written_by"] == f"rivid {rivid.__version__}"
+
+
+def test_links_of_pypsa(joined):
+    paths = export(joined, joined / "to", "pypsa")
+    rows = list(csv.DictReader(paths[0].read_text().splitlines()))
+    assert [int(r["delay"]) for r in rows] == [2, 1] and {r["cyclic_delay"] for r in rows} == {"False"}
+    pypsa = pytest.importorskip("pypsa")
+    network = pypsa.Network()
+    network.import_from_csv_folder(joined / "to")
+    assert network.links["delay"].tolist() == [2, 1] and not network.links["cyclic_delay"].any()
+
+
+def test_the_command_and_its_errors(tmp_path):
+    reach, record = pool()
+    path = written(reach, record, tmp_path)
+    code, said = command("export", path, "--to", "rtc-tools", "--out", tmp_path / "to")
+    assert code == 0 and "parameters.csv" in said
+    assert command("export", path, "--to", "state-space", "-q")[1] == ""
+    assert (tmp_path / "export" / "state_space.mat").exists()
+    code, said = command("export", tmp_path, "--to", "csv")
+    assert code == 10 and "rivid season" in said
+    assert set(FORMATS) == {"state-space", "rtc-tools", "pypsa", "csv"}
+
+
+def test_from_python(tmp_path):
+    effects = (CATALOGUE["leakage"](loss=1.0),)
+    reach, record = pool(effects=effects)
+    model = rivid.load_model(written(reach, record, tmp_path))
+    assert "saint-venant" in repr(model) and model.reach.model.effects[0].name == "leakage"
+    assert model.state_space().outputs == ("h_L",) and set(model.routing()) == {"delay", "Ad", "p21", "p22"}
+    assert model.step_responses(10)["up"].shape == (10,)
