@@ -5,11 +5,11 @@ the outflow of a pool then follows what arrives, as it did before. The residual 
 filter of the diagnosis, what is unlogged and on its way. How wrong such a forecast is, and what operators and
 programme will do, is learnt from the same forecast at earlier times of the record: for each horizon h
 
-    y(t + h) - y(t) = a f(t, h) + b (m - y(t)) + c (y(t + h - 24 h) - y(t)) + e + error,
+    y(t + h) - y(t) = a f(t, h) + b g(t, h) + c (m - y(t)) + d (y(t + h - 24 h) - y(t)) + e r(t) + k + error,
 
-f the simulated change and m the mean output; the bands are quantiles of the errors of times that were left
-out of the fit. Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteorology 11,
-1203-1211).
+f the simulated change, g the same with the flows of the day before where none are announced, m the mean
+output and r the residual at t; the bands are quantiles of the errors of times that were left out of the fit.
+Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteorology 11, 1203-1211).
 """
 
 import datetime as dt
@@ -32,14 +32,16 @@ HISTORY = 40
 """Days before the forecast from which its errors are learnt: the weather and programme of a season."""
 HINDCASTS = 240
 """Times in them, evenly spread: a 5 % quantile of errors then lies on its twelfth."""
-FEWEST = 48
-"""Fewest of these from which errors are learnt: twelve for each of four coefficients."""
+FEWEST = 72
+"""Fewest of these from which errors are learnt: twelve for each of six coefficients."""
 SETTLE = 6 * HOUR
 """Time before each origin from which the filter learns the weather, beside the travel time [s]."""
 ARRIVED = 0.9
 """Share of a river's step response after which water of before the row matters no more."""
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Quantiles of a forecast."""
+FOLDS = 5
+"""Parts of the time that are left out in turn."""
 RIDGE = 1e-3
 """Share of its own square that is added to each regressor: none is singular."""
 
@@ -232,9 +234,8 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     past = usable[np.linspace(0, len(usable) - 1, min(HINDCASTS, len(usable))).astype(int)]
     rate = following(model, series)
     origins = np.append(past, now)
-    simulated, sd, flows = run(model, series, origins, lead, ahead, announced, rate)
+    simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced, rate)
     steps = np.arange(1, ahead + 1)
-    X = regressors(model, series, origins, simulated)
     y0 = series.output[_latest(series.output, origins)]
     if len(past) >= FEWEST:
         target = series.output[past[:, None] + steps] - y0[:-1, None]
@@ -311,7 +312,8 @@ def run(
     ahead: int,
     announced: int,
     rate: float,
-) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    repeat: bool = False,
+) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated change of the output after each origin, by the logs until there and the announced flows.
 
     Parameters
@@ -325,11 +327,15 @@ def run(
         Samples after an origin with known flows.
     rate : float
         Of :func:`following`.
+    repeat : bool
+        Whether flows that are not announced are those of the day before; else the inflow is held.
 
     Returns
     -------
     change, sd : ndarray, shape (m, ahead)
         Expected output less the last measured one, and its standard deviation by the noise [m or m3/s].
+    left : ndarray, shape (m,)
+        Expected residual after the origin [m or m3/s].
     (inflow, outflow) : ndarray, shape (m, ahead)
         The flows that were assumed [m3/s].
     """
@@ -338,7 +344,16 @@ def run(
     inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
     output[:, lead + 1 :] = np.nan
     if until < lead + ahead:
-        inflow[:, until + 1 :] = inflow[:, until : until + 1]
+        if repeat:
+            day = round(DAY / T)
+            for k in range(until + 1, lead + ahead + 1):  # of a second day, what the first one repeats
+                before = at[:, k] - day
+                inflow[:, k] = np.where(
+                    before > origins, inflow[:, k - day], series.inflow[np.maximum(before, 0)]
+                )
+            inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
+        else:
+            inflow[:, until + 1 :] = inflow[:, until : until + 1]
         if model.kind == "pool":
             delay = _half(model, model.kernels(lead + 1)["up"])
             for k in range(until + 1, lead + ahead + 1):
@@ -358,7 +373,7 @@ def run(
     total = _hold(baseline + mean)
     now = np.take_along_axis(output, _latest_of(output[:, : lead + 1])[:, None], axis=1)
     later = slice(lead + 1, None)
-    return total[:, later] - now, sd[:, later], (inflow[:, later], outflow[:, later])
+    return total[:, later] - now, sd[:, later], mean[:, lead + 1], (inflow[:, later], outflow[:, later])
 
 
 def _hold(rows: Floats) -> Floats:
@@ -373,21 +388,33 @@ def _latest_of(output: Floats) -> Ints:
     return np.asarray(last)
 
 
-def regressors(model: ReachModel, series: Series, origins: Ints, simulated: Floats) -> Floats:
-    """Simulated change, distance to the mean, change of the day before, and 1; shape (m, ahead, 4)."""
-    ahead, day = simulated.shape[1], round(DAY / model.sample_time)
+def simulations(
+    model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int, rate: float
+) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
+    """Simulated changes (m, ahead), all regressors (m, ahead, 6), standard deviations (m, ahead), and flows.
+
+    Arguments and flows as of :func:`run`. The regressors are the simulated change, that with the flows of the
+    day before, the distance to the mean, the change of the day before, the residual, and 1.
+    """
+    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, rate)
+    repeated = np.zeros_like(simulated)
+    if announced < ahead:
+        repeated = run(model, series, origins, lead, ahead, announced, rate, repeat=True)[0]
+    day = round(DAY / model.sample_time)
     y0 = series.output[_latest(series.output, origins)]
     mean = float(np.nanmean(series.output[: series.now + 1]))
     before = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
     ended = np.take(_hold(series.output[None])[0], np.maximum(before, 0))
     change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
-    return np.stack([simulated, away, change, np.ones_like(change)], axis=-1)
+    rest = np.broadcast_to(left[:, None], change.shape)
+    X = np.stack([simulated, repeated, away, change, rest, np.ones_like(change)], axis=-1)
+    return simulated, X, sd, flows
 
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """Coefficients by horizon, shape (H, 4), and quantiles of the standardised errors, shape (5, H)."""
+    """Coefficients by horizon, shape (H, 6), and quantiles of the standardised errors, shape (5, H)."""
 
     coefficients: Floats
     errors: Floats
@@ -398,7 +425,7 @@ class Learnt:
 
         Parameters
         ----------
-        X : ndarray, shape (m, H, 4)
+        X : ndarray, shape (m, H, 6)
         target : ndarray, shape (m, H)
             What came, less the output at the origin; NaN where it was not measured.
         sd : ndarray, shape (m, H)
@@ -406,21 +433,26 @@ class Learnt:
 
         Notes
         -----
-        The error of a time that was left out is that of the fit over 1 less its leverage.
+        Errors are those of a fit to the other parts of the time: neighbours in time err alike.
         """
         weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
         A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight
-        gram = np.einsum("mhi,mhj->hij", A, A)
-        gram += RIDGE * np.einsum("hii->hi", gram)[:, :, None] * np.eye(gram.shape[-1])
-        gram += 1e-12 * np.eye(gram.shape[-1])
-        inverse = np.linalg.inv(gram)
-        coefficients = np.einsum("hij,mhj,mh->hi", inverse, A, b)
-        leverage = np.einsum("mhi,hij,mhj->mh", A, inverse, A)
-        errors = (b - np.einsum("mhi,hi->mh", A, coefficients)) / np.maximum(1.0 - leverage, 0.1)
-        errors = np.where(weight > 0.0, errors, np.nan)
-        return cls(coefficients, np.nanquantile(errors, LEVELS, axis=0))
+        errors = np.full(target.shape, np.nan)
+        for part in np.array_split(np.arange(len(A)), FOLDS):
+            rest = np.setdiff1d(np.arange(len(A)), part)
+            left = b[part] - np.einsum("mhi,hi->mh", A[part], _solved(A[rest], b[rest]))
+            errors[part] = np.where(weight[part] > 0.0, left, np.nan)
+        return cls(_solved(A, b), np.nanquantile(errors, LEVELS, axis=0))
 
     def quantiles(self, X: Floats, sd: Floats) -> Floats:
-        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 4) and deviations (m, H)."""
+        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 6) and deviations (m, H)."""
         middle = np.einsum("mhi,hi->mh", X, self.coefficients)
         return np.asarray(middle + self.errors[:, None] * sd)
+
+
+def _solved(A: Floats, b: Floats) -> Floats:
+    """Coefficients of least squares with a small ridge for each horizon, (h, k); A is (m, h, k), b (m, h)."""
+    gram = np.einsum("mhi,mhj->hij", A, A, optimize=True)
+    eye = np.eye(gram.shape[-1])
+    gram += (RIDGE * np.einsum("hii->hi", gram)[:, :, None] + 1e-12) * eye
+    return np.asarray(np.linalg.solve(gram, np.einsum("mhi,mh->hi", A, b, optimize=True)[..., None])[..., 0])

@@ -20,8 +20,7 @@ from rivid.forecast import (
     following,
     forecast,
     lead_of,
-    regressors,
-    run,
+    simulations,
 )
 from tests.diagnosis.responses import river_record
 from tests.run.test_run import rivid as command
@@ -78,8 +77,8 @@ def test_bands_hold_as_often_as_they_state():
         test = np.arange(44 * N, 73 * N, 37)
         quantiles = []
         for at in (train, test):
-            simulated, sd, _ = run(reach, series, at, lead, 48, 48, 0.0)
-            quantiles.append((regressors(reach, series, at, simulated), sd))
+            _, X, sd, _ = simulations(reach, series, at, lead, 48, 48, 0.0)
+            quantiles.append((X, sd))
         (X, sd), (X_test, sd_test) = quantiles
         learnt = Learnt.of(X, series.output[train[:, None] + steps] - series.output[train, None], sd)
         bands = learnt.quantiles(X_test, sd_test)
@@ -133,7 +132,7 @@ def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
             if not announced:
                 inflow[now + 1 :] = np.nan
             found = forecast(reach, replace(at, inflow=inflow))
-            assert found.announced == (N if announced else 0) and (found.learnt >= 48)
+            assert found.announced == (N if announced else 0) and found.learnt >= 72
             assert (np.diff(found.quantiles, axis=0) >= 0.0).all() and len(LEVELS) == len(found.quantiles)
             errors[announced].append(found.quantiles[2] - series.output[now + 1 : now + 1 + N])
     known_, held = (np.sqrt((np.array(errors[k]) ** 2).mean(axis=0)) for k in (True, False))
