@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS = 1
 unexport PYTHONDONTWRITEBYTECODE  # without its bytecode the package is compiled anew by each process
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench scale accuracy posterior-pages peers glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
+.PHONY: help install setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench scale accuracy posterior-pages peers consumers forecast-page glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -17,23 +17,29 @@ $(VENV)/.ready: pyproject.toml requirements.lock
 	$(PYTHON) -c "import sys; assert sys.version_info >= (3, 11), 'rivid needs Python 3.11 or newer'"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@touch $@
 
-setup: $(VENV)/.ready  ## the environment, with locked versions, in .venv
+$(VENV)/.dev: $(VENV)/.ready requirements-dev.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.lock
+	@touch $@
 
-run: setup  ## the main job: estimate the sample year and write its report
+install: $(VENV)/.ready  ## what a run needs, with locked versions, in .venv
+
+setup: $(VENV)/.dev  ## the same with tests, types and Dask
+
+run: install  ## the main job: estimate the sample year and write its report
 	$(BIN)/rivid run sample_data/basse_isere --config configs/basse_isere.toml --out $(OUT)/basse_isere
 
-week: setup  ## the same for a week of CSV files
+week: install  ## the same for a week of CSV files
 	$(BIN)/rivid run sample_data/basse_isere_csv --config configs/basse_isere.toml --out $(OUT)/basse_isere_csv
 
-glen-canyon: setup  ## the measured river: Lees Ferry to mile 30, and dam to Lees Ferry
+glen-canyon: install  ## the measured river: Lees Ferry to mile 30, and dam to Lees Ferry
 	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon_rm30.toml --out $(OUT)/glen_canyon_rm30
 	$(BIN)/rivid run sample_data/glen_canyon --config configs/glen_canyon.toml --out $(OUT)/glen_canyon
 
 KERNELS := $(shell grep -rl "^@njit" --include=*.py rivid)
-$(VENV)/.compiled: $(VENV)/.ready $(KERNELS)  # these tests call all kernels: compiled here once, not by each worker
+$(VENV)/.compiled: $(VENV)/.dev $(KERNELS)  # these tests call all kernels: compiled here once, not by each worker
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not long" \
 		tests/reach/test_gate.py tests/diagnosis/test_noise.py tests/diagnosis/test_response.py
 	@touch $@
@@ -69,8 +75,17 @@ $(PEERS)/.ready: pyproject.toml requirements.lock  # sysidentpy asks for an olde
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	@touch $@
 
+CONSUMERS := .venv-consumers
+consumers:  ## the files of `rivid export`, read by those whom they are for, in an environment of their own
+	$(PYTHON) -m venv $(CONSUMERS)
+	$(CONSUMERS)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[consumers]"
+	$(CONSUMERS)/bin/python -m pytest -q -p no:cacheprovider tests/test_export.py
+
 peers: $(PEERS)/.ready  ## the posterior beside what a user would take instead, written to docs/peers.md
 	$(PEERS)/bin/python -m benchmarks.peers
+
+forecast-page: $(PEERS)/.ready  ## forecasts beside their peers, written to docs/forecast.md
+	$(PEERS)/bin/python -m benchmarks.forecast
 
 glen-canyon-page: setup  ## the measured river beside what is known of it, written to docs/glen_canyon.md
 	$(BIN)/python -m benchmarks.glen_canyon
@@ -109,7 +124,7 @@ pictures: run glen-canyon  ## the pictures of the README and the guide (the page
 sample-data: setup  ## make the simulated sample data again, the same bytes
 	PYTHONPATH=. $(BIN)/python sample_data/make.py
 
-$(VENV)/.docs-ready: $(VENV)/.ready docs/requirements.txt
+$(VENV)/.docs-ready: $(VENV)/.dev docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt
 	@touch $@
 
@@ -119,9 +134,10 @@ docs: $(VENV)/.docs-ready  ## the documentation site in build/docs, its examples
 	$(BIN)/python docs/_ext/links.py build/docs
 	@echo "site: build/docs/index.html"
 
-lock: setup  ## resolve the versions of requirements.lock anew (needs uv)
-	uv pip compile --universal --extra dev pyproject.toml -o requirements.lock --no-annotate --no-header
+lock: setup  ## resolve the locked versions anew (needs uv)
+	uv pip compile --universal pyproject.toml -o requirements.lock --no-annotate --no-header
+	uv pip compile --universal --extra dev pyproject.toml -c requirements.lock -o requirements-dev.lock --no-annotate --no-header
 	uv pip compile --universal --extra docs pyproject.toml -c requirements.lock -o docs/requirements.txt --no-annotate --no-header
 
 clean:  ## remove the environment and all output
-	rm -rf $(VENV) $(PEERS) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(PEERS) $(CONSUMERS) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -5,7 +5,7 @@ The public names are loaded when they are first used: ``import rivid`` itself lo
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "CalibratedReach", "Config", "Day", "DelayEstimate", "DelayProbabilities", "DiagnosisResult",
