@@ -5,10 +5,11 @@ the outflow of a pool then follows what arrives, as it did before. The residual 
 filter of the diagnosis, what is unlogged and on its way. How wrong such a forecast is, and what operators and
 programme will do, is learnt from the same forecast at earlier times of the record: for each horizon h
 
-    y(t + h) - y(t) = a f(t, h) + b g(t, h) + c (m - y(t)) + d (y(t + h - 24 h) - y(t)) + e r(t) + k + error,
+    y(t + h) - y(t) = a f + b g + c v + d (m - y(t)) + e (y(t + h - 24 h) - y(t)) + p r(t) + q + error,
 
-f the simulated change, g the same with the flows of the day before where none are announced, m the mean
-output and r the residual at t; the bands are quantiles of the errors of times that were left out of the fit.
+f the simulated change, g the same with the flows of the day before where none are announced, v what a held
+outflow would add to f, m the mean output and r the residual at t; the bands are quantiles of the errors of
+times that were left out of the fit.
 Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteorology 11, 1203-1211).
 """
 
@@ -18,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 from rivid.config import Config
 from rivid.diagnosis.calibrated import ReachModel
@@ -32,8 +34,8 @@ HISTORY = 40
 """Days before the forecast from which its errors are learnt: the weather and programme of a season."""
 HINDCASTS = 240
 """Times in them, evenly spread: a 5 % quantile of errors then lies on its twelfth."""
-FEWEST = 72
-"""Fewest of these from which errors are learnt: twelve for each of six coefficients."""
+FEWEST = 84
+"""Fewest of these from which errors are learnt: twelve for each of seven coefficients."""
 SETTLE = 6 * HOUR
 """Time before each origin from which the filter learns the weather, beside the travel time [s]."""
 ARRIVED = 0.9
@@ -391,15 +393,20 @@ def _latest_of(output: Floats) -> Ints:
 def simulations(
     model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int, rate: float
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
-    """Simulated changes (m, ahead), all regressors (m, ahead, 6), standard deviations (m, ahead), and flows.
+    """Simulated changes (m, ahead), all regressors (m, ahead, 7), standard deviations (m, ahead), and flows.
 
     Arguments and flows as of :func:`run`. The regressors are the simulated change, that with the flows of the
-    day before, the distance to the mean, the change of the day before, the residual, and 1.
+    day before, what a held outflow adds to the first (by the step response: a pool that is not balanced for a
+    day may run dry), the distance to the mean, the change of the day before, the residual, and 1.
     """
     simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, rate)
-    repeated = np.zeros_like(simulated)
+    repeated, held = np.zeros_like(simulated), np.zeros_like(simulated)
     if announced < ahead:
         repeated = run(model, series, origins, lead, ahead, announced, rate, repeat=True)[0]
+        known = series.outflow[origins] if announced == 0 else flows[1][:, announced - 1]
+        more = np.where(np.arange(ahead) >= announced, known[:, None] - flows[1], 0.0)
+        steps = np.diff(more, axis=1, prepend=0.0)
+        held = lfilter(model.kernels(ahead)["down"], 1.0, steps, axis=1)
     day = round(DAY / model.sample_time)
     y0 = series.output[_latest(series.output, origins)]
     mean = float(np.nanmean(series.output[: series.now + 1]))
@@ -408,13 +415,13 @@ def simulations(
     change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
     rest = np.broadcast_to(left[:, None], change.shape)
-    X = np.stack([simulated, repeated, away, change, rest, np.ones_like(change)], axis=-1)
+    X = np.stack([simulated, repeated, held, away, change, rest, np.ones_like(change)], axis=-1)
     return simulated, X, sd, flows
 
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """Coefficients by horizon, shape (H, 6), and quantiles of the standardised errors, shape (5, H)."""
+    """Coefficients by horizon, shape (H, 7), and quantiles of the standardised errors, shape (5, H)."""
 
     coefficients: Floats
     errors: Floats
@@ -425,7 +432,7 @@ class Learnt:
 
         Parameters
         ----------
-        X : ndarray, shape (m, H, 6)
+        X : ndarray, shape (m, H, 7)
         target : ndarray, shape (m, H)
             What came, less the output at the origin; NaN where it was not measured.
         sd : ndarray, shape (m, H)
@@ -445,7 +452,7 @@ class Learnt:
         return cls(_solved(A, b), np.nanquantile(errors, LEVELS, axis=0))
 
     def quantiles(self, X: Floats, sd: Floats) -> Floats:
-        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 6) and deviations (m, H)."""
+        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 7) and deviations (m, H)."""
         middle = np.einsum("mhi,hi->mh", X, self.coefficients)
         return np.asarray(middle + self.errors[:, None] * sd)
 

@@ -132,7 +132,7 @@ def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
             if not announced:
                 inflow[now + 1 :] = np.nan
             found = forecast(reach, replace(at, inflow=inflow))
-            assert found.announced == (N if announced else 0) and found.learnt >= 72
+            assert found.announced == (N if announced else 0) and found.learnt >= 84
             assert (np.diff(found.quantiles, axis=0) >= 0.0).all() and len(LEVELS) == len(found.quantiles)
             errors[announced].append(found.quantiles[2] - series.output[now + 1 : now + 1 + N])
     known_, held = (np.sqrt((np.array(errors[k]) ** 2).mean(axis=0)) for k in (True, False))
