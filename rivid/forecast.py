@@ -406,7 +406,7 @@ def simulations(
         known = series.outflow[origins] if announced == 0 else flows[1][:, announced - 1]
         more = np.where(np.arange(ahead) >= announced, known[:, None] - flows[1], 0.0)
         steps = np.diff(more, axis=1, prepend=0.0)
-        held = lfilter(model.kernels(ahead)["down"], 1.0, steps, axis=1)
+        held = np.asarray(lfilter(model.kernels(ahead)["down"], [1.0], steps, axis=1))
     day = round(DAY / model.sample_time)
     y0 = series.output[_latest(series.output, origins)]
     mean = float(np.nanmean(series.output[: series.now + 1]))

@@ -116,6 +116,8 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
     order = sorted(names, key=lambda name: (name != lead, name != "", names.index(name)))
 
     def read(file: FigureFile) -> int:
+        if file.kind == "tdr" and ESTIMATORS[file.estimator].has_probability:
+            return len(ORDER)  # the response to the inflow alone, which a level keeps: no jump is seen
         return ORDER.index(file.kind) if file.kind in ORDER else len(ORDER)
 
     shown = sorted(figures, key=lambda file: (order.index(file.estimator), read(file)))
