@@ -548,6 +548,8 @@ def _explain(fault: Any, model: type[BaseModel], raw: Any) -> str:
         fields = _fields_at(model, fault["loc"][:-1])
         return f"unknown key {where}; valid keys here: {', '.join(fields)}{nearest(fault['loc'][-1], fields)}"
     message = str(fault["msg"]).removeprefix("Value error, ")
+    if (fault.get("ctx") or {}).get("pattern") == NAME:
+        message = "Expected letters A to Z, digits, `.`, `_` and `-`, as of a file; `note` is any text"
     if not where:  # a fault of the whole file
         return message
     return f"{where} = {_short(repr(fault.get('input')))}: {message[:1].lower()}{message[1:]}"

@@ -36,7 +36,7 @@ def test_bounds_come_from_the_reach():
         ({"raech": {}}, ["unknown key raech", "input, jmap, posterior, reach, run"]),
         ({"reach": {"length": -1}}, ["reach.length = -1", "greater than 0"]),
         ({"reach": {"length": float("nan")}}, ["reach.length = nan"]),
-        ({"reach": {"name": "../x"}}, ["reach.name", "pattern"]),
+        ({"reach": {"name": "../x"}}, ["reach.name", "letters A to Z"]),
         ({"reach": {"discharge_range": [800, 100]}}, ["expected lowest, highest"]),
         ({"run": {"estimators": ["jmpa"]}}, ["'jmpa'", "did you mean jmap?"]),
         ({"run": {"estimators": []}}, ["run.estimators"]),
@@ -136,3 +136,8 @@ def test_every_setting_of_the_posterior_has_its_key_and_comes_back_from_toml(tmp
     made = config.posterior_settings()
     assert {name: getattr(made, name) for name in odd} == odd
     assert parse(json.loads(config.model_dump_json(exclude_none=True)), Config) == config
+
+
+def test_a_name_with_accents_is_refused_in_words():
+    with pytest.raises(ConfigError, match="reach.name = 'Isère aval': expected letters A to Z.*`note`"):
+        parse({"reach": {"name": "Isère aval"}}, Config)

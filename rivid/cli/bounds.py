@@ -15,8 +15,9 @@ GEOMETRY = ("length", "width", "depth", "discharge_range", "sample_time")
 @click.argument("data_dir", type=shared.PATH, default=".")
 @shared.config()
 @click.option("--toml", "as_toml", is_flag=True, help="Only the proposal, as lines of a configuration.")
+@shared.value("--write", shared.FILE, "FILE", "Put the proposal into this configuration.")
 @shared.as_json()
-def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -> int:
+def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | None, as_json: bool) -> int:
     """Travel-time bounds of the reach (section II), and the delays they propose.
 
     DATA_DIR, by default this directory, is where the search for rivid.toml starts; no log is read.
@@ -26,6 +27,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
       rivid bounds
       rivid bounds --config configs/glen_canyon.toml
       rivid bounds --config configs/glen_canyon.toml --toml > proposed.toml
+      rivid bounds --config configs/glen_canyon.toml --write out/proposed.toml
     """
     import json
     import math
@@ -33,6 +35,7 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
 
     import numpy as np
 
+    from rivid.atomic import write_text
     from rivid.cli.locate import configuration
     from rivid.config import DAY, load_config
     from rivid.core.settings import MAX_ORDER
@@ -71,6 +74,12 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
     days = math.ceil((3 if reach.kind == "river" else 2) * proposal.order * T_s / DAY)
     if days > settings.run.window_days:  # the response needs two samples for each of its lags
         lines += f"\n# set [run] window_days = {days} or more: the response is long beside a data set"
+    if write is not None:
+        if too_long:
+            raise ConfigError(too_long)
+        write_text(write, updated(write, "jmap", lines))
+        click.echo(f"written: {write}")
+        return 0
     if as_toml:
         if too_long:
             raise ConfigError(too_long)
@@ -87,3 +96,30 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, as_json: bool) -
 
 def _toml(value: object) -> str:
     return f"{list(value)}" if isinstance(value, tuple) else f"{value:g}"
+
+
+def updated(path: Path, name: str, lines: str) -> str:
+    """The text of a configuration with these lines in its table `name`; other keys and comments stay.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read.
+    """
+    from rivid.config import read_toml
+
+    table = read_toml(path).get(name) if path.exists() else None
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    if table is None:
+        return f"{text.rstrip()}\n\n{lines}\n".lstrip()
+    keys = {line.split(" = ")[0] for line in lines.splitlines() if " = " in line}
+    kept, inside = [], False
+    for line in text.splitlines():
+        if line.strip().startswith("["):
+            inside = line.split("#")[0].strip() == f"[{name}]"
+            if inside:
+                kept += lines.splitlines()
+                continue
+        if not (inside and line.split("=")[0].strip() in keys):
+            kept.append(line)
+    return "\n".join(kept) + "\n"

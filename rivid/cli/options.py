@@ -39,6 +39,9 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
+            if param and param.multiple and "," in str(value):
+                each = " ".join(f"{param.opts[0]} {one.strip()}" for one in value.split(","))
+                self.fail(f"{value!r} is a list; repeat the option: {each}", param, ctx)
             self.fail(f"{error.message.rstrip('.')}{nearest(value, map(str, self.choices))}", param, ctx)
 
 

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 @click.command("simulate")
 @click.argument("scenario", type=shared.PATH)
 @shared.logs_out
+@shared.value("--days", click.IntRange(1), "N", "Length of the season; default: the scenario's.")
 @shared.value("--seed", click.IntRange(min=0), "N", "Seed of the random numbers; default: the scenario's.")
 @shared.value("--truth", shared.FILE, "FILE", "File of the truth; default: <DATA_DIR>_truth.json.")
 @shared.talk
 def command(
-    scenario: Path, out: Path, seed: int | None, truth: Path | None, quiet: bool, verbose: bool
-) -> int:
+    scenario: Path, out: Path, days: int | None, seed: int | None, truth: Path | None, quiet: bool,
+    verbose: bool,
+) -> int:  # fmt: skip
     """Simulate daily logs of a reach, and write the truth apart from them.
 
     SCENARIO is a TOML file. The same scenario and seed give the same files. The truth is two files: the
@@ -30,9 +32,10 @@ def command(
     \b
     Examples:
       rivid simulate configs/scenarios/basse_isere.toml --out out/logs
-      rivid simulate configs/scenarios/effects/leakage.toml -o out/leak --seed 7
+      rivid simulate configs/scenarios/effects/leakage.toml -o out/leak --days 60
       rivid simulate configs/scenarios/cascade.toml --out out/cascade
     """
+    from rivid.api.inputs import as_scenario
     from rivid.errors import ConfigError
     from rivid.logs.write import stem_of
     from rivid.simulation import simulate_cascade
@@ -41,6 +44,9 @@ def command(
     console = Console(quiet, verbose)
     console.begin(("scenario", scenario), ("logs to", out))
     loaded = load_scenario(scenario)
+    if days is not None:
+        share = loaded.missing_days / loaded.days
+        loaded = as_scenario(loaded, {"days": days, "missing_days": int(days * share)})
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
     if truth.resolve().is_relative_to(place):

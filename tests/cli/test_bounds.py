@@ -68,3 +68,23 @@ def test_the_sample_time_that_it_asks_for_is_enough(rivid, settings, sample_time
     path.write_text(text.replace("sample_time = 60", f"sample_time = {enough}"))
     proposed = rivid("bounds", "--config", path, "--toml")
     assert proposed.code == 0 and "order = 1000" in proposed.stdout
+
+
+def test_the_proposal_replaces_that_of_a_configuration(rivid, settings, tmp_path):
+    path = settings()
+    path.write_text(
+        path.read_text()
+        + "[jmap]  # of last year\nd_max = 3\nalpha = 5000  # stays\n[run]\nwindow_days = 2\n"
+    )
+    done = rivid("bounds", "--config", path, "--write", path)
+    assert done.code == 0 and str(path) in done.stdout
+    proposal = json.loads(rivid("bounds", "--config", path, "--json").stdout)["proposal"]
+    config = load_config(path)
+    assert (config.jmap.order, config.jmap.d_max) == (proposal["order"], proposal["d_max"])
+    assert config.jmap.alpha == 5000 and config.run.window_days == 2 and "# stays" in path.read_text()
+    once = path.read_text()
+    rivid("bounds", "--config", path, "--write", path)
+    assert path.read_text() == once
+    new = tmp_path / "new.toml"
+    rivid("bounds", "--config", path, "--write", new)
+    assert load_config(new).jmap.d_max == proposal["d_max"]

@@ -186,3 +186,8 @@ def test_removed_estimators_and_settings_for_another_sample_time_are_named(rivid
         (tmp_path / "rivid.toml").write_text(reach.format(sample_time) + more)
         done = rivid("run", logs, "--out", tmp_path / f"out{k}", "--no-figures")
         assert ("`rivid bounds`" in done.stderr.replace("\n", " ")) is named, done.stderr
+
+
+def test_a_list_of_estimators_is_answered_with_the_repeated_option(rivid, logs):
+    done = rivid("run", logs, "--estimator", "jmap,posterior")
+    assert "--estimator jmap --estimator posterior" in str(done.exception.message)

@@ -73,6 +73,11 @@ def test_truth_and_other_logs_are_not_mixed_with_the_logs(scenario, tmp_path):
     assert sorted(contents(tmp_path / "logs")) == ["1999-01-01.csv", "README.md"]
 
 
+def test_days_shorten_a_season(scenario, tmp_path):
+    call(scenario, "--out", tmp_path / "logs", "--days", 3, "--quiet")
+    assert len(contents(tmp_path / "logs")) == 3
+
+
 def test_the_sample_year_is_made_by_its_scenario():
     scenario = load_scenario(ROOT / "configs" / "scenarios" / "basse_isere.toml")
     season = simulate(scenario)
