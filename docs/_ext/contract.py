@@ -5,6 +5,7 @@ import inspect
 import pyarrow as pa
 from markup import code, table
 
+from rivid.check import flags
 from rivid.cli.effects import TITLES, example
 from rivid.diagnosis.result import VERDICTS
 from rivid.effects import CATALOGUE, FAMILIES, Effect
@@ -41,6 +42,7 @@ def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
         "fleet.csv, fleet.parquet": (fleet.FLEET, fleet.MEANINGS),
         "unexplained_inflow.parquet": (flows, diagnosis.MEANINGS),
         "forecast.csv, forecast.parquet": (forecast.SCHEMA, forecast.MEANINGS),
+        "flags.csv, flags.parquet": (flags.SCHEMA, flags.MEANINGS),
     }  # fmt: skip
 
 

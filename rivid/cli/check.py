@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 @click.command("check")
 @shared.data_dir
 @shared.config(shared.CONFIG_OF_FLEET, type=shared.PATH)
+@shared.value("--flags", shared.NEW_DIRECTORY, "DIR", "Write flags of single values: flags.csv and .parquet.")
+@shared.value("--maintenance", shared.FILE, "FILE", "Dates on which the gauge was moved or cleaned.")
 @shared.as_json("One JSON object on stdout: every day, and a summary.")
 @shared.talk
 @shared.today
 def command(
-    data_dir: Path, config: Path | None, as_json: bool, quiet: bool, verbose: bool, today: dt.date | None
-) -> int:
+    data_dir: Path, config: Path | None, flags: Path | None, maintenance: Path | None, as_json: bool,
+    quiet: bool, verbose: bool, today: dt.date | None,
+) -> int:  # fmt: skip
     """Report faults in the logs in DATA_DIR, without estimating.
 
     First the days that cannot be used, with the reason. Then faults that only many days together show:
@@ -30,7 +33,8 @@ def command(
     that does not close, a level that moves too much for the pool's area, exchanged inflow and outflow, clocks
     that are off by an hour or a day or that drift, a gauge that stands still or jumps, copied days, rows that
     come more or less often than sample_time, flows outside discharge_range. Each fault is reported once, with
-    its dates. A fleet's directory is checked reach by reach.
+    its dates. A fleet's directory is checked reach by reach. A jump of the gauge on a day of the maintenance
+    file is explained, and no fault.
 
     Exit code: 0 no fault, 3 a fault, 2 an error in the configuration, 10 no logs.
 
@@ -39,6 +43,7 @@ def command(
       rivid check sample_data/basse_isere_csv
       rivid check sample_data/basse_isere --config configs/basse_isere.toml --json
       rivid check sample_data --config configs/fleet
+      rivid check sample_data/basse_isere_csv --flags out/flags
 
     \b
     For a log with its outflow in another unit it prints:
@@ -47,8 +52,11 @@ def command(
     """
     import json
 
+    from rivid.check.flags import explained, read_maintenance, write_flags
+    from rivid.check.flags import flags as flags_of
     from rivid.cli.locate import configuration, own
     from rivid.config import load_config
+    from rivid.errors import ConfigError
     from rivid.fleet.layout import find_fleet
 
     console = Console(quiet, verbose)
@@ -57,9 +65,15 @@ def command(
     console.phase("starting")
     fleet = find_fleet(data_dir, config, beside=None if given else own)
     if fleet is not None:
+        if flags or maintenance:
+            raise ConfigError("--flags and --maintenance are of one reach: give its directory of logs")
         return _fleet(fleet, as_json, quiet, today)
     settings = load_config(config)
     report = _report(data_dir, settings, today)
+    if maintenance is not None:
+        report = explained(report, read_maintenance(maintenance))
+    if flags is not None:
+        write_flags(flags_of(report, data_dir, settings), flags)
     console.phase("reading and checking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))

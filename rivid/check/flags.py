@@ -1,0 +1,142 @@
+"""Flags of logged values, by the findings of a check, for a historian or another quality control."""
+
+import datetime as dt
+from collections.abc import Collection, Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from rivid.check.findings import Finding, Report
+from rivid.config import Config
+from rivid.errors import ConfigError
+from rivid.logs.days import find_days, read_series
+from rivid.logs.spec import MICRO, day_bounds
+from rivid.results.store import TEXT, described, safe_for_spreadsheets, to_table, write_csv, write_parquet
+
+SCHEMA, MEANINGS = described(
+    [
+        ("time", pa.timestamp("ms", "UTC"), "", "of the value; of a day that cannot be read, its midnight"),
+        ("column", TEXT, "", "u_Qi, u_Qo, h_L or Q_L; empty for a whole day that cannot be read"),
+        ("flag", TEXT, "", "`fault`: needs action; `remark`; `failed`: the day cannot be used"),
+        ("rule", TEXT, "", "code of the finding, such as `jump` or `unit.factor`"),
+        ("reason", TEXT, "", "the finding for this day, in words"),
+    ]
+)
+"""flags.csv and flags.parquet: a row for each flagged value and rule."""
+NAMED = {"constant.inflow": ("u_Qi",), "constant.outflow": ("u_Qo",), "swapped": ("u_Qi", "u_Qo")}
+"""Columns of findings that do not name theirs, by code or kind."""
+
+
+def columns_of(finding: Finding, date: dt.date, every: Collection[str]) -> tuple[str, ...]:
+    """Columns that a finding is about on a day."""
+    values = {**finding.values, **finding.days.get(date, {})}
+    for key in ("column", "output", "small"):
+        if values.get(key) in every:
+            return (str(values[key]),)
+    named = NAMED.get(finding.code.removesuffix("_always")) or NAMED.get(finding.kind)
+    return tuple(name for name in named or every if name in every)
+
+
+def flags(report: Report, root: Path, config: Config) -> pa.Table:
+    """The table of flags.
+
+    Parameters
+    ----------
+    report : Report
+        Of :func:`rivid.check.check`.
+    root : Path
+        DATA_DIR, or one file.
+    config : Config
+
+    Returns
+    -------
+    pyarrow.Table
+        Of :data:`SCHEMA`, in order of days.
+    """
+    rows: list[tuple[dt.datetime, str, str, str, str]] = []
+    failed = {day.date: day.reason for day in report.days if day.status == "failed"}
+    for source in find_days(root, config).days:
+        found = [f for f in report.findings if source.date in f.days or not f.days]
+        if source.date in failed:
+            midnight = dt.datetime.combine(source.date, dt.time(), dt.UTC)
+            rows.append((midnight, "", "failed", "failed", failed[source.date]))
+        if not found:
+            continue
+        series, zone, _ = read_series(root, [source], config)
+        if zone is None:
+            continue
+        for finding in found:
+            level = "fault" if finding.wrong else "remark"
+            reason = finding.day_text(source.date) if finding.days else finding.text
+            for name in columns_of(finding, source.date, series):
+                times = series[name][0]
+                begin = day_bounds(source.date, zone)[0]
+                chosen = _chosen(finding, source.date, times - begin, config.reach.sample_time)
+                rows += [
+                    (dt.datetime.fromtimestamp(t / MICRO, dt.UTC), name, level, finding.code, reason)
+                    for t in times[chosen].tolist()
+                ]
+    columns = {name: [row[i] for row in rows] for i, name in enumerate(SCHEMA.names)}
+    return safe_for_spreadsheets(to_table(columns, SCHEMA), ("reason",))
+
+
+def _chosen(finding: Finding, date: dt.date, since: Any, sample: float) -> Any:
+    """Values of a day (n,) that a finding flags: those of its events, or all; `since` midnight [us]."""
+    items = finding.days.get(date, {}).get("items")
+    if not items:
+        return np.ones(len(since), bool)
+    chosen = np.zeros(len(since), bool)
+    for item in items:  # their times are in whole minutes
+        first, last = (_seconds(item.get(key, item.get("time", ""))) for key in ("first", "last"))
+        chosen |= (since >= (first - 30.0) * MICRO) & (since < (last + 30.0 + sample) * MICRO)
+    return chosen
+
+
+def _seconds(clock: str) -> float:
+    """Seconds since midnight of a time such as 07:30 or 07:30:15."""
+    hours, minutes, *seconds = (float(part) for part in clock.split(":"))
+    return hours * 3600.0 + minutes * 60.0 + sum(seconds)
+
+
+def read_maintenance(path: Path) -> list[dt.date]:
+    """Dates of maintenance: lines of a file that begin with one, as 2008-03-14; other lines are comments.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read, or holds no date.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({type(error).__name__}): expected a text file") from None
+    found = []
+    for line in lines:
+        with suppress(ValueError):
+            found.append(dt.date.fromisoformat(line.strip()[:10]))
+    if not found:
+        raise ConfigError(f"{path}: no line begins with a date: expected such as 2008-03-14 gauge moved")
+    return found
+
+
+def write_flags(table: pa.Table, out: Path) -> None:
+    """Write flags.csv and flags.parquet into a directory, each atomically."""
+    write_parquet(table, out / "flags.parquet")
+    write_csv(table, out / "flags.csv")
+
+
+def explained(report: Report, dates: Iterable[dt.date]) -> Report:
+    """A report without the jumps of the gauge on days of its maintenance."""
+    known, found = set(dates), []
+    for finding in report.findings:
+        if finding.kind in ("jump", "spike") and known & set(finding.days):
+            left = {date: values for date, values in finding.days.items() if date not in known}
+            finding = replace(finding, days=left)
+            if not left:
+                continue
+        found.append(finding)
+    return replace(report, findings=found)
