@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS = 1
 unexport PYTHONDONTWRITEBYTECODE  # without its bytecode the package is compiled anew by each process
 
 .DEFAULT_GOAL := help
-.PHONY: help install setup run week glen-canyon exam exam-quick exam-mutations diagnose-real hydraulic-page test test-long check bench scale accuracy posterior-pages peers consumers forecast-page glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
+.PHONY: help install setup run week glen-canyon exam exam-quick exam-mutations diagnose-real real hydraulic-page test test-long check bench scale accuracy posterior-pages peers consumers forecast-page glen-canyon-page figures paper-page sensitivity pictures sample-data docs lock clean
 
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -101,6 +101,9 @@ exam-quick: setup  ## a few dozen short seasons, in minutes; fails where a share
 
 exam-mutations: setup  ## parts of the diagnosis taken out one by one: the exam must fail each time
 	$(BIN)/python -m benchmarks.exam.mutations
+
+real: setup  ## travel times and diagnoses of all measured data, written to docs/real.md
+	$(BIN)/python -m benchmarks.real
 
 diagnose-real: setup  ## the hidden bypass of Glen Canyon Dam, written to docs/diagnose_real.md
 	$(BIN)/python -m benchmarks.diagnose_real

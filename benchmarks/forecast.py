@@ -95,9 +95,9 @@ def ours(c: Case, steps: Ints, announced: bool) -> Floats:
     """Quantiles (5, m, h) by `rivid forecast`: learnt each day from the days before it."""
     T, ahead = c.model.sample_time, int(steps[-1])
     every = np.concatenate([c.train, c.test])
-    rate = core.following(c.model, Series(*_until(c, c.train[-1])))
     lead = core.lead_of(c.model)
-    _, X, sd, _ = core.simulations(c.model, c.series, every, lead, ahead, ahead if announced else 0, rate)
+    few = c.train[np.linspace(0, len(c.train) - 1, HINDCASTS).astype(int)]
+    _, X, sd, _ = core.simulations(c.model, c.series, every, few, lead, ahead, ahead if announced else 0)
     X, sd, target = X[:, steps - 1], sd[:, steps - 1], came(c, every, steps)
     found = np.empty((len(LEVELS), len(c.test), len(steps)))
     day = c.test // round(DAY / T)
@@ -110,19 +110,6 @@ def ours(c: Case, steps: Ints, announced: bool) -> Floats:
         at = rows + len(c.train)
         found[:, rows] = learnt.quantiles(X[at], sd[at])
     return found
-
-
-def _until(c: Case, now: int) -> tuple[object, ...]:
-    s = c.series
-    return (
-        s.time[: now + 1],
-        s.first,
-        s.inflow[: now + 1],
-        s.outflow[: now + 1],
-        s.output[: now + 1],
-        now,
-        s.begin,
-    )
 
 
 def flows(c: Case, origins: Ints, ahead: int, announced: bool, back: int) -> tuple[Floats, Floats]:

@@ -1,9 +1,10 @@
 """The level or discharge of the next hours, from a calibrated reach and the logs until now.
 
-The reach is simulated through the logs and on, with the flows to come as the logs announce them, else held;
-the outflow of a pool then follows what arrives, as it did before. The residual until now gives, by the Kalman
-filter of the diagnosis, what is unlogged and on its way. How wrong such a forecast is, and what operators and
-programme will do, is learnt from the same forecast at earlier times of the record: for each horizon h
+The reach is simulated through the logs and on, with the flows to come as the logs announce them. Else the
+inflow is held, and the outflow of a pool goes on as it did before in a like case (:func:`operators`). The
+residual until now gives, by the Kalman filter of the diagnosis, what is unlogged and on its way. How wrong
+such a forecast is, and what operators and programme will do, is learnt from the same forecast at earlier times
+of the record: for each horizon h
 
     y(t + h) - y(t) = a f + b g + c v + d (m - y(t)) + e (y(t + h - 24 h) - y(t)) + p r(t) + q + error,
 
@@ -234,9 +235,8 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
             "all logged: expected them for the water under way; see `rivid check`"
         )
     past = usable[np.linspace(0, len(usable) - 1, min(HINDCASTS, len(usable))).astype(int)]
-    rate = following(model, series)
     origins = np.append(past, now)
-    simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced, rate)
+    simulated, X, sd, flows = simulations(model, series, origins, past, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
     y0 = series.output[_latest(series.output, origins)]
     if len(past) >= FEWEST:
@@ -291,19 +291,26 @@ def _latest(output: Floats, origins: Ints) -> Ints:
     return np.asarray(last[origins])
 
 
-def following(model: ReachModel, series: Series) -> float:
-    """Rate [1/s] at which the outflow went to what arrived: least squares over an hour, 0 to one an hour."""
-    if model.kind == "river":
-        return 0.0
-    up = model.kernels(max(round(DAY / model.sample_time), 2))["up"]
-    hour, delay = max(round(HOUR / model.sample_time), 1), _half(model, up)
-    arrived = np.concatenate([np.full(delay, np.nan), series.inflow[: len(series.inflow) - delay]])
-    gap = (arrived - series.outflow)[: series.now + 1 - hour]
-    moved = series.outflow[hour : series.now + 1] - series.outflow[: len(gap)]
-    there = np.isfinite(gap) & np.isfinite(moved)
-    square = float((gap[there] ** 2).sum())
-    share = float((gap * moved)[there].sum()) / square if square else 0.0
-    return float(-np.log1p(-min(max(share, 0.0), 0.98)) / HOUR)
+def operators(model: ReachModel, series: Series, past: Ints, ahead: int, announced: int) -> Floats:
+    """How the outflow went on after its announced values, at earlier origins: (steps, 4), by :func:`_signs`.
+
+    Least squares for each step. Operators answer the inflow when they see it, when it arrives, and the level.
+    """
+    later = np.arange(1, ahead - announced + 1)
+    X = _signs(model, series, past, announced)
+    target = series.outflow[past[:, None] + announced + later] - series.outflow[past + announced, None]
+    return _solved(np.broadcast_to(X[:, None], (*target.shape, X.shape[1])), target)
+
+
+def _signs(model: ReachModel, series: Series, origins: Ints, announced: int) -> Floats:
+    """What operators answer: the inflow and what arrives, less the outflow, the level, and 1; (m, 4)."""
+    delay = _half(model, model.kernels(max(round(DAY / model.sample_time), 2))["up"])
+    at = origins + announced
+    level = series.output[_latest(series.output[: series.now + 1], origins)]
+    arrives = series.inflow[np.maximum(at - delay, 0)]
+    mean = float(np.nanmean(series.output[: series.now + 1]))
+    columns = [series.inflow[at] - series.outflow[at], arrives - series.outflow[at], level - mean]
+    return np.stack([*columns, np.ones(len(origins))], axis=1)
 
 
 def run(
@@ -313,7 +320,7 @@ def run(
     lead: int,
     ahead: int,
     announced: int,
-    rate: float,
+    outflow_after: Floats,
     repeat: bool = False,
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated change of the output after each origin, by the logs until there and the announced flows.
@@ -327,8 +334,8 @@ def run(
         Samples before and after each origin.
     announced : int
         Samples after an origin with known flows.
-    rate : float
-        Of :func:`following`.
+    outflow_after : ndarray, shape (m, ahead - announced)
+        Outflow after the announced one [m3/s].
     repeat : bool
         Whether flows that are not announced are those of the day before; else the inflow is held.
 
@@ -356,11 +363,7 @@ def run(
             inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
         else:
             inflow[:, until + 1 :] = inflow[:, until : until + 1]
-        if model.kind == "pool":
-            delay = _half(model, model.kernels(lead + 1)["up"])
-            for k in range(until + 1, lead + ahead + 1):
-                gap = inflow[:, max(k - delay, 0)] - outflow[:, k - 1]
-                outflow[:, k] = outflow[:, k - 1] + (1.0 - np.exp(-rate * T)) * gap
+        outflow[:, until + 1 :] = outflow_after
     time = series.time[0] + (origins[:, None] + np.arange(-lead, ahead + 1)) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
@@ -391,20 +394,25 @@ def _latest_of(output: Floats) -> Ints:
 
 
 def simulations(
-    model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int, rate: float
+    model: ReachModel, series: Series, origins: Ints, past: Ints, lead: int, ahead: int, announced: int
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated changes (m, ahead), all regressors (m, ahead, 7), standard deviations (m, ahead), and flows.
 
-    Arguments and flows as of :func:`run`. The regressors are the simulated change, that with the flows of the
-    day before, what a held outflow adds to the first (by the step response: a pool that is not balanced for a
-    day may run dry), the distance to the mean, the change of the day before, the residual, and 1.
+    Arguments and flows as of :func:`run`; operators are learnt at the origins `past`. The regressors are the
+    simulated change, that with the flows of the day before, what a held outflow adds to the first (by the
+    step response: a pool that is not balanced for a day may run dry), the distance to the mean, the change of
+    the day before, the residual, and 1.
     """
-    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, rate)
+    known = series.outflow[origins + announced][:, None]
+    after = np.broadcast_to(known, (len(origins), ahead - announced))
+    if announced < ahead and model.kind == "pool" and len(past) >= FEWEST:
+        law = operators(model, series, past, ahead, announced)
+        after = np.maximum(known + _signs(model, series, origins, announced) @ law.T, 0.0)
+    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, after)
     repeated, held = np.zeros_like(simulated), np.zeros_like(simulated)
     if announced < ahead:
-        repeated = run(model, series, origins, lead, ahead, announced, rate, repeat=True)[0]
-        known = series.outflow[origins] if announced == 0 else flows[1][:, announced - 1]
-        more = np.where(np.arange(ahead) >= announced, known[:, None] - flows[1], 0.0)
+        repeated = run(model, series, origins, lead, ahead, announced, after, repeat=True)[0]
+        more = np.where(np.arange(ahead) >= announced, known - flows[1], 0.0)
         steps = np.diff(more, axis=1, prepend=0.0)
         held = np.asarray(lfilter(model.kernels(ahead)["down"], [1.0], steps, axis=1))
     day = round(DAY / model.sample_time)

@@ -17,9 +17,9 @@ from rivid.forecast import (
     LEVELS,
     Learnt,
     Series,
-    following,
     forecast,
     lead_of,
+    operators,
     simulations,
 )
 from tests.diagnosis.responses import river_record
@@ -77,7 +77,7 @@ def test_bands_hold_as_often_as_they_state():
         test = np.arange(44 * N, 73 * N, 37)
         quantiles = []
         for at in (train, test):
-            _, X, sd, _ = simulations(reach, series, at, lead, 48, 48, 0.0)
+            _, X, sd, _ = simulations(reach, series, at, train, lead, 48, 48)
             quantiles.append((X, sd))
         (X, sd), (X_test, sd_test) = quantiles
         learnt = Learnt.of(X, series.output[train[:, None] + steps] - series.output[train, None], sd)
@@ -139,17 +139,21 @@ def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
     assert known_[-1] < 0.3 * held[-1] and abs(known_[3] - held[3]) < 0.3 * held[3]
 
 
-def test_the_outflow_follows_what_arrives_as_it_did():
+def test_the_outflow_goes_on_as_it_did():
+    """Operators who answer the present inflow and the level; the last announced value is three samples on."""
     reach, _ = pool("none")
     rng = np.random.default_rng(0)
     inflow = np.repeat(300.0 + np.cumsum(rng.normal(0.0, 5.0, 400)), 27)
-    outflow, rate, delay = np.full(len(inflow), 300.0), 1.0 / 3000.0, 7
+    level = rng.normal(120.0, 0.05, len(inflow))
+    outflow = np.full(len(inflow), 300.0)
     for k in range(1, len(inflow)):
-        gap = inflow[max(k - delay, 0)] - outflow[k - 1]
-        outflow[k] = outflow[k - 1] + (1.0 - np.exp(-rate * 133.0)) * gap
+        outflow[k] = outflow[k - 1] + 0.05 * (inflow[k - 1] - outflow[k - 1]) + 2.0 * (level[k - 1] - 120.0)
     begin = dt.datetime.combine(FIRST, dt.time(), ZONE)
-    series = Series(133.0 * np.arange(len(inflow)), FIRST, inflow, outflow, outflow, len(inflow) - 1, begin)
-    assert following(reach, series) == pytest.approx(rate, rel=0.3)
+    series = Series(133.0 * np.arange(len(inflow)), FIRST, inflow, outflow, level, len(inflow) - 1, begin)
+    past = np.arange(189, len(inflow) - 60, 27)  # the inflow has just changed, and is held for an hour
+    law = operators(reach, series, past, 20, 3)
+    assert law.shape == (17, 4)
+    np.testing.assert_allclose(law[:, 0], 1.0 - 0.95 ** np.arange(1, 18), atol=0.02)
 
 
 def test_without_flows_before_the_origin_there_is_none(known):
