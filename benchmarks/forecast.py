@@ -96,8 +96,7 @@ def ours(c: Case, steps: Ints, announced: bool) -> Floats:
     T, ahead = c.model.sample_time, int(steps[-1])
     every = np.concatenate([c.train, c.test])
     lead = core.lead_of(c.model)
-    few = c.train[np.linspace(0, len(c.train) - 1, HINDCASTS).astype(int)]
-    _, X, sd, _ = core.simulations(c.model, c.series, every, few, lead, ahead, ahead if announced else 0)
+    _, X, sd, _ = core.simulations(c.model, c.series, every, lead, ahead, ahead if announced else 0)
     X, sd, target = X[:, steps - 1], sd[:, steps - 1], came(c, every, steps)
     found = np.empty((len(LEVELS), len(c.test), len(steps)))
     day = c.test // round(DAY / T)

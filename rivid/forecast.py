@@ -1,16 +1,14 @@
 """The level or discharge of the next hours, from a calibrated reach and the logs until now.
 
-The reach is simulated through the logs and on, with the flows to come as the logs announce them. Else the
-inflow is held, and the outflow of a pool goes on as it did before in a like case (:func:`operators`). The
+The reach is simulated through the logs and on, with the flows to come as the logs announce them, else held. The
 residual until now gives, by the Kalman filter of the diagnosis, what is unlogged and on its way. How wrong
-such a forecast is, and what operators and programme will do, is learnt from the same forecast at earlier times
-of the record: for each horizon h
+such a forecast is, and what operators and programme will do, is learnt from the same at earlier times of the
+record: for each horizon h
 
-    y(t + h) - y(t) = a f + b g + c v + d (m - y(t)) + e (y(t + h - 24 h) - y(t)) + p r(t) + q + error,
+    y(t + h) - y(t) = a f + b g + c (m - y(t)) + d (y(t + h - 24 h) - y(t)) + e r(t) + k + error,
 
-f the simulated change, g the same with the flows of the day before where none are announced, v what a held
-outflow would add to f, m the mean output and r the residual at t; the bands are quantiles of the errors of
-times that were left out of the fit.
+f the simulated change, g the same with the inflow of the day before where none is announced, m the mean
+output and r the residual at t; the bands are quantiles of the errors of times that were left out of the fit.
 Source: model output statistics, Glahn and Lowry (1972, Journal of Applied Meteorology 11, 1203-1211).
 """
 
@@ -20,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rivid.config import Config
 from rivid.diagnosis.calibrated import ReachModel
@@ -35,8 +32,8 @@ HISTORY = 40
 """Days before the forecast from which its errors are learnt: the weather and programme of a season."""
 HINDCASTS = 240
 """Times in them, evenly spread: a 5 % quantile of errors then lies on its twelfth."""
-FEWEST = 84
-"""Fewest of these from which errors are learnt: twelve for each of seven coefficients."""
+FEWEST = 72
+"""Fewest of these from which errors are learnt: twelve for each of six coefficients."""
 SETTLE = 6 * HOUR
 """Time before each origin from which the filter learns the weather, beside the travel time [s]."""
 ARRIVED = 0.9
@@ -236,7 +233,7 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
         )
     past = usable[np.linspace(0, len(usable) - 1, min(HINDCASTS, len(usable))).astype(int)]
     origins = np.append(past, now)
-    simulated, X, sd, flows = simulations(model, series, origins, past, lead, ahead, announced)
+    simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
     y0 = series.output[_latest(series.output, origins)]
     if len(past) >= FEWEST:
@@ -291,28 +288,6 @@ def _latest(output: Floats, origins: Ints) -> Ints:
     return np.asarray(last[origins])
 
 
-def operators(model: ReachModel, series: Series, past: Ints, ahead: int, announced: int) -> Floats:
-    """How the outflow went on after its announced values, at earlier origins: (steps, 4), by :func:`_signs`.
-
-    Least squares for each step. Operators answer the inflow when they see it, when it arrives, and the level.
-    """
-    later = np.arange(1, ahead - announced + 1)
-    X = _signs(model, series, past, announced)
-    target = series.outflow[past[:, None] + announced + later] - series.outflow[past + announced, None]
-    return _solved(np.broadcast_to(X[:, None], (*target.shape, X.shape[1])), target)
-
-
-def _signs(model: ReachModel, series: Series, origins: Ints, announced: int) -> Floats:
-    """What operators answer: the inflow and what arrives, less the outflow, the level, and 1; (m, 4)."""
-    delay = _half(model, model.kernels(max(round(DAY / model.sample_time), 2))["up"])
-    at = origins + announced
-    level = series.output[_latest(series.output[: series.now + 1], origins)]
-    arrives = series.inflow[np.maximum(at - delay, 0)]
-    mean = float(np.nanmean(series.output[: series.now + 1]))
-    columns = [series.inflow[at] - series.outflow[at], arrives - series.outflow[at], level - mean]
-    return np.stack([*columns, np.ones(len(origins))], axis=1)
-
-
 def run(
     model: ReachModel,
     series: Series,
@@ -320,7 +295,6 @@ def run(
     lead: int,
     ahead: int,
     announced: int,
-    outflow_after: Floats,
     repeat: bool = False,
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated change of the output after each origin, by the logs until there and the announced flows.
@@ -334,10 +308,8 @@ def run(
         Samples before and after each origin.
     announced : int
         Samples after an origin with known flows.
-    outflow_after : ndarray, shape (m, ahead - announced)
-        Outflow after the announced one [m3/s].
     repeat : bool
-        Whether flows that are not announced are those of the day before; else the inflow is held.
+        Whether the inflow that is not announced is that of the day before; else it is held.
 
     Returns
     -------
@@ -353,6 +325,7 @@ def run(
     inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
     output[:, lead + 1 :] = np.nan
     if until < lead + ahead:
+        outflow[:, until + 1 :] = outflow[:, until : until + 1]
         if repeat:
             day = round(DAY / T)
             for k in range(until + 1, lead + ahead + 1):  # of a second day, what the first one repeats
@@ -363,7 +336,6 @@ def run(
             inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
         else:
             inflow[:, until + 1 :] = inflow[:, until : until + 1]
-        outflow[:, until + 1 :] = outflow_after
     time = series.time[0] + (origins[:, None] + np.arange(-lead, ahead + 1)) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
@@ -394,27 +366,17 @@ def _latest_of(output: Floats) -> Ints:
 
 
 def simulations(
-    model: ReachModel, series: Series, origins: Ints, past: Ints, lead: int, ahead: int, announced: int
+    model: ReachModel, series: Series, origins: Ints, lead: int, ahead: int, announced: int
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
-    """Simulated changes (m, ahead), all regressors (m, ahead, 7), standard deviations (m, ahead), and flows.
+    """Simulated changes (m, ahead), all regressors (m, ahead, 6), standard deviations (m, ahead), and flows.
 
-    Arguments and flows as of :func:`run`; operators are learnt at the origins `past`. The regressors are the
-    simulated change, that with the flows of the day before, what a held outflow adds to the first (by the
-    step response: a pool that is not balanced for a day may run dry), the distance to the mean, the change of
-    the day before, the residual, and 1.
+    Arguments and flows as of :func:`run`. The regressors are the simulated change, that with the inflow of
+    the day before, the distance to the mean, the change of the day before, the residual, and 1.
     """
-    known = series.outflow[origins + announced][:, None]
-    after = np.broadcast_to(known, (len(origins), ahead - announced))
-    if announced < ahead and model.kind == "pool" and len(past) >= FEWEST:
-        law = operators(model, series, past, ahead, announced)
-        after = np.maximum(known + _signs(model, series, origins, announced) @ law.T, 0.0)
-    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced, after)
-    repeated, held = np.zeros_like(simulated), np.zeros_like(simulated)
+    simulated, sd, left, flows = run(model, series, origins, lead, ahead, announced)
+    repeated = np.zeros_like(simulated)
     if announced < ahead:
-        repeated = run(model, series, origins, lead, ahead, announced, after, repeat=True)[0]
-        more = np.where(np.arange(ahead) >= announced, known - flows[1], 0.0)
-        steps = np.diff(more, axis=1, prepend=0.0)
-        held = np.asarray(lfilter(model.kernels(ahead)["down"], [1.0], steps, axis=1))
+        repeated = run(model, series, origins, lead, ahead, announced, repeat=True)[0]
     day = round(DAY / model.sample_time)
     y0 = series.output[_latest(series.output, origins)]
     mean = float(np.nanmean(series.output[: series.now + 1]))
@@ -423,13 +385,13 @@ def simulations(
     change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
     rest = np.broadcast_to(left[:, None], change.shape)
-    X = np.stack([simulated, repeated, held, away, change, rest, np.ones_like(change)], axis=-1)
+    X = np.stack([simulated, repeated, away, change, rest, np.ones_like(change)], axis=-1)
     return simulated, X, sd, flows
 
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """Coefficients by horizon, shape (H, 7), and quantiles of the standardised errors, shape (5, H)."""
+    """Coefficients by horizon, shape (H, 6), and quantiles of the standardised errors, shape (5, H)."""
 
     coefficients: Floats
     errors: Floats
@@ -440,7 +402,7 @@ class Learnt:
 
         Parameters
         ----------
-        X : ndarray, shape (m, H, 7)
+        X : ndarray, shape (m, H, 6)
         target : ndarray, shape (m, H)
             What came, less the output at the origin; NaN where it was not measured.
         sd : ndarray, shape (m, H)
@@ -460,7 +422,7 @@ class Learnt:
         return cls(_solved(A, b), np.nanquantile(errors, LEVELS, axis=0))
 
     def quantiles(self, X: Floats, sd: Floats) -> Floats:
-        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 7) and deviations (m, H)."""
+        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 6) and deviations (m, H)."""
         middle = np.einsum("mhi,hi->mh", X, self.coefficients)
         return np.asarray(middle + self.errors[:, None] * sd)
 

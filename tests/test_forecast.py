@@ -19,12 +19,11 @@ from rivid.forecast import (
     Series,
     forecast,
     lead_of,
-    operators,
     simulations,
 )
 from tests.diagnosis.responses import river_record
 from tests.run.test_run import rivid as command
-from tests.test_export import pool, river, written
+from tests.test_export import river, written
 
 DAYS, N, T = 45, 96, 900.0
 FIRST = dt.date(2024, 5, 1)
@@ -77,7 +76,7 @@ def test_bands_hold_as_often_as_they_state():
         test = np.arange(44 * N, 73 * N, 37)
         quantiles = []
         for at in (train, test):
-            _, X, sd, _ = simulations(reach, series, at, train, lead, 48, 48)
+            _, X, sd, _ = simulations(reach, series, at, lead, 48, 48)
             quantiles.append((X, sd))
         (X, sd), (X_test, sd_test) = quantiles
         learnt = Learnt.of(X, series.output[train[:, None] + steps] - series.output[train, None], sd)
@@ -132,28 +131,11 @@ def test_a_forecast_with_announced_flows_is_better_than_one_without(known):
             if not announced:
                 inflow[now + 1 :] = np.nan
             found = forecast(reach, replace(at, inflow=inflow))
-            assert found.announced == (N if announced else 0) and found.learnt >= 84
+            assert found.announced == (N if announced else 0) and found.learnt >= 72
             assert (np.diff(found.quantiles, axis=0) >= 0.0).all() and len(LEVELS) == len(found.quantiles)
             errors[announced].append(found.quantiles[2] - series.output[now + 1 : now + 1 + N])
     known_, held = (np.sqrt((np.array(errors[k]) ** 2).mean(axis=0)) for k in (True, False))
     assert known_[-1] < 0.3 * held[-1] and abs(known_[3] - held[3]) < 0.3 * held[3]
-
-
-def test_the_outflow_goes_on_as_it_did():
-    """Operators who answer the present inflow and the level; the last announced value is three samples on."""
-    reach, _ = pool("none")
-    rng = np.random.default_rng(0)
-    inflow = np.repeat(300.0 + np.cumsum(rng.normal(0.0, 5.0, 400)), 27)
-    level = rng.normal(120.0, 0.05, len(inflow))
-    outflow = np.full(len(inflow), 300.0)
-    for k in range(1, len(inflow)):
-        outflow[k] = outflow[k - 1] + 0.05 * (inflow[k - 1] - outflow[k - 1]) + 2.0 * (level[k - 1] - 120.0)
-    begin = dt.datetime.combine(FIRST, dt.time(), ZONE)
-    series = Series(133.0 * np.arange(len(inflow)), FIRST, inflow, outflow, level, len(inflow) - 1, begin)
-    past = np.arange(189, len(inflow) - 60, 27)  # the inflow has just changed, and is held for an hour
-    law = operators(reach, series, past, 20, 3)
-    assert law.shape == (17, 4)
-    np.testing.assert_allclose(law[:, 0], 1.0 - 0.95 ** np.arange(1, 18), atol=0.02)
 
 
 def test_without_flows_before_the_origin_there_is_none(known):
