@@ -1,9 +1,9 @@
 """The level or discharge of the next hours, from a calibrated reach and the logs until now.
 
-The reach is simulated through the logs and on, with the flows to come as the logs announce them, else held. The
-residual until now gives, by the Kalman filter of the diagnosis, what is unlogged and on its way. How wrong
-such a forecast is, and what operators and programme will do, is learnt from the same at earlier times of the
-record: for each horizon h
+The reach is simulated through the logs and on, with the flows to come as the logs announce them, else held.
+The residual until now gives, by the Kalman filter of the diagnosis, what is unlogged and on its way. How
+wrong such a forecast is, and what operators and programme will do, is learnt from the same at earlier times
+of the record: for each horizon h
 
     y(t + h) - y(t) = a f + b g + c (m - y(t)) + d (y(t + h - 24 h) - y(t)) + e r(t) + k + error,
 
