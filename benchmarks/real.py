@@ -82,7 +82,7 @@ def diagnosed(reach: Reach, record: Record) -> tuple[list[list[str]], Counter[st
             rows.append([f"{begin} to {end}", f"failed: {error}", "", "", ""])
             continue
         taken.append(time.perf_counter() - began)
-        names = dict.fromkeys(e.name for e in found.effects)
+        names = list(dict.fromkeys(e.name for e in found.effects))
         words = ", ".join(
             f"{n} {max(e.probability or 0.0 for e in found.effects if e.name == n):.2f}"
             + (
@@ -130,7 +130,7 @@ def travelled(reach: Reach, record: Record) -> str:
     seconds = time.perf_counter() - began
     T = reach.config.reach.sample_time / 3600.0
     ok = np.isfinite(found.delay)
-    t50, low, high = (np.asarray(v)[ok] * T for v in (found.delay, found.low, found.high))
+    t50, low, high = (np.asarray(v)[ok] * T for v in (found.travel, found.delay_low, found.delay_high))
     flow = u.mean(axis=1)[ok] / CFS
     known = np.full(len(t50), reach.lag)
     doubt = np.full(len(t50), reach.doubt)

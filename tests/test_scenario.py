@@ -47,7 +47,7 @@ def test_scenario_defaults_equal_those_of_the_core():
     ("text", "reason"),
     [
         ("[reach]\nlenght = 8", "unknown key reach.lenght; valid keys here: bed_level, depth, "),
-        ("sed = 3", "unknown key sed; valid keys here: cascade, channel, days, "),
+        ("sed = 3", "unknown key sed; valid keys here: calibration, cascade, channel, days, "),
         ("[operators]\nlevel_gain = 1000", "operators.level_gain = 1000: input should be less than 0"),
         (
             "[operators]\nlook = [1800, 600]",
