@@ -5,6 +5,7 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rivid
@@ -13,8 +14,8 @@ TOUR = Path(__file__).parents[1] / "docs" / "tour.ipynb"
 LAST = "## What is missing?"
 
 
-def cells():
-    return json.loads(TOUR.read_text(encoding="utf-8"))["cells"]
+def cells(path=TOUR):
+    return json.loads(path.read_text(encoding="utf-8"))["cells"]
 
 
 def run(cells, monkeypatch):
@@ -60,3 +61,13 @@ def test_the_notebook_holds_no_output_and_no_place_of_one_machine():
         if cell["cell_type"] == "code":
             assert cell["outputs"] == [] and cell["execution_count"] is None
     assert os.path.expanduser("~") not in TOUR.read_text(encoding="utf-8")
+
+
+@pytest.mark.long
+def test_the_loop_of_the_notebook_on_control_is_stable_and_better_with_the_dead_time(monkeypatch):
+    names, shown = run(cells(TOUR.with_name("control.ipynb")), monkeypatch)
+    assert shown["diagnose"][0] == ("u_Qi", "u_Qo") and shown["diagnose"][2][0] >= 4
+    alone, both = (answer for answer in names["answers"].values())
+    assert np.abs(alone[0]).max() > 2.0 * np.abs(both[0]).max()
+    for level, outflow in (alone, both):
+        assert 40.0 < outflow[-1] < 65.0 and np.abs(level[-20:]).max() < np.abs(alone[0]).max()

@@ -383,9 +383,13 @@ class _Search:
             self.add(one)
 
     def _grow(
-        self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None
-    ) -> None:
-        """An explanation with one more effect than `parent`, if the reach can carry the flows with it."""
+        self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None,
+        again: Grow | None = None,
+    ) -> None:  # fmt: skip
+        """An explanation with one more effect than `parent`, if the reach can carry the flows with it.
+
+        `again` extends another explanation in the same way, where `grow` holds the model of this one.
+        """
         self.report(0.06, f"refitting with {name}")
         try:
             more = grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
@@ -394,7 +398,7 @@ class _Search:
             return
         if more is not None:
             more = self.add(self._inflated(more, library, columns))
-            self.grown[id(more)] = library, name, grow, columns
+            self.grown[id(more)] = library, name, again or grow, columns
 
     def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
         """With the scatter of what it leaves, about the library's columns and about its own."""
@@ -422,7 +426,10 @@ class _Search:
                 found[name] = likely, one, model
         best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
         for _, one, model in best:
-            self._grow(parent, library, one.effect.name, partial(self._from, one, model), one.columns)
+            near = partial(with_effect, candidate=one, record=self.record)
+            self._grow(
+                parent, library, one.effect.name, partial(self._from, one, model), one.columns, again=near
+            )
         return [one for _, one, _ in best]
 
     def _nominal(self, model: Model) -> Response:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
+from rivid.diagnosis.search import with_effect
 from rivid.diagnosis.workflow import _alike, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
@@ -206,3 +207,27 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     )  # fmt: skip
     _Search.level_rivals(search, lead)
     assert grown == [rival] * levelled
+
+
+def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
+    """A rival got the effects of the lead, beside its own as what it extends, and the diagnosis ended."""
+    candidate = SimpleNamespace(effect=CATALOGUE["leakage"](), columns=None)
+    given = []
+    search = SimpleNamespace(
+        _nominal=lambda model: None, _scanned=lambda *_: [], report=lambda *_: None, record="record",
+        _joint=lambda *_: (1.0, "model of the lead"), _from=None,
+        _grow=lambda parent, library, name, grow, columns, again: given.append((grow, again)),
+    )  # fmt: skip
+    _Search._deepened(search, explained(), None, [candidate])
+    ((grow, again),) = given
+    assert "model of the lead" in grow.args
+    assert again.func is with_effect and again.keywords == {"candidate": candidate, "record": "record"}
+    made = explained("leakage", 9.0, 0.5, parent=explained())
+    kept = SimpleNamespace(
+        report=lambda *_: None, log_prior=lambda n: 0.0, add=lambda one: one, _inflated=lambda one, *_: one,
+        record=None, grown={},
+    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rivid.diagnosis.workflow.swung", lambda one, record: one)
+        _Search._grow(kept, explained(), None, "leakage", lambda *_, **__: made, again=again)
+    assert kept.grown[id(made)][2] is again
