@@ -215,7 +215,7 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     given = []
     search = SimpleNamespace(
         _nominal=lambda model: None, _scanned=lambda *_: [], report=lambda *_: None, record="record",
-        _joint=lambda *_: (1.0, "model of the lead"), _from=None,
+        _joint=lambda *_: (1.0, "model of the lead"), _from=print,
         _grow=lambda parent, library, name, grow, columns, again: given.append((grow, again)),
     )  # fmt: skip
     _Search._deepened(search, explained(), None, [candidate])
