@@ -157,7 +157,9 @@ def main() -> None:
         "dam the power release alone is given in the first section, while the bypass ran on the days that are "
         "counted (more than 5 m³/s); in the other sections nothing is known to be missing but small tributaries, "
         "bank storage and what the ratings of the gauges differ by, so that a name there is a claim without a "
-        "witness.\n"
+        "witness. Short windows are harder than a year: where the bypass runs on all days, its dates do not show, and a "
+        "gain may stand for it; a rating that is off by a percent, or a spring, comes out as one of the names of "
+        "inflows. Names at 0.95 and more in these tables that no record supports are wrong with confidence.\n"
     )
     for reach in reaches():
         record = record_of(reach)
