@@ -193,7 +193,7 @@ def _realised(impulse: Floats, integrates: bool) -> tuple[int, tuple[Floats, Flo
     root = np.sqrt(sizes[:order])
     left, right = U[:, :order] * root, root[:, None] * V[:order]
     roots, modes = np.linalg.eig(np.linalg.pinv(left[:-1]) @ left[1:])
-    # a mode that would grow is one whose end the response does not show: it decays over that length
+    # the response ends before such a mode has decayed, and noise makes it grow: it decays over that length
     roots *= np.minimum(1.0, (1.0 - 1.0 / len(rest)) / np.maximum(np.abs(roots), 1e-12))
     a, b = np.real(modes @ np.diag(roots) @ np.linalg.inv(modes)), right[:, 0]
     states = [b]
@@ -266,31 +266,31 @@ def _rtc_tools(source: Path, out: Path) -> list[Path]:
     return [out / "parameters.csv", out / "parameters.json"]
 
 
-def law_of(source: Path) -> list[dict[str, float]]:
-    """Rows of delay_law.csv: discharge classes [m3/s] and their travel times [s].
+def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
+    """Rows of delay_law.csv, discharge classes [m3/s] and their travel times [s]; and delay_law.json.
 
     Raises
     ------
     NoDataError
         Where `rivid season` has not written it.
     """
-    path = source / "delay_law.csv" if source.is_dir() else source
     try:
-        rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
-    except OSError:
+        texts = [(source / f"delay_law.{kind}").read_text(encoding="utf-8") for kind in ("csv", "json")]
+    except OSError as error:
         raise NoDataError(
-            f"{path} cannot be read: expected the results of `rivid season`; run it on the results of a run"
+            f"{error.filename} cannot be read: expected the directory of a run that `rivid season` has joined"
         ) from None
+    rows = list(csv.DictReader(io.StringIO(texts[0])))
     found = [{key: float(value) for key, value in row.items() if value} for row in rows]
     if not found:
-        raise NoDataError(f"{path} has no class of discharge: see delay_law.json for the reason")
-    return found
+        raise NoDataError(f"{source}: delay_law.csv has no class of discharge; delay_law.json has the reason")
+    return found, json.loads(texts[1])
 
 
 def _pypsa(source: Path, out: Path) -> list[Path]:
     """links.csv for `pypsa.Network.import_from_csv_folder`: a link for each class of discharge."""
-    rows = law_of(source)
-    name = json.loads((source / "delay_law.json").read_text(encoding="utf-8"))["reach"]
+    rows, about = law_of(source)
+    name = about["reach"]
     lines = ["name,bus0,bus1,carrier,efficiency,p_nom,delay,cyclic_delay,delay_low_h,delay_high_h"]
     for row in rows:
         low, high = row["discharge_low_m3s"], row["discharge_high_m3s"]
@@ -307,8 +307,7 @@ def _pypsa(source: Path, out: Path) -> list[Path]:
 
 
 def _csv(source: Path, out: Path) -> list[Path]:
-    rows = law_of(source)
-    about = json.loads((source / "delay_law.json").read_text(encoding="utf-8"))
+    rows, about = law_of(source)
     lines = [",".join(rows[0]), *(",".join(f"{v:.6g}" for v in row.values()) for row in rows)]
     write_text(out / "delay_by_discharge.csv", "\n".join(lines) + "\n")
     write_text(
@@ -318,13 +317,10 @@ def _csv(source: Path, out: Path) -> list[Path]:
     return [out / "delay_by_discharge.csv", out / "delay_by_discharge.json"]
 
 
-FORMATS: dict[str, tuple[str, Callable[[Path, Path], list[Path]]]] = {
-    "state-space": ("discrete A, B, C, D and noise covariances: .npz, .mat, .json", _state_space),
-    "rtc-tools": ("parameters of RTC-Tools' IDZ or LagAndK block: parameters.csv", _rtc_tools),
-    "pypsa": ("links with a delay for each class of discharge: links.csv, buses.csv", _pypsa),
-    "csv": ("delay against discharge with its interval", _csv),
-}
-"""What each format holds, and its writer: of model.toml the first two, of a season's law the others."""
+FORMATS: dict[str, Callable[[Path, Path], list[Path]]] = {
+    "state-space": _state_space, "rtc-tools": _rtc_tools, "pypsa": _pypsa, "csv": _csv,
+}  # fmt: skip
+"""Writers: of model.toml the first two, of a season's law the others."""
 
 
 def export(source: Path, out: Path, form: str) -> list[Path]:
@@ -345,4 +341,4 @@ def export(source: Path, out: Path, form: str) -> list[Path]:
         Where the source lacks what the format needs, or a file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    return FORMATS[form][1](source, out)
+    return FORMATS[form](source, out)

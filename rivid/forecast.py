@@ -348,7 +348,7 @@ def run(
     baseline = as_far_as_it_goes(model.model.reach.baseline, record, model.model.changes(record))
     mean, sd = model.noise.ahead(record.output - baseline, record.activity)
     total = _hold(baseline + mean)
-    now = np.take_along_axis(output, _latest_of(output[:, : lead + 1])[:, None], axis=1)
+    now = _hold(output[:, : lead + 1])[:, -1:]
     later = slice(lead + 1, None)
     return total[:, later] - now, sd[:, later], mean[:, lead + 1], (inflow[:, later], outflow[:, later])
 
@@ -357,12 +357,6 @@ def _hold(rows: Floats) -> Floats:
     """Rows with the last finite value where nothing finite follows."""
     last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[1]), 0), axis=1)
     return np.take_along_axis(rows, last, axis=1)
-
-
-def _latest_of(output: Floats) -> Ints:
-    """Column of the last finite value of each row."""
-    last = np.where(np.isfinite(output), np.arange(output.shape[1]), 0).max(axis=1)
-    return np.asarray(last)
 
 
 def simulations(
