@@ -104,6 +104,14 @@ class InputConfig(Section):
     In the long layout (a row per value), u_Qi, u_Qo, h_L and Q_L name tags, not columns.
     """
 
+    database: Annotated[
+        str | None,
+        Means("-", "URL of SQLAlchemy; `$NAME` is a variable of the environment (`rivid ingest` only)"),
+    ] = None
+    query: Annotated[
+        str | None,
+        Means("-", "SQL for the rows, where no EXPORTS are named; `:first` and `:last` limit its times"),
+    ] = None
     layout: Annotated[
         Literal["wide", "long"],
         Means("-", "`wide`: a row per time; `long`: a row per value (`rivid ingest` only)"),
@@ -271,6 +279,12 @@ class InputConfig(Section):
             raise ValueError(
                 'tag and tag_pattern are of the long layout: set layout = "long", or leave them out'
             )
+        return self
+
+    @model_validator(mode="after")
+    def _query_has_a_database(self) -> "InputConfig":
+        if (self.query is None) != (self.database is None):
+            raise ValueError("query is SQL, database the URL to ask: expected both")
         return self
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ import rivid
 ROOT = Path(rivid.__file__).parent
 LAYERS = (
     ("types", "errors"),
-    ("core", "atomic"),
+    ("core", "atomic", "database"),
     ("input_config", "estimators"),
     ("config", "reach", "text"),
     ("effects", "logs"),

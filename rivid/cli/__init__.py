@@ -28,6 +28,7 @@ COMMANDS = {
     "figures": "Redraw figures and report from stored results.",
     "fleet": "Report on all reaches of a fleet together.",
     "season": "Join the days of a run; fit delay against discharge.",
+    "publish": "Write the delays of a run to a database.",
     "export": "Write a model or delays for other software.",
     "completion": "Print the script that completes commands in a shell.",
 }

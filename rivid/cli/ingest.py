@@ -11,7 +11,7 @@ from rivid.cli.console import Console, print_error, wrap
 
 
 @click.command("ingest")
-@shared.exports
+@shared.exports(required=False)
 @shared.config("What the exports look like: [input] (TOML).", required=True)
 @shared.logs_out
 @shared.value(
@@ -38,7 +38,8 @@ def command(
 
     Only what the configuration declares is applied, every value that is dropped is counted, and a day that
     `rivid run` could not use is refused. Nothing is overwritten unless it is identical, or --force is given.
-    --config is required: exports and the logs made of them have different columns.
+    --config is required: exports and the logs made of them have different columns. Without EXPORTS, the rows
+    come from its [input] database and query.
 
     Exit code: 0 all well, 2 not as declared, 3 days refused, 10 no data.
 
@@ -55,6 +56,10 @@ def command(
     from rivid.errors import ConfigError
     from rivid.logs.exports import ingest, run_config_of
 
+    settings = load_config(config)
+    if bool(exports) == bool(settings.input.query):
+        came = "both were given" if exports else "neither was given"
+        raise ConfigError(f"the rows come from EXPORTS or from [input] query: {came}")
     console = Console(quiet, verbose)
     console.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
     console.phase("starting")
@@ -62,7 +67,7 @@ def command(
     if target.resolve() == config.resolve():
         raise ConfigError(f"{target} is the --config itself: choose another --run-config")
     outcome = ingest(
-        exports, out, load_config(config), format=format, first=first, last=last, force=force,
+        exports, out, settings, format=format, first=first, last=last, force=force,
         dry_run=dry_run, today=today, run_config=target,
     )  # fmt: skip
     console.phase(f"reading, judging and writing {len(outcome.days):,} days")

@@ -72,10 +72,14 @@ def flag(name: str, text: str) -> Decorator:
 
 data_dir = click.argument("data_dir", type=PATH)
 """DATA_DIR, the logs."""
-exports = click.argument(
-    "exports", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False)
-)
-"""EXPORTS, foreign files."""
+
+
+def exports(required: bool = True) -> Decorator:
+    """EXPORTS, foreign files."""
+    kind = click.Path(path_type=Path, exists=True, dir_okay=False)
+    return click.argument("exports", nargs=-1, required=required, type=kind)
+
+
 results = click.argument("out", type=DIRECTORY)
 """OUT, the directory that a run has written."""
 

@@ -8,7 +8,7 @@ from rivid.cli import options as shared
 
 
 @click.command("sniff")
-@shared.exports
+@shared.exports()
 @shared.value(
     "--time-zone",
     str,

@@ -20,10 +20,21 @@ from numpy.typing import NDArray
 
 from rivid.atomic import replacing, write_text
 from rivid.config import Config, parse
+from rivid.database import queried
 from rivid.errors import ConfigError, DataError, NoDataError
 from rivid.input_config import InputConfig
 from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
-from rivid.logs.log import LARGEST, days_of, in_utc, logged_twice, read_table, too_large, undeclared, zone_of
+from rivid.logs.log import (
+    LARGEST,
+    days_of,
+    in_utc,
+    logged_twice,
+    read_table,
+    table_of,
+    too_large,
+    undeclared,
+    zone_of,
+)
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
 from rivid.logs.spec import (
     MANY,
@@ -89,14 +100,14 @@ class Series:
     unreadable: int = 0
 
 
-def read_exports(paths: Sequence[Path], spec: Spec) -> list[Table]:
-    """Read all files; UndeclaredError, before any work, for what none of them holds or declares."""
-    tables = []
-    for path in dict.fromkeys(paths):
-        table = read_table(path, shown(path.name), spec, MANY, export=True)
+def read_exports(paths: Sequence[Path], spec: Spec, rows: bytes = b"") -> list[Table]:
+    """Read all files, and the rows of a query; UndeclaredError for what none of them holds or declares."""
+    tables = [read_table(path, shown(path.name), spec, MANY, export=True) for path in dict.fromkeys(paths)]
+    if rows:
+        tables.append(table_of(rows, spec, "the query", MANY, "", export=True))
+    for table in tables:
         _refuse_flags(table, spec)
         _refuse_units(table, spec)
-        tables.append(table)
     found = {name for table in tables for columns in table.parts for name in columns.numbers}
     for table in tables:
         # an export of other tags is no fault; one that was to be read, and of which no row can be, is
@@ -562,7 +573,7 @@ def ingest(
     Parameters
     ----------
     exports : sequence of Path
-        Files of one dialect.
+        Files of one dialect; none where the rows come from ``[input] query``.
     out : Path
         DATA_DIR.
     config : Config
@@ -595,7 +606,10 @@ def ingest(
     if there == "other" and not force:
         _refuse_overwriting(run_config)
     try:
-        tables = read_exports(exports, spec)
+        asked = b""
+        if not exports and config.input.query and config.input.database:
+            asked = queried(config.input.database, config.input.query, first, last)
+        tables = read_exports(exports, spec, asked)
         zone, gathered, faults = gather(tables, spec)
     except UndeclaredError as error:
         more = "" if "rivid sniff" in str(error) else "; `rivid sniff` proposes an [input] block"

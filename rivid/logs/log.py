@@ -21,6 +21,7 @@ import pyarrow.compute as compute
 import pyarrow.csv as pc
 
 from rivid.errors import DataError
+from rivid.logs.formats import as_text
 from rivid.logs.spec import (
     DAY,
     FIRST,
@@ -522,15 +523,26 @@ def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, ex
     if content[:4] == b"PAR1" if export else path.name.lower().endswith(".parquet"):
         table = read_parquet(content, spec, name, limits, stem, watch=export)
     else:
-        content = to_utf8(content, spec, name)
-        refuse_rows(name, content.count(b"\n"), limits[1])
-        header = read_header(content, spec, name, some=export)
-        content, footers = cut_footer(content, header, spec)
-        table = _read_text(content, header, spec, name, stem, export)
-        table.footers = footers
-        for columns in table.parts if footers else ():
-            columns.dropped["footer rows"] = [len(columns.times)] * footers
+        table = table_of(
+            as_text(content, name) if export else content, spec, name, limits, stem, export=export
+        )
     table.name, table.digest = name, digest
+    return table
+
+
+def table_of(
+    content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, export: bool
+) -> Table:
+    """Read a text: the part of :func:`read_table` that needs no file."""
+    content = to_utf8(content, spec, name)
+    refuse_rows(name, content.count(b"\n"), limits[1])
+    header = read_header(content, spec, name, some=export)
+    content, footers = cut_footer(content, header, spec)
+    table = _read_text(content, header, spec, name, stem, export)
+    table.footers = footers
+    for columns in table.parts if footers else ():
+        columns.dropped["footer rows"] = [len(columns.times)] * footers
+    table.name = name
     return table
 
 

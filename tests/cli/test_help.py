@@ -47,7 +47,9 @@ def test_a_help_fits_eighty_columns_and_its_examples_use_existing_options_and_fi
     for words in found:
         OF[words[0]].make_context(words[0], words[1:])  # raises for what does not exist
         for word in words[1:]:
-            if "/" in word and not re.fullmatch(r"\d+/\d+|[A-Z]\w+/\S+", word):  # a shard, a time zone
+            if "/" in word and not re.fullmatch(
+                r"\d+/\d+|[A-Z]\w+/\S+|\S+://\S+", word
+            ):  # a shard, a zone, a URL
                 assert (project / word).exists() or word.startswith("out"), (words, word)
 
 

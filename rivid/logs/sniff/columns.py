@@ -18,10 +18,10 @@ MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (",", " "), (".", " "), (
 
 _FLOW_UNITS = (
     ("kcfs", r"kcfs|1000 ?cfs"),
-    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|cu\.? ?ft|00060"),
+    ("cfs", r"cfs|ft3/s|ft³/s|ft\^3/s|ft3 s-1|cu\.? ?ft|00060"),
     ("m3/h", r"m3/h|m³/h"),
     ("L/s", r"l/s|lps"),
-    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|cms|cumec"),
+    ("m3/s", r"m3/s|m³/s|m\^3/s|m3s|m3\.s|m3 ?s-1|m\^?3 ?s\^-1|cms|cumec"),
 )
 # 00060, 00065 and the like are the parameter codes of the USGS
 _LEVEL_UNITS = (

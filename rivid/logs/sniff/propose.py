@@ -8,6 +8,7 @@ from typing import Any
 
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
+from rivid.logs.formats import as_text
 from rivid.logs.sniff.columns import (
     Flags,
     Group,
@@ -71,6 +72,7 @@ def _look(path: Path) -> Layout:
         raise DataError(
             f"{name} is Parquet: it states its columns and types itself; set [input] names and units"
         )
+    content = as_text(content, name)
     whole, bigendian = len(content) <= HEAD_BYTES, content[:2] == b"\xfe\xff"
     tail = content[-(TAIL + len(content) % 2) :]  # an even number of bytes from the end or from the beginning
     if not whole:

@@ -7,6 +7,7 @@ what a reader must find: seconds since 1970, u_Qi, u_Qo [m3/s] and h_L [m], empt
 """
 
 import datetime as dt
+import json
 import math
 from functools import reduce
 from operator import add
@@ -328,6 +329,89 @@ def two_plants():
         meant[second] = [*flows, float(level) * FT]
     lines += ["Average,,,,,", '"*** End of report ***"']
     return {"extract.csv": joined(lines, "\r\n")}, without(meant, (20, 0), (21, 2))
+
+
+@case
+def pi_xml():
+    """Delft-FEWS PI-XML: a series per parameter, flags of 0 to 9, a number for missing values."""
+    truth, odd = world(), {(60, 0): ("371", "6"), (61, 2): ("-999.0", "9")}
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<TimeSeries xmlns="http://www.wldelft.nl/fews/PI" version="1.2">',
+        "<timeZone>1.0</timeZone>",
+    ]
+    names = [("H-2001", "Q.inflow", "m3/s"), ("H-2002", "Q.outflow", "m3/s"), ("H-2002", "H.obs", "m")]
+    moments = [clock(s, CET, 'date="%Y-%m-%d" time="%H:%M:%S"') for s in truth]
+    for j, (place, parameter, unit) in enumerate(names):
+        lines += [
+            f"<series><header><type>instantaneous</type><locationId>{place}</locationId>",
+            f'<parameterId>{parameter}</parameterId><timeStep unit="second" multiplier="{STEP}"/>',
+            f"<startDate {moments[0]}/><endDate {moments[-1]}/>",
+            f"<missVal>-999.0</missVal><units>{unit}</units></header>",
+        ]
+        for k, cells in enumerate(plain(truth).values()):
+            value, flag = odd.get((k, j), (cells[j], "0"))
+            lines.append(f'<event {moments[k]} value="{value}" flag="{flag}"/>')
+        lines.append("</series>")
+    return {"export.xml": joined([*lines, "</TimeSeries>"])}, without(truth, *odd)
+
+
+@case
+def waterml():
+    """WaterML 2: an observation per series, offsets in its times, a qualifier where a value is estimated."""
+    truth, estimated, lost = world(), (44, 1), (45, 0)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<wml2:Collection xmlns:wml2="http://www.opengis.net/waterml/2.0" xmlns:om="http://www.opengis.net/om/2.0"',
+        ' xmlns:xlink="http://www.w3.org/1999/xlink" xmlns:gml="http://www.opengis.net/gml/3.2">',
+    ]
+    names = [("upper", "Inflow", "m3/s"), ("lower", "Outflow", "m3/s"), ("lower", "Water level", "m")]
+    for j, (place, what, unit) in enumerate(names):
+        lines += [
+            "<wml2:observationMember><om:OM_Observation>",
+            f'<om:observedProperty xlink:href="urn:{j}" xlink:title="{what}"/>',
+            f'<om:featureOfInterest xlink:href="urn:{place}" xlink:title="{place}"/>',
+            "<om:result><wml2:MeasurementTimeseries><wml2:defaultPointMetadata>",
+            f'<wml2:DefaultTVPMeasurementMetadata><wml2:uom code="{unit}"/>',
+            '<wml2:qualifier xlink:title="Good"/></wml2:DefaultTVPMeasurementMetadata>',
+            "</wml2:defaultPointMetadata>",
+        ]
+        for k, (second, cells) in enumerate(plain(truth).items()):
+            value = '<wml2:value xsi:nil="true" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"/>'
+            if (k, j) != lost:
+                value = f"<wml2:value>{cells[j]}</wml2:value>"
+            if (k, j) == estimated:
+                value += (
+                    '<wml2:metadata><wml2:TVPMeasurementMetadata><wml2:qualifier xlink:title="Estimated"/>'
+                )
+                value += "</wml2:TVPMeasurementMetadata></wml2:metadata>"
+            time = f"<wml2:time>{clock(second, CET, ISO)}+01:00</wml2:time>"
+            lines.append(f"<wml2:point><wml2:MeasurementTVP>{time}{value}</wml2:MeasurementTVP></wml2:point>")
+        lines += [
+            "</wml2:MeasurementTimeseries></om:result>",
+            "</om:OM_Observation></wml2:observationMember>",
+        ]
+    return {"series.wml": joined([*lines, "</wml2:Collection>"])}, without(truth, estimated, lost)
+
+
+@case
+def ogc_json():
+    """The USGS' OGC API: a feature per value, in any order, approved or provisional, with qualifiers."""
+    texts, meant = rewritten(world(), (CFS, CFS, FT), ("{:.0f}", "{:.0f}", "{:.2f}"))
+    odd = {(12, 2): ("0.0", ["ICE"]), (13, 0): (None, None)}
+    names = [("USGS-111", "00060", "ft^3/s"), ("USGS-222", "00060", "ft^3/s"), ("USGS-222", "00065", "ft")]
+    features = []
+    for k, (second, cells) in enumerate(texts.items()):
+        for j, (place, parameter, unit) in enumerate(names):
+            value, qualifier = odd.get((k, j), (cells[j], None))
+            properties = {
+                "time_series_id": f"{j:032x}", "monitoring_location_id": place, "parameter_code": parameter,
+                "statistic_id": "00011", "time": clock(second, dt.UTC, f"{ISO}+00:00"), "value": value,
+                "unit_of_measure": unit, "approval_status": "Approved", "qualifier": qualifier,
+            }  # fmt: skip
+            features.append({"type": "Feature", "id": f"{j}-{k}", "geometry": None, "properties": properties})
+    text = json.dumps({"type": "FeatureCollection", "features": features[::-1]}, indent=0)
+    return {"continuous.json": joined([text])}, without(meant, *odd)
 
 
 def contents(name):

@@ -1,0 +1,157 @@
+"""Logs from a database, and results into one, by SQLAlchemy (``rivid[database]``)."""
+
+import csv
+import datetime as dt
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rivid.errors import ConfigError, DataError, RividError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import sqlalchemy as sa
+
+KEYS = ("reach", "date", "estimator")
+"""What a row of the table of delays stands for; the data sets of a day, if several, have `start` too."""
+CHUNK = 5_000
+"""Rows sent at once."""
+
+
+@contextmanager
+def connected(url: str) -> "Iterator[sa.Connection]":
+    """A transaction; ``$NAME`` in the URL stands for a variable of the environment.
+
+    Raises
+    ------
+    ConfigError
+        Where SQLAlchemy or the driver is not installed, or the URL is none.
+    DataError
+        Where the database refuses, in its words.
+    """
+    try:
+        import sqlalchemy as sa
+    except ModuleNotFoundError:
+        raise ConfigError("a database needs SQLAlchemy: pip install 'rivid[database]'") from None
+    try:
+        engine = sa.create_engine(os.path.expandvars(url))
+    except (sa.exc.ArgumentError, ModuleNotFoundError, ValueError) as error:
+        raise ConfigError(
+            f"database URL {_hidden(url)}: {error}; expected one like postgresql+psycopg://user@host/name or "
+            "sqlite:///file.db, with its driver installed"
+        ) from None
+    try:
+        with engine.begin() as connection:
+            yield connection
+    except sa.exc.SQLAlchemyError as error:
+        first = str(getattr(error, "orig", None) or error).strip().splitlines()[0]
+        raise DataError(f"database {_hidden(url)}: {first}") from None
+    finally:
+        engine.dispose()
+
+
+def _hidden(url: str) -> str:
+    """The URL without a password."""
+    scheme, _, rest = url.partition("://")
+    user, at, place = rest.rpartition("@")
+    return f"{scheme}://{user.partition(':')[0]}{at}{place}"
+
+
+def queried(url: str, query: str, first: dt.date | None, last: dt.date | None) -> bytes:
+    """The rows of a query as a table in CSV, UTF-8.
+
+    Parameters
+    ----------
+    url : str
+        The database.
+    query : str
+        SQL. ``:first`` and ``:last`` in it stand for the day before `first` and the second day after `last`,
+        at midnight: the rows of these days in any zone lie between them.
+    first, last : date, optional
+        Local days that are wanted; all, by default.
+    """
+    day = dt.timedelta(days=1)
+    limits = {
+        "first": first - day if first else dt.date(1900, 1, 1),
+        "last": last + 2 * day if last else dt.date(2200, 1, 1),
+    }
+    with connected(url) as connection:
+        import sqlalchemy as sa
+
+        statement = sa.text(query)
+        wanted = {
+            name: dt.datetime.combine(limits[name], dt.time())
+            for name in limits
+            if name in statement.compile().params
+        }
+        result = connection.execute(statement, wanted)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(result.keys())
+        for rows in result.partitions(CHUNK):
+            writer.writerows(
+                [v.isoformat() if isinstance(v, dt.datetime) else v for v in row] for row in rows
+            )
+    return text.getvalue().encode()
+
+
+def publish(delays: "pd.DataFrame", url: str, table: str) -> int:
+    """Write a table of delays to a database: a row of the same day, reach and estimator is replaced.
+
+    Parameters
+    ----------
+    delays : DataFrame
+        Of :func:`rivid.load_delays`.
+    url : str
+    table : str
+        Made where it does not exist.
+
+    Returns
+    -------
+    int
+        Rows written; all of them, or none.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As :func:`connected`.
+    RividError
+        Where the table that is there lacks columns.
+    """
+    import pandas as pd
+
+    names = [str(name) for name in delays]
+    keys = [*KEYS, "start"] if "start" in delays else list(KEYS)
+    frame = delays.assign(date=delays["date"].dt.date)
+    cells = frame.astype(object).where(pd.notna(frame), None)
+    rows = [dict(zip(names, row, strict=True)) for row in cells.itertuples(index=False)]
+    with connected(url) as connection:
+        import sqlalchemy as sa
+
+        kinds: dict[str, Any] = {"b": sa.Boolean, "i": sa.BigInteger, "f": sa.Double}
+        of_text = {name: sa.String(64 if name in keys else None) for name in names}
+        made = sa.Table(table, sa.MetaData(), *(
+            sa.Column(
+                name,
+                sa.Date if name == "date" else kinds.get(delays[name].dtype.kind, of_text[name]),
+                primary_key=name in keys,
+                autoincrement=False,
+            )
+            for name in names
+        ))  # fmt: skip
+        made.create(connection, checkfirst=True)
+        there = {column["name"] for column in sa.inspect(connection).get_columns(table)}
+        if lacking := [name for name in names if name not in there]:
+            raise RividError(
+                f"table {table!r} lacks {', '.join(lacking)}: add these columns, or name another with --table"
+            )
+        same = sa.and_(*(made.c[key] == sa.bindparam(f"_{key}") for key in keys))
+        for at in range(0, len(rows), CHUNK):
+            some = rows[at : at + CHUNK]
+            connection.execute(
+                sa.delete(made).where(same), [{f"_{key}": row[key] for key in keys} for row in some]
+            )
+            connection.execute(sa.insert(made), some)
+    return len(rows)
