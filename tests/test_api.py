@@ -68,7 +68,9 @@ def test_estimates_equal_those_of_rivid_run(tmp_path):
         assert run["probability"] == pytest.approx(found.probability)
         if found.status == "ok":
             assert (run["delay_samples"], run["delay_low"]) == (found.delay, found.delay_low)
-            assert run["delay_s"] == pytest.approx(found.travel * one.sample_time)
+            assert run["delay_s"] == run["travel_time_s"] == pytest.approx(found.travel * one.sample_time)
+        run = rows[date, "jmap"]
+        assert run["travel_time_s"] == run["delay_s"] + one.sample_time / 2  # d to d + 1 samples
 
 
 def test_a_day_has_a_repr_and_cannot_be_changed(day):

@@ -201,7 +201,9 @@ def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion
                 candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
                 criterion=curve[1],
                 probability=sure,
-                travel_s=None if sure is None else _given(_floats(columns["delay_s"])),
+                travel_s=None
+                if sure is None
+                else _given(_floats(columns.get("travel_time_s", columns["delay_s"]))),
                 delay_low=_given(_floats(columns["delay_low"])),
                 delay_high=_given(_floats(columns["delay_high"])),
                 fir_sd=_given(_matrix(fir, name, days, "lag", "sd")[1]) if "sd" in fir.column_names else None,

@@ -82,6 +82,12 @@ DELAYS, MEANINGS = described(
             "s",
             "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s",
         ),
+        (
+            "travel_time_s",
+            NUMBER,
+            "s",
+            "the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s",
+        ),
         ("at_bound", FLAG, "", "the delay is the shortest or longest tried, or lies outside"),
         (
             "prior_only",
@@ -142,6 +148,9 @@ SEGMENT = pa.schema(
 """Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
 candidate delay (of CUSUM its g, of posteriors the probability); and the begin of a data set shorter than a
 day."""
+
+LATER = {"travel_time_s", "start"}
+"""Columns that rows of version 0.1.0 lack; they are made when these are read."""
 
 TABLES = ("delays.csv", "delays.parquet", "fir.parquet", "criterion.parquet", "posterior.parquet")
 """Files of :func:`write_tables`."""
@@ -493,7 +502,8 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     for path in paths:
         try:
             file = _open(path)
-            if file.schema_arrow.names not in (SEGMENT.names, SEGMENT.names[:-1]):
+            names = file.schema_arrow.names
+            if names != [name for name in SEGMENT.names if name in names or name not in LATER]:
                 raise ValueError("another version's columns")
             groups = []
             for group in range(file.num_row_groups):
@@ -546,6 +556,11 @@ def _open(path: Path) -> pq.ParquetFile:
 def _cast(table: pa.Table) -> pa.Table:
     if "start" not in table.column_names:  # an earlier version's
         table = table.append_column("start", pa.nulls(len(table), TEXT))
+    if "travel_time_s" not in table.column_names:
+        delay, whole = table["delay_s"], pc.is_null(table["probability"])
+        middle = pc.multiply(delay, pc.add(1.0, pc.divide(0.5, table["delay_samples"])))
+        table = table.append_column("travel_time_s", pc.if_else(whole, middle, delay))
+    table = table.select(SEGMENT.names)
     return table if table.schema.equals(SEGMENT) else table.cast(SEGMENT)
 
 

@@ -426,6 +426,9 @@ def _rows(
         "status": answer.status.tolist(),
         "delay_samples": delay.tolist(),
         "delay_s": ((delay if answer.travel is None else answer.travel) * reach.sample_time).tolist(),
+        "travel_time_s": (
+            (delay + 0.5 if answer.travel is None else answer.travel) * reach.sample_time
+        ).tolist(),
         "noise_sd": np.sqrt(given(answer.noise_variance)).tolist(),
         "roughness_sd": np.sqrt(given(answer.roughness_variance)).tolist(),
         "iterations": [0] * n if answer.iterations is None else answer.iterations.tolist(),

@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -45,6 +46,9 @@ def test_old_results_are_read_drawn_and_taken_up(data, tmp_path, tried, version)
     code, said = rivid("run", data, "--out", out, *words)
     assert code == 0 and "damaged" not in said
     assert load_results(out).estimators[0].delay.tolist() == [7, 7, 7]
+    rows = load_delays(out)
+    middle = rows["delay_s"] + np.where(rows["estimator"] == "jmap", 66.5, 0.0)
+    assert np.allclose(rows["travel_time_s"], middle)
     tried(f"results of schema version {version}: read, drawn, and run into")
 
 
