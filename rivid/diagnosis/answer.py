@@ -140,6 +140,11 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 f"Something is missing that no known effect explains, with a probability of "
                 f"{study.unknown:.2f}{what}."
             )
+        if study.excess(study.ranking[0][0]):
+            return "unknown", (
+                "Something is missing: the simulation errs by more than plausible weather, the gauge and "
+                f"the response make, and no name is probable enough{first}."
+            )
         return "no_gap", (
             f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
         )

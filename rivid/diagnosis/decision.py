@@ -107,12 +107,14 @@ def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Int
     """Whether an explanation removes enough of another one's error, and makes no horizon worse.
 
     Enough is :data:`MATERIAL` at one horizon, and more than nothing there in all but :data:`DOUBT` of the
-    draws; worse is an error of an hour or more ahead that grows in all but as many.
+    draws; worse is an error of an hour or more ahead that grows in all but as many. A single block has no
+    scatter: what grows there may be the weather of its days.
     """
     share, draws = shares(one, other, chosen, blocks)
     sure = np.quantile(draws, DOUBT, axis=0) > 0.0
     worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0
-    return bool(((share >= MATERIAL) & sure).any() and not worse.any())
+    several = len(np.unique(blocks[chosen])) > 1
+    return bool(((share >= MATERIAL) & sure).any() and not (several and worse.any()))
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -270,7 +272,7 @@ class Study:
             parent = self.first
         if not self._material(as_volume(one, parent), parent, active):
             return names, unknown
-        if made is not None and one.added is not None and one.added.family == "timing":
+        if made is not None and one.added is not None and _shifts(one.added):
             if not self._moves(one, made):
                 return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
@@ -424,6 +426,12 @@ class Study:
         return self.last is not self.first and worse_on(
             self.last, self.first, self.split.sealed, self.split.block
         )
+
+
+def _shifts(effect: Effect) -> bool:
+    """Whether an effect moves fronts: one on timing with a time as its parameter."""
+    units = [spec.unit.split("/")[0].split(" ")[0] for spec in effect.parameters().values()]
+    return effect.family == "timing" and "s" in units
 
 
 def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:

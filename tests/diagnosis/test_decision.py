@@ -10,6 +10,7 @@ from scipy.stats import ttest_1samp
 from rivid.diagnosis.answer import _next, _ranking, _small, _verdict
 from rivid.diagnosis.decision import (
     MATERIAL,
+    _shifts,
     block_sums,
     is_material,
     leading,
@@ -68,6 +69,18 @@ def test_a_horizon_that_grows_worse_is_not_made_up_for_by_another_but_that_of_a_
     for horizon in range(4):
         removes = np.where(np.arange(4) == horizon, -0.02, MUCH)
         assert material(explained("leakage", removes=removes, parent=nothing), nothing) == (horizon == 0)
+
+
+def test_a_horizon_that_grows_in_the_only_block_is_no_objection():
+    nothing = explained()
+    one = explained("sensor_step", removes=[MUCH, 0.0, -0.02, 0.0], parent=nothing)
+    alone = OPEN & (BLOCK == BLOCK[OPEN][0])
+    assert is_material(one, nothing, alone, BLOCK) and not is_material(one, nothing, OPEN, BLOCK)
+
+
+def test_effects_with_a_time_as_parameter_move_fronts():
+    found = {name for name, effect in CATALOGUE.items() if _shifts(effect())}
+    assert found == {"flow_dependent_delay", "wave_attenuation", "outflow_lag", "clock_offset"}
 
 
 def test_a_part_of_the_days_is_judged_alone():
@@ -265,6 +278,13 @@ def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
     assert found == "unknown" and "leakage, has 0.73" in reason
     weak = replace(flow, density=NOTHING.density), replace(LEAK, density=NOTHING.density)
     assert _verdict(study_of(NOTHING, *weak), gap_of(evidence_of(RECORD)), None)[0] == "no_gap"
+
+
+def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
+    for noise, expected in ((LOUD, "no_gap"), (QUIET, "unknown")):
+        study = study_of(explained(noise=noise))
+        found, reason = _verdict(study, gap_of(evidence_of(RECORD)), None)
+        assert found == expected and ("errs by more" in reason) == (expected == "unknown")
 
 
 def test_the_ranking_has_a_row_for_each_explanation_with_gain_and_materiality():
