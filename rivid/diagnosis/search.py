@@ -60,7 +60,7 @@ class Library:
     @classmethod
     def of(cls, model: Model, record: Record, classes: dict[str, type[Effect]]) -> "Library":
         """Columns of the effects that are possible in a record's reach."""
-        able = (e for e in classes.values() if record.kind == "pool" or e.acts_on_river)
+        able = (e for e in classes.values() if e.acts_on(record.kind))
         kernels = kernels_of(model.reach, record)
         base = model.baseline(record)
         hourly: dict[str, Any] = {}

@@ -350,7 +350,7 @@ class _Search:
                 grow = partial(with_effect, candidate=one, record=record)
                 self._grow(parent, library, one.effect.name, grow, one.columns)
         for name, effect in self.classes.items():
-            if name in taken or not effect.found_as or record.kind == "river" and not effect.acts_on_river:
+            if name in taken or not effect.found_as or not effect.acts_on(record.kind):
                 continue
             if effect.found_as in LEVEL_NOISES:
                 gauge = [one for one in latent if one.unknown == "gauge"]

@@ -157,6 +157,8 @@ class Effect(ABC):
         Whether it may be limited to dates and hours.
     acts_on_river : bool
         Whether it is possible in a reach of `kind = "river"`, which has neither an outflow nor a level.
+    acts_on_pool : bool
+        Whether it is possible in any other reach.
     needs_dates : bool
         Whether without dates it is part of the response, as a clock that was always off is a travel time.
     repeatable : bool
@@ -196,6 +198,7 @@ class Effect(ABC):
     looks: ClassVar[str]
     windowed: ClassVar[bool] = True
     acts_on_river: ClassVar[bool] = True
+    acts_on_pool: ClassVar[bool] = True
     needs_dates: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False
     varies_with_date: ClassVar[str] = ""
@@ -235,6 +238,11 @@ class Effect(ABC):
             raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two hours from 0 to 24")
         if self.hours is not None and self.hours[0] % 24.0 == self.hours[1] % 24.0 and self.hours != (0, 24):
             raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two different hours")
+
+    @classmethod
+    def acts_on(cls, kind: str) -> bool:
+        """Whether it is possible in a reach of `kind` "pool" or "river"."""
+        return cls.acts_on_river if kind == "river" else cls.acts_on_pool
 
     @classmethod
     def parameters(cls) -> dict[str, Quantity]:

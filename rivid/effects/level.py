@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rivid.effects.base import HIGH, LOW, Effect, Sizes, World, quantity
+from rivid.effects.base import HIGH, LOW, Effect, Sizes, Trial, World, quantity
 from rivid.errors import ConfigError
 from rivid.reach.changes import Changes
 from rivid.types import DAY, HOUR, Floats
@@ -113,6 +113,44 @@ class SensorStep(Effect):
         offset = np.cumsum(np.ravel(self.step)[order])
         started = np.searchsorted(HOUR * np.ravel(self.start)[order], world.time, side="right")
         return Changes(gauge=np.append(0.0, offset)[started] * self.active(world))
+
+
+_GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating."
+
+
+@dataclass(frozen=True, kw_only=True)
+class RatingShift(Effect):
+    """``read discharge = (1 + error) discharge + offset``, within dates."""
+
+    name = "rating_shift"
+    family = "level"
+    acts_on_pool = False
+    confounded_with = dict.fromkeys(
+        ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"), _GAUGE_IT
+    )
+    sentence = (
+        "The lower gauge's rating is off: its bed has shifted, or weed grows, since it was last gauged."
+    )
+    looks = (
+        "The water balance of the two gauges shifts from a date on, at once and not with the travel time; "
+        "a constant inflow and a gain error of the inflow look nearly the same."
+    )
+
+    error: float = quantity(
+        0.02, "-", -0.5, 1.0, "relative error: read discharge over real discharge, less 1"
+    )
+    offset: float = quantity(0.0, "m3/s", -1e4, 1e4, "what it reads too high at any discharge")
+
+    @classmethod
+    def trials(cls, sample_time: float) -> list[Trial]:
+        return [
+            cls.linear_trial("error", 0.02, dates="between", offset=0.0),
+            cls.linear_trial("offset", 1.0, dates="between", error=0.0),
+        ]
+
+    def changes(self, world: World) -> Changes:
+        active = self.active(world)
+        return Changes(gauge=self.offset * active, rating=self.error * active)
 
 
 @dataclass(frozen=True, kw_only=True)

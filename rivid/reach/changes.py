@@ -111,7 +111,9 @@ class Changes:
     area_reference : float
         [m].
     gauge : ndarray
-        Reading of the gauge minus true level [m].
+        Reading of the gauge minus true level [m], or discharge [m3/s].
+    rating : ndarray
+        Discharge that a river's gauge reads over the true one, less 1 [-].
     well : ndarray
         Time constant of the gauge's stilling well, beside its usual one [s].
     """
@@ -124,6 +126,7 @@ class Changes:
     area_slope: float = 0.0
     area_reference: float = 0.0
     gauge: Floats = _constant(0.0)
+    rating: Floats = _constant(0.0)
     well: Floats = _constant(0.0)
 
     @property
@@ -170,6 +173,7 @@ def together(changes: Iterable[Changes]) -> Changes:
         area_slope=sum(c.area_slope for c in parts),
         area_reference=_one_level("area", [(c.area_reference, c.area_slope != 0) for c in parts]),
         gauge=np.asarray(sum((c.gauge for c in parts), start=np.zeros(1))),
+        rating=np.asarray(sum((c.rating for c in parts), start=np.zeros(1))),
         well=np.asarray(sum((c.well for c in parts), start=np.zeros(1))),
     )
 

@@ -346,6 +346,9 @@ def simulate(
         level=scenario.level.set_point, flow=scenario.flow.mean, seed=(seed, 6, place),
     )  # fmt: skip
     planted = (*scenario.planted(), *effects)
+    for effect in planted:
+        if not effect.acts_on_pool:
+            raise ConfigError(f"{effect.name} acts on rivers alone: expected effects of a reach with a level")
     asked = changes_of(planted, world)
     reach = water(scenario, asked.area_slope)
     changes = replace(asked, added=(*asked.added, AddedFlow(w.place, weather)), area_reference=reach.level)

@@ -38,7 +38,8 @@ def touched(changes, here):
     gate = changes.gate
     parts = [gate.dead_band != 0, np.isfinite(gate.rate), gate.lag != 0, gate.factor != 1, gate.head != 0]
     parts += [a.flow != 0 for a in changes.added] + [a.loss != 0 for a in changes.leaks]
-    parts += [a.exchange != 0 for a in changes.ponds] + [changes.gauge != 0, changes.well != 0]
+    parts += [a.exchange != 0 for a in changes.ponds] + [changes.gauge != 0, changes.rating != 0]
+    parts += [changes.well != 0]
     if changes.inflow is not None:
         parts.append(changes.inflow != here.inflow)
     if changes.area_slope:
@@ -52,7 +53,7 @@ def test_the_catalogue_has_all_names_in_the_order_of_the_table():
         "unlogged_downstream_release", "leakage", "inflow_gain_error", "outflow_gain_error",
         "gate_head_effect", "storage_area_slope", "side_storage", "flow_dependent_delay",
         "wave_attenuation", "outflow_lag", "clock_offset", "gate_deadband", "gate_rate_limit",
-        "sensor_drift", "sensor_step", "stilling_well", "wind_setup", "seiche",
+        "sensor_drift", "sensor_step", "rating_shift", "stilling_well", "wind_setup", "seiche",
     ]  # fmt: skip
 
 

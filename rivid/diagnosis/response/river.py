@@ -139,7 +139,8 @@ class RiverResponse:
         if not route(inflow, sides, record.time, steps, flow_of, top, kappa, came):
             raise RividError("the river runs dry: expected losses smaller than its flow")
         behind = stilled(record.time, came, hold)
-        return np.asarray((1.0 - held) * came + held * behind + flows.gauge)
+        passed = (1.0 - held) * came + held * behind
+        return np.asarray((1.0 + changes.rating) * passed + flows.gauge)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """The same: a river forgets."""

@@ -1,0 +1,51 @@
+"""A shifted rating: what it does to a river's reading, which names it is tied with, and that a pool has none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rivid.config import Config, parse
+from rivid.diagnosis.choice import responses_of
+from rivid.diagnosis.response.base import real_flows
+from rivid.diagnosis.response.river import RiverResponse
+from rivid.diagnosis.workflow import find_effects
+from rivid.effects import CATALOGUE, changes_of
+from rivid.errors import ConfigError, RividError
+from rivid.simulation.season import simulate
+from tests.diagnosis.answers import record_of
+from tests.simulation.test_season import FEW
+
+RIVER = {"name": "river", "kind": "river", "length": 25_000, "width": 100, "depth": 5, "sample_time": 1800.0}
+SETTINGS = parse({"reach": RIVER}, Config, "test")
+SHIFT = CATALOGUE["rating_shift"]
+
+
+def test_the_reading_is_in_proportion_and_off_by_a_constant_within_the_dates():
+    record = record_of(kind="river")
+    response = RiverResponse.nominal(7200.0, 1800.0, 300.0)
+    effect = SHIFT(error=0.03, offset=7.0, dates=(record.dates[5], record.dates[8]))
+    plain, read = (response.baseline(record, changes_of(e, record.world())) for e in ((), (effect,)))
+    inside = effect.active(record.world()) > 0.0
+    assert inside.any() and not inside.all()
+    np.testing.assert_allclose(read, np.where(inside, 1.03 * plain + 7.0, plain), rtol=1e-12)
+
+
+def test_a_shifted_rating_is_not_taken_for_an_inflow():
+    record = record_of(kind="river", days=40, n=48)
+    later = np.array([day >= record.dates[20] for day in record.dates])
+    off = dataclasses.replace(record, output=record.output * (1.0 + 0.04 * later[:, None]))
+    names = ("inflow_gain_error", "lateral_inflow", "rating_shift")
+    study = find_effects(off, responses_of(SETTINGS, off), {name: CATALOGUE[name] for name in names}, most=1)
+    assert study.chance_of("rating_shift") > 0.5
+    (shift,) = study.last.effects
+    assert shift.dates[0] == record.dates[20] and shift.error == pytest.approx(0.04, abs=0.01)
+
+
+def test_a_pool_has_no_rating():
+    record = record_of()
+    with pytest.raises(RividError, match="a rating in a pool"):
+        real_flows(record, changes_of([SHIFT()], record.world()))
+    with pytest.raises(ConfigError, match="rating_shift acts on rivers alone"):
+        simulate(FEW, effects=[SHIFT()])
+    assert not SHIFT.acts_on("pool") and SHIFT.acts_on("river")
