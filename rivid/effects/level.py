@@ -120,7 +120,10 @@ _GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flo
 
 @dataclass(frozen=True, kw_only=True)
 class RatingShift(Effect):
-    """``read discharge = (1 + error) discharge + offset``, within dates."""
+    """``read discharge = (1 + error) discharge + offset usual discharge``, within dates.
+
+    The limits are a tenth: a gauge that is off by more is replaced, not rated anew.
+    """
 
     name = "rating_shift"
     family = "level"
@@ -136,21 +139,19 @@ class RatingShift(Effect):
         "a constant inflow and a gain error of the inflow look nearly the same."
     )
 
-    error: float = quantity(
-        0.02, "-", -0.5, 1.0, "relative error: read discharge over real discharge, less 1"
-    )
-    offset: float = quantity(0.0, "m3/s", -1e4, 1e4, "what it reads too high at any discharge")
+    error: float = quantity(0.02, "-", -0.1, 0.1, "read discharge over real discharge, less 1")
+    offset: float = quantity(0.0, "-", -0.1, 0.1, "what it reads too high always, over the usual discharge")
 
     @classmethod
     def trials(cls, sample_time: float) -> list[Trial]:
         return [
             cls.linear_trial("error", 0.02, dates="between", offset=0.0),
-            cls.linear_trial("offset", 1.0, dates="between", error=0.0),
+            cls.linear_trial("offset", 0.01, dates="between", error=0.0),
         ]
 
     def changes(self, world: World) -> Changes:
         active = self.active(world)
-        return Changes(gauge=self.offset * active, rating=self.error * active)
+        return Changes(gauge=self.offset * world.flow * active, rating=self.error * active)
 
 
 @dataclass(frozen=True, kw_only=True)
