@@ -27,9 +27,9 @@ from rivid.diagnosis.result import (
     Where,
     closed_share,
 )
-from rivid.diagnosis.spectrum import spectrum
+from rivid.diagnosis.spectrum import FEWEST, rhythm, spectrum
 from rivid.effects import Effect
-from rivid.types import Bools, Floats
+from rivid.types import HOUR, Bools, Floats
 
 LEAST_RATIO = 3.0
 """Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
@@ -373,24 +373,35 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     record, last = study.record, study.last
     seen = np.where(record.used, last.residual, np.nan)
     innovations = last.noise.whiten(seen, activity=record.activity)
-    period, ratio, limit, _ = spectrum(innovations, record.used, record.sample_time, weights=last.weights)
     w = np.where(record.used, evidence.inflow_after, 0.0)
     place, blocks = None, study.split.block
     if len(np.unique(blocks[record.used.any(axis=1)])) >= FEWEST_BLOCKS:  # with fewer no place is certain
         place = strongest(as_scores(w, record.used, blocks), drivers(record, blocks), record.dates)
+    # size, dates and period are those of the same days
+    dates = place.windows[0] if place is not None and place.windows else None
+    within = np.array([dates is None or dates[0] <= day <= dates[1] for day in record.dates])
+    used = record.used & within[:, None]
     found = []
+    slow = rhythm(w, used, record.time)
+    if slow is not None:
+        found.append(f"a rhythm with a period of {slow[0] / HOUR:.3g} h (to {slow[1] / HOUR:.2g} h)")
+    many = used.sum(axis=1) >= FEWEST
+    days = many & (last.weights > 0.0) if (many & (last.weights > 0.0)).any() else np.ones_like(many)
+    period, ratio, limit, _ = spectrum(
+        innovations[days], record.used[days], record.sample_time, weights=last.weights[days]
+    )
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
-    rhythm = ratio > max(limit, LEAST_RATIO) and not known
-    if rhythm:
+    swing = ratio > max(limit, LEAST_RATIO) and not known
+    if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
         found.append(place.text)
     if not found:
         return None
-    size = float(np.sqrt(np.mean(w[record.used] ** 2)))
-    dates = place.windows[0] if place is not None and place.windows else None
-    return Unknown(Where(dates=dates), size, tuple(found), period if rhythm else None)
+    size = float(np.sqrt(np.mean(w[used] ** 2)))
+    length = slow[0] if slow is not None else period if swing else None
+    return Unknown(Where(dates=dates), size, tuple(found), length)
 
 
 def _evidence(study: Study) -> Evidence:

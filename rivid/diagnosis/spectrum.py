@@ -94,6 +94,77 @@ def spectrum(
     return float(1.0 / frequency[kept][peak]), float(ratio[peak]), float(largest[-rank]), power
 
 
+BIN = 1800.0
+"""Means of a series for its rhythm [s]: periods of four of them and more are sought."""
+CYCLES = 3.0
+"""Fewest cycles of a period in a record."""
+CHANCE = 0.01
+"""That a series without a rhythm shows one."""
+RHYTHM_DRAWS = 200
+"""Of white noise: a chance of 1 % to 0.7 %."""
+HARMONICS = range(2, 13)
+"""A line is that of a period so many times as long, where there is a line too: pulses of two hours a day have
+twelve."""
+
+
+def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> tuple[float, float] | None:
+    """Period of the strongest line of a whole record, and its resolution [s]; None without a line.
+
+    Parameters
+    ----------
+    series : array_like, shape (days, n)
+    used : array_like of bool, shape (days, n)
+        Samples that count; of samples that come twice, as in lead times, one may.
+    time : array_like, shape (days, n)
+        Of the samples, on one clock [s].
+
+    Returns
+    -------
+    period, resolution : float
+        The true period lies within the resolution on either side: periods so far apart are half a cycle
+        apart at the end of the record.
+
+    Notes
+    -----
+    A line is as many times the local median as white noise with the same gaps exceeds with :data:`CHANCE`.
+    """
+    from scipy.fft import rfft
+
+    there = np.asarray(used, bool)
+    at, y = np.asarray(time, float)[there], np.asarray(series, float)[there]
+    if not len(at):
+        return None
+    bins = ((at - at.min()) // BIN).astype(np.intp)
+    counts = np.bincount(bins)
+    m = len(counts)
+    means = np.bincount(bins, y) / np.maximum(counts, 1)
+    frequency = np.arange(m + 1) / (2.0 * m * BIN)
+    kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 0.25 / BIN)
+    if kept.sum() < 2 * NEAREST:
+        return None
+    # Without the memory of weather, so that the spectrum is level about a line.
+    both = (counts[1:] > 0) & (counts[:-1] > 0)
+    y = np.where(counts > 0, means - means[counts > 0].mean(), 0.0)
+    kept_on = float((y[1:] * y[:-1])[both].sum() / max((y[:-1][both] ** 2).sum(), 1e-300))
+    steps = np.where(both, y[1:] - kept_on * y[:-1], 0.0)
+    white = np.random.default_rng(0).standard_normal((RHYTHM_DRAWS, m - 1)) * both
+    levels = np.concatenate([steps[None], white])
+    powers = abs(rfft(levels * np.hanning(m - 1), 2 * m, axis=1)[:, kept]) ** 2
+    ratios = powers / np.maximum(_local_median(powers), 1e-300)
+    frequency, ratio = frequency[kept], ratios[0]
+    limit = float(np.quantile(ratios[1:].max(axis=1), 1.0 - CHANCE))
+    best = int(np.argmax(ratio))
+    if ratio[best] <= limit:
+        return None
+    found = frequency[best]
+    for times in HARMONICS:
+        near = abs(frequency - found / times) <= 1.0 / (2.0 * m * BIN)
+        if (ratio[near] > limit).any():
+            best = int(np.argmax(np.where(near, ratio, 0.0)))
+    period = float(1.0 / frequency[best])
+    return period, period**2 / (2.0 * m * BIN)
+
+
 def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:
     """Days (days, n) without their mean and of mean square 1, so that no single day dominates."""
     many = there.sum(1, keepdims=True)
@@ -112,7 +183,7 @@ def _power(r: NDArray[Any], there: NDArray[Any], weight: Floats) -> Floats:
     return np.asarray(share @ (lines.real**2 + lines.imag**2), float)
 
 
-def _local_median(power: Floats) -> Floats:
+def _local_median(power: NDArray[Any]) -> Floats:
     """Running median over half to twice each frequency; power is (draws, m), evenly spaced."""
     m = power.shape[1]
     at = np.unique(np.geomspace(1, m, KNOTS).astype(int)) - 1

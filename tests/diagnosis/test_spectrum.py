@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from rivid.diagnosis.spectrum import _power, spectrum
+from rivid.diagnosis.spectrum import _power, rhythm, spectrum
 from rivid.errors import RividError
 from tests.diagnosis import sizes
 
@@ -76,3 +77,41 @@ def test_what_cannot_be_used_is_refused():
         spectrum(r, used, T, draws=50)
     with pytest.raises(RividError, match="no day has 30 used samples"):
         spectrum(r, np.zeros_like(used), T)
+
+
+# Rhythms of a whole record
+
+RECORD = (np.arange(60.0 * 96) * 900.0).reshape(60, 96)
+
+
+def colored(seed):
+    """Weather of 5 m3/s with a memory of 3 h, and every ninth day missing."""
+    rng = np.random.default_rng(seed)
+    phi = np.exp(-900.0 / 10_800.0)
+    steps = 5.0 * np.sqrt(1.0 - phi**2) * rng.standard_normal(RECORD.size)
+    used = np.ones(RECORD.shape, bool)
+    used[4::9] = False
+    return lfilter([1.0], [1.0, -phi], steps).reshape(RECORD.shape), used
+
+
+@pytest.mark.parametrize("hours", [3.0, 6.21, 12.42, 24.0])
+def test_a_rhythm_is_found_within_its_resolution(hours):
+    for seed in range(4):
+        series, used = colored(seed)
+        found = rhythm(series + 5.0 * np.cos(2.0 * np.pi * RECORD / (3600.0 * hours) + seed), used, RECORD)
+        assert found is not None
+        assert abs(found[0] - 3600.0 * hours) <= found[1] < 0.03 * hours * 3600.0
+
+
+def test_a_rhythm_of_short_pulses_is_that_of_its_fundamental():
+    series, used = colored(3)
+    pulses = 40.0 * (np.mod(RECORD, 86_400.0) < 7200.0)
+    period, resolution = rhythm(series + pulses, used, RECORD)
+    assert period == pytest.approx(86_400.0, abs=resolution)
+
+
+@sizes("seasons", 30, 300)
+def test_weather_has_a_rhythm_no_more_often_than_by_chance(seasons):
+    false = sum(rhythm(*colored(seed), RECORD) is not None for seed in range(seasons))
+    assert false <= 0.01 * seasons + 3.0 * np.sqrt(0.01 * seasons)
+    assert rhythm(np.zeros((2, 96)), np.zeros((2, 96), bool), RECORD[:2]) is None
