@@ -181,7 +181,8 @@ class _Search:
         responses, record = self._carried(responses, record)
         kernels = kernels_of(responses[0], record)
         self.record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
-        self.responses, self.classes, self.gauge_floor, self.start = responses, classes, gauge_floor, start
+        self.responses, self.gauge_floor, self.start = responses, gauge_floor, start
+        self.classes = {name: one for name, one in classes.items() if one.acts_on(record.kind)}
         self.dealt = split(record.dates)
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
@@ -350,7 +351,7 @@ class _Search:
                 grow = partial(with_effect, candidate=one, record=record)
                 self._grow(parent, library, one.effect.name, grow, one.columns)
         for name, effect in self.classes.items():
-            if name in taken or not effect.found_as or not effect.acts_on(record.kind):
+            if name in taken or not effect.found_as:
                 continue
             if effect.found_as in LEVEL_NOISES:
                 gauge = [one for one in latent if one.unknown == "gauge"]
