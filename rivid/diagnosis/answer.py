@@ -27,7 +27,7 @@ from rivid.diagnosis.result import (
     Where,
     closed_share,
 )
-from rivid.diagnosis.spectrum import FEWEST, rhythm, spectrum
+from rivid.diagnosis.spectrum import FEWEST, SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
 from rivid.types import HOUR, Bools, Floats
 
@@ -392,7 +392,8 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     )
     swings = (getattr(e, "period") for e in (*study.start, *last.effects) if e.found_as == "swing")  # noqa: B009
     known = any(0.7 < period / float(other) < 1.4 for other in swings)
-    swing = ratio > max(limit, LEAST_RATIO) and not known
+    short = slow is None or period < SHORTEST  # a slower one is the same, from segments of a day
+    swing = ratio > max(limit, LEAST_RATIO) and not known and short
     if swing:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:

@@ -95,7 +95,9 @@ def spectrum(
 
 
 BIN = 1800.0
-"""Means of a series for its rhythm [s]: periods of four of them and more are sought."""
+"""Means of a series for its rhythm [s]."""
+SHORTEST = 4.0 * BIN
+"""Period of a rhythm."""
 CYCLES = 3.0
 """Fewest cycles of a period in a record."""
 CHANCE = 0.01
@@ -139,7 +141,7 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> tuple[float, 
     m = len(counts)
     means = np.bincount(bins, y) / np.maximum(counts, 1)
     frequency = np.arange(m + 1) / (2.0 * m * BIN)
-    kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 0.25 / BIN)
+    kept = (frequency >= CYCLES / (m * BIN)) & (frequency <= 1.0 / SHORTEST)
     if kept.sum() < 2 * NEAREST:
         return None
     # Without the memory of weather, so that the spectrum is level about a line.
