@@ -33,6 +33,7 @@ def test_the_reading_is_in_proportion_and_off_by_a_constant_within_the_dates():
     )
 
 
+@pytest.mark.long  # a whole diagnosis: 22 s
 def test_a_shifted_rating_is_not_taken_for_an_inflow():
     record = record_of(kind="river", days=40, n=48)
     later = np.array([day >= record.dates[20] for day in record.dates])
