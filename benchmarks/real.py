@@ -158,8 +158,8 @@ def main() -> None:
         "counted (more than 5 m³/s); in the other sections nothing is known to be missing but small tributaries, "
         "bank storage and what the ratings of the gauges differ by, so that a name there is a claim without a "
         "witness. Short windows are harder than a year: where the bypass runs on all days, its dates do not show, and a "
-        "gain may stand for it; a rating that is off by a percent, or a spring, comes out as one of the names of "
-        "inflows. Names at 0.95 and more in these tables that no record supports are wrong with confidence.\n"
+        "gain may stand for it; a rating that is off by a percent, or a spring, comes out as a tie of ratings and "
+        "inflows, or as one of them. Names at 0.95 and more in these tables that no record supports are wrong with confidence.\n"
     )
     for reach in reaches():
         record = record_of(reach)

@@ -122,7 +122,7 @@ _GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flo
 class RatingShift(Effect):
     """``read discharge = (1 + error) discharge + offset usual discharge``, within dates.
 
-    The limits are a tenth: a gauge that is off by more is replaced, not rated anew.
+    The limits are a tenth: a larger shift of the balance is taken for water.
     """
 
     name = "rating_shift"

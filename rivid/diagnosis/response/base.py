@@ -268,7 +268,7 @@ def real_flows(record: Record, changes: Changes) -> RealFlows:
         return RealFlows(inflow, record.outflow, added, np.ones(shape), gauge, changes.well)
     if (changes.rating != 0.0).any():
         raise RividError(
-            "a rating in a pool, whose gauge reads a level: expected effects on its level or flows"
+            "a rating in a pool, where the gauge reads a level: expected effects on its level or flows"
         )
     level = filled(record.time, record.output - gauge, changes.area_reference)
     storage = 1.0 + changes.area_slope * (level - changes.area_reference)
