@@ -215,8 +215,8 @@ def _small(study: Study) -> tuple[str, ...]:
         size = next(iter(_parameters(effect, {}, (), 1.0)), None)
         about = "" if size is None else f", {size.name.replace('_', ' ')} about {size.value:.3g} {size.unit},"
         found.append(
-            f"{_words(name).capitalize()}{about} is there with a probability of {p:.2f}, and changes the "
-            "error too little to matter."
+            f"{_words(name).capitalize()}{about} improves the fit with a probability of {p:.2f}, and changes "
+            "the error too little to matter: it may stand for what the response lacks."
         )
     return tuple(found)
 

@@ -1,8 +1,7 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
 Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; and, until the exam has calibrated them, the exponent of the scores and the least shift of
-fronts.
+error that counts; and, until the exam has calibrated them, the exponent of the scores.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.predictive import probabilities
+from rivid.diagnosis.predictive import inflation_of, probabilities
 from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
@@ -31,9 +30,6 @@ TEMPER = 0.5
 """Exponent of the scores, over their inflation. Over 46 development seasons the log loss of names is 0.97 at
 0.05, 0.75 at 0.2, 0.94 at 0.5 and 0.87 at 1: too few to choose by. At 0.2 the bypass of Glen Canyon loses two
 of its three stretches."""
-BEYOND = 2.0
-"""Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
-wrong in another."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -58,24 +54,34 @@ def _density(one: Explanation) -> Floats:
     return one.density
 
 
-def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
+def ranked(pool: Sequence[Explanation], record: Record, chosen: Bools, blocks: Ints) -> Floats:
     """Probability of each explanation, shape (explanations,).
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. So what is gained over the best explanation by
-    something unknown is divided by the inflation of the likeliest one. An unknown has none, for there the
-    scatter is what is unknown: what predicts worse than it is compared with it as it is.
+    times the variance the gain of chance is c times as large. So the lead of the likeliest one over another
+    is divided by the :func:`inflation` of what the likeliest leaves, about what separates the two.
     """
     scores = scores_of(pool, chosen, blocks)
-    total = scores.sum(axis=1)
-    bare = min(len(one.names) for one in pool)  # effects known from the start
-    unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
-    best = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
-    doubt = np.where(total > total[best], pool[int(np.argmax(total))].inflation, 1.0)
+    lead = int(np.argmax(scores.sum(axis=1)))
+    doubt = np.array([inflation(pool[lead], one, record, chosen, blocks) for one in pool])
     return probabilities(
-        scores[best] + (scores - scores[best]) / doubt[:, None], [one.log_prior for one in pool],
+        scores[lead] + (scores - scores[lead]) / doubt[:, None], [one.log_prior for one in pool],
         parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
+
+
+def inflation(one: Explanation, other: Explanation, record: Record, chosen: Bools, blocks: Ints) -> float:
+    """Inflation of what an explanation leaves, about what separates it from another one; see :func:`ranked`.
+
+    The columns are the difference of the two outputs, and the residual that of the first.
+    """
+    opened = chosen & (one.weights > 0.0)
+    few = record.take(opened)
+    seen = np.where(few.used, one.residual[opened], np.nan)
+    r = one.noise.whiten(seen, activity=few.activity)
+    apart = (one.residual - other.residual)[opened]
+    w = one.noise.whiten(apart, like=seen, activity=few.activity)
+    return inflation_of((w * r).sum(axis=1), (w * w).sum(axis=1), blocks[opened])
 
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
@@ -202,7 +208,7 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        chances = ranked(pool, self.opened, self.split.block).tolist()
+        chances = ranked(pool, self.record, self.opened, self.split.block).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     @cached_property
@@ -218,7 +224,7 @@ class Study:
         if not flexible or not known:
             return tuple(able)
         pool = leading(known, self.opened)
-        best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
+        best = pool[int(np.argmax(ranked(pool, self.record, self.opened, self.split.block)))]
         return (*known, *(one for one in flexible if self._nearer(one, best)))
 
     def _nearer(self, one: Explanation, best: Explanation) -> bool:
@@ -286,7 +292,7 @@ class Study:
         return self._material(one, parent, np.array(active))
 
     def _moves(self, one: Explanation, made: Floats) -> bool:
-        """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
+        """Whether an effect moves fronts by more than the response still misses.
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
         """
@@ -295,7 +301,7 @@ class Study:
             return True
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
         moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
-        return moved > (BEYOND * one.noise.misfit) ** 2 * float(activity[:, :-1][counted].sum())
+        return moved > one.noise.misfit**2 * float(activity[:, :-1][counted].sum())
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
@@ -308,11 +314,11 @@ class Study:
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
     def excess(self, one: Explanation) -> bool:
-        """Whether an explanation's error exceeds what its own weather, gauge and misfit make, by what counts.
+        """Whether most of an explanation's squared error is beyond its own weather, gauge and misfit.
 
         Their error is that of as many days drawn from its noise.
         """
-        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one)
+        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one, 0.5)
 
     def large(self, one: Explanation) -> bool:
         """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
@@ -325,9 +331,9 @@ class Study:
         without, with_ = (replace(one, errors=self._drawn(one, drawn)) for drawn in (plain, noise))
         return self._removes(without, with_)
 
-    def _removes(self, one: Explanation, other: Explanation) -> bool:
+    def _removes(self, one: Explanation, other: Explanation, least: float = MATERIAL) -> bool:
         share, draws = shares(one, other, self.opened, self.split.block)
-        return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
+        return bool(((share >= least) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
     def _drawn(self, one: Explanation, noise: NoiseModel) -> DayErrors:
         """Errors of an explanation's forecasts of days that are drawn from a noise."""

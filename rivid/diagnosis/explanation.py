@@ -45,7 +45,6 @@ class Explanation:
     others: tuple[Effect, ...] = ()
     events: tuple[Events, ...] = ()
     bonus: Floats | None = None  # (days,): log density that a noise outside the filter gains [nats]
-    inflation: float = 1.0  # variance of blocks' scores of what it adds, over that of the noise model
     parent: "Explanation | None" = None  # what it extends by its last effect, or by something unknown
     density: Floats | None = None  # (days,): log density of each day, predicted by the fit without its block
     errors: DayErrors | None = None  # of forecasts by that fit, at HORIZONS
@@ -144,7 +143,6 @@ def fitted(
     log_prior: float = 0.0,
     start: Explanation | None = None,
     parent: Explanation | None = None,
-    inflation: float = 1.0,
     others: tuple[Effect, ...] = (),
     events: tuple[Events, ...] = (),
     steps: int = 6,
@@ -166,8 +164,6 @@ def fitted(
         weights are used. By default columns are computed, and the noise fitted, at the start.
     parent : Explanation, optional
         What this one extends.
-    inflation : float
-        Of what it adds; see :func:`rivid.diagnosis.search.inflation_of`.
     others, events : tuple
         Events and noises outside the simulator.
     steps : int
@@ -188,7 +184,7 @@ def fitted(
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
     z = residual_of(few, model.baseline(few)) - coded[open_days]
     shared = None if start is None else start.shared
-    J = _columns(model, few, None if shared is None else shared[:, open_days])
+    J = model.jacobian(few, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights = 1e-3, None
     for step in range(steps):
@@ -203,9 +199,10 @@ def fitted(
         g, G = g * sd - off, G * (sd[:, None] * sd) + np.eye(len(sd))
         cost, fell = 0.5 * float(squares + off @ off), 0.0
         low, high = _room(model, sd)
-        hopeless = _predicted(G, g, step_within(G, g, low, high)) < LEAST_STEP
-        for _ in range(0 if hopeless else TRIES):
+        for _ in range(TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
+            if _predicted(G, g, move) < LEAST_STEP:
+                break
             try:
                 other = _moved(model, move * sd)
                 z_other = residual_of(few, other.baseline(few)) - coded[open_days]
@@ -223,7 +220,7 @@ def fitted(
         damping = min(damping, 1.0)
         if step < fresh:
             del J
-            J, shared = _columns(model, few, None), None
+            J, shared = model.jacobian(few), None
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
@@ -231,7 +228,7 @@ def fitted(
     if sealed.any():
         rest = record.take(sealed)
         left = residual_of(rest, model.baseline(rest)) - coded[sealed]
-        other_J = _columns(model, rest, None if shared is None else shared[:, sealed])
+        other_J = model.jacobian(rest, None if shared is None else shared[:, sealed])
     else:
         left, other_J = z[:0], J[:, :0]
     return Explanation(
@@ -246,7 +243,6 @@ def fitted(
         others,
         events,
         parent=parent,
-        inflation=inflation,
     )
 
 
@@ -323,13 +319,6 @@ def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
 def _predicted(G: Floats, g: Floats, move: Floats) -> float:
     """Gain of a step [nats] where the columns hold."""
     return float(g @ move - 0.5 * move @ G @ move)
-
-
-def _columns(model: Model, record: Record, given: Floats | None) -> Floats:
-    """Columns of all free parameters; those of the response may be given."""
-    if given is None:
-        return model.jacobian(record)[1]
-    return np.concatenate([given, model.effect_columns(record)])
 
 
 def _noise(

@@ -121,6 +121,10 @@ class Response(Protocol):
         """Derivatives of :meth:`baseline`, of which `base` is the value, shape (p, days, n)."""
         ...
 
+    def coarse(self) -> Self:
+        """The same model on a grid that derivatives need; itself where there is no grid."""
+        ...
+
 
 def vector_of(response: Response) -> Floats:
     """Values of the free parameters on their scale, shape (p,)."""
@@ -167,9 +171,13 @@ def slopes_by_differences(
 
 
 def sensitivities(
-    response: Response, record: Record, candidates: Sequence[Changes], changes: Changes = NO_CHANGES
-) -> tuple[Floats, Floats, Floats]:
-    """Baseline, its derivatives, and the outputs of candidates for the days of a record.
+    response: Response,
+    record: Record,
+    candidates: Sequence[Changes],
+    changes: Changes = NO_CHANGES,
+    slopes: Floats | None = None,
+) -> Floats:
+    """Derivatives of the baseline, and what candidates change in it, on the coarse grid where that carries.
 
     Memory is that of the result and of one run.
 
@@ -181,25 +189,34 @@ def sensitivities(
         Each with all that the reach then has, `changes` included.
     changes : Changes
         Those of the baseline.
+    slopes : ndarray, shape (p, days, n), optional
+        Derivatives for one unit of each parameter of the response, where they are known.
 
     Returns
     -------
-    base : ndarray, shape (days, n)
-    slopes : ndarray, shape (p, days, n)
-        For one unit of each parameter of the response.
-    differences : ndarray, shape (len(candidates), days, n)
-        Output with each candidate less `base`.
+    ndarray, shape (p + len(candidates), days, n)
+        Derivatives, and the output with each candidate less the baseline.
 
     Raises
     ------
     RividError
         Where the reach cannot carry the flows.
     """
-    base = response.baseline(record, changes)
-    differences = np.empty((len(candidates), *base.shape))
-    for difference, candidate in zip(differences, candidates, strict=True):
-        np.subtract(response.baseline(record, candidate), base, out=difference)
-    return base, response.slopes(record, base, changes), differences
+    if slopes is not None and not candidates:
+        return slopes
+    p = len(response.parameters)
+    columns = np.empty((p + len(candidates), *record.time.shape))
+    for reach in (response.coarse(), response):
+        try:
+            base = reach.baseline(record, changes)
+            columns[:p] = reach.slopes(record, base, changes) if slopes is None else slopes
+            for column, candidate in zip(columns[p:], candidates, strict=True):
+                np.subtract(reach.baseline(record, candidate), base, out=column)
+            break
+        except RividError:
+            if reach is response:
+                raise
+    return columns
 
 
 def start_level(output: Floats, otherwise: float) -> Floats:
