@@ -196,7 +196,7 @@ def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
     dry = replace(start, reach=replace(response, parameters=held))
     without = fitted(dry, record, every, steps=8, fresh=8).model
     lag = with_well.reach.parameters[-1].natural
-    white = with_well.noise.whiten(with_well.jacobian(record)[1], like=np.where(record.used, 0.0, np.nan))
+    white = with_well.noise.whiten(with_well.jacobian(record), like=np.where(record.used, 0.0, np.nan))
     X = white.reshape(len(white), -1)
     prior = np.diag([p.sd**-2.0 for p in response.parameters])
     assert abs(lag - 60.0) < 3.0 * np.sqrt(np.linalg.inv(X @ X.T + prior)[-1, -1]) < 10.0
@@ -263,9 +263,10 @@ def test_sensitivities_are_those_of_runs_one_by_one():
     record = season(4, days=2)
     response = few(record)
     candidates = [changes_of([CATALOGUE["lateral_inflow"](inflow=q)], record.world()) for q in (1.0, 2.0)]
-    base, slopes, differences = sensitivities(response, record, candidates)
-    np.testing.assert_array_equal(base, response.baseline(record))
+    found, base = sensitivities(response, record, candidates), response.baseline(record)
+    slopes, differences = np.split(found, [len(response.parameters)])
     np.testing.assert_array_equal(slopes, response.slopes(record, base))
+    np.testing.assert_array_equal(sensitivities(response, record, candidates, slopes=slopes), found)
     for difference, changes in zip(differences, candidates, strict=True):
         np.testing.assert_array_equal(difference, response.baseline(record, changes) - base)
     assert rms(differences[1] - 2.0 * differences[0]) < 0.01 * rms(differences[1])

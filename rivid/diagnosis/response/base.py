@@ -121,10 +121,6 @@ class Response(Protocol):
         """Derivatives of :meth:`baseline`, of which `base` is the value, shape (p, days, n)."""
         ...
 
-    def coarse(self) -> Self:
-        """The same model on a grid that derivatives need; itself where there is no grid."""
-        ...
-
 
 def vector_of(response: Response) -> Floats:
     """Values of the free parameters on their scale, shape (p,)."""
@@ -177,7 +173,7 @@ def sensitivities(
     changes: Changes = NO_CHANGES,
     slopes: Floats | None = None,
 ) -> Floats:
-    """Derivatives of the baseline, and what candidates change in it, on the coarse grid where that carries.
+    """Derivatives of the baseline, and what candidates change in it.
 
     Memory is that of the result and of one run.
 
@@ -204,18 +200,11 @@ def sensitivities(
     """
     if slopes is not None and not candidates:
         return slopes
-    p = len(response.parameters)
-    columns = np.empty((p + len(candidates), *record.time.shape))
-    for reach in (response.coarse(), response):
-        try:
-            base = reach.baseline(record, changes)
-            columns[:p] = reach.slopes(record, base, changes) if slopes is None else slopes
-            for column, candidate in zip(columns[p:], candidates, strict=True):
-                np.subtract(reach.baseline(record, candidate), base, out=column)
-            break
-        except RividError:
-            if reach is response:
-                raise
+    base, p = response.baseline(record, changes), len(response.parameters)
+    columns = np.empty((p + len(candidates), *base.shape))
+    columns[:p] = response.slopes(record, base, changes) if slopes is None else slopes
+    for column, candidate in zip(columns[p:], candidates, strict=True):
+        np.subtract(response.baseline(record, candidate), base, out=column)
     return columns
 
 

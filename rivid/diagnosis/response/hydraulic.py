@@ -244,10 +244,6 @@ class HydraulicResponse:
         """The same channel with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def coarse(self) -> "HydraulicResponse":
-        """The same channel of half the cells, in a quarter of the time."""
-        return replace(self, cells=self.cells // 2)
-
     def settled(self, record: Record) -> "HydraulicResponse":
         """With the corrections of the inflow at its present arrival; those that move start at zero."""
         if not self.inflow_lags:

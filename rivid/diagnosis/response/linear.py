@@ -156,10 +156,6 @@ class LinearPool:
         """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def coarse(self) -> "LinearPool":
-        """Itself: it has no grid."""
-        return self
-
     def settled(self, record: Record) -> "LinearPool":
         """Itself: nothing of it comes in steps."""
         return self

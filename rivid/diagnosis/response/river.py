@@ -107,10 +107,6 @@ class RiverResponse:
         """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def coarse(self) -> "RiverResponse":
-        """Itself: it has no grid."""
-        return self
-
     def settled(self, record: Record) -> "RiverResponse":
         """Itself: nothing of it comes in steps."""
         return self
