@@ -1,7 +1,7 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
 Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; and, until the exam has calibrated them, the exponent of the scores.
+error that counts; and, until the exam has calibrated it, the exponent of the scores.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.predictive import inflation_of, probabilities
+from rivid.diagnosis.predictive import probabilities
 from rivid.effects import Effect
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
@@ -54,34 +54,24 @@ def _density(one: Explanation) -> Floats:
     return one.density
 
 
-def ranked(pool: Sequence[Explanation], record: Record, chosen: Bools, blocks: Ints) -> Floats:
+def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Probability of each explanation, shape (explanations,).
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. So the lead of the likeliest one over another
-    is divided by the :func:`inflation` of what the likeliest leaves, about what separates the two.
+    times the variance the gain of chance is c times as large. So what is gained over the best explanation by
+    something unknown is divided by the inflation of the likeliest one. An unknown has none, for there the
+    scatter is what is unknown: what predicts worse than it is compared with it as it is.
     """
     scores = scores_of(pool, chosen, blocks)
-    lead = int(np.argmax(scores.sum(axis=1)))
-    doubt = np.array([inflation(pool[lead], one, record, chosen, blocks) for one in pool])
+    total = scores.sum(axis=1)
+    bare = min(len(one.names) for one in pool)  # effects known from the start
+    unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
+    best = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
+    doubt = np.where(total > total[best], pool[int(np.argmax(total))].inflation, 1.0)
     return probabilities(
-        scores[lead] + (scores - scores[lead]) / doubt[:, None], [one.log_prior for one in pool],
+        scores[best] + (scores - scores[best]) / doubt[:, None], [one.log_prior for one in pool],
         parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
-
-
-def inflation(one: Explanation, other: Explanation, record: Record, chosen: Bools, blocks: Ints) -> float:
-    """Inflation of what an explanation leaves, about what separates it from another one; see :func:`ranked`.
-
-    The columns are the difference of the two outputs, and the residual that of the first.
-    """
-    opened = chosen & (one.weights > 0.0)
-    few = record.take(opened)
-    seen = np.where(few.used, one.residual[opened], np.nan)
-    r = one.noise.whiten(seen, activity=few.activity)
-    apart = (one.residual - other.residual)[opened]
-    w = one.noise.whiten(apart, like=seen, activity=few.activity)
-    return inflation_of((w * r).sum(axis=1), (w * w).sum(axis=1), blocks[opened])
 
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:
@@ -208,7 +198,7 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        chances = ranked(pool, self.record, self.opened, self.split.block).tolist()
+        chances = ranked(pool, self.opened, self.split.block).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     @cached_property
@@ -224,7 +214,7 @@ class Study:
         if not flexible or not known:
             return tuple(able)
         pool = leading(known, self.opened)
-        best = pool[int(np.argmax(ranked(pool, self.record, self.opened, self.split.block)))]
+        best = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
         return (*known, *(one for one in flexible if self._nearer(one, best)))
 
     def _nearer(self, one: Explanation, best: Explanation) -> bool:

@@ -45,6 +45,7 @@ class Explanation:
     others: tuple[Effect, ...] = ()
     events: tuple[Events, ...] = ()
     bonus: Floats | None = None  # (days,): log density that a noise outside the filter gains [nats]
+    inflation: float = 1.0  # variance of blocks' scores of what it adds, over that of the noise model
     parent: "Explanation | None" = None  # what it extends by its last effect, or by something unknown
     density: Floats | None = None  # (days,): log density of each day, predicted by the fit without its block
     errors: DayErrors | None = None  # of forecasts by that fit, at HORIZONS
@@ -143,6 +144,7 @@ def fitted(
     log_prior: float = 0.0,
     start: Explanation | None = None,
     parent: Explanation | None = None,
+    inflation: float = 1.0,
     others: tuple[Effect, ...] = (),
     events: tuple[Events, ...] = (),
     steps: int = 6,
@@ -164,6 +166,8 @@ def fitted(
         weights are used. By default columns are computed, and the noise fitted, at the start.
     parent : Explanation, optional
         What this one extends.
+    inflation : float
+        Of what it adds; see :func:`rivid.diagnosis.search.inflation_of`.
     others, events : tuple
         Events and noises outside the simulator.
     steps : int
@@ -243,6 +247,7 @@ def fitted(
         others,
         events,
         parent=parent,
+        inflation=inflation,
     )
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaln
 
-from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.types import Floats
 
 LOG_2PI = float(np.log(2.0 * np.pi))
@@ -120,22 +119,3 @@ def probabilities(
     total -= total.max(axis=1, keepdims=True)
     chance = np.exp(total)
     return np.asarray((chance / chance.sum(axis=1, keepdims=True)).mean(axis=0))
-
-
-SHOWN = 0.01
-"""Share of the largest block's information below which a block shows nothing."""
-
-
-def inflation_of(score: Floats, information: Floats, blocks: ArrayLike) -> float:
-    """Variance of the scores of blocks over that of the noise model, 1 or more.
-
-    Scores w'r and information w'w of each day, shape (days,), of a whitened column w and a residual r: white
-    noise gives 1, and a response that errs in the same way for days gives more. The largest quarter of the
-    blocks is left out, so that a few bad days do not count.
-    """
-    label = np.unique(blocks, return_inverse=True)[1]
-    sums, sizes = np.bincount(label, score), np.bincount(label, information)
-    shown = sizes > SHOWN * sizes.max(initial=0.0)
-    squares: Floats = np.sort(np.asarray(sums[shown] ** 2 / sizes[shown], float))
-    kept = squares[: max(1, round(KEPT * len(squares)))]
-    return max(float(kept.mean()) / KEPT_MEAN, 1.0) if len(kept) else 1.0

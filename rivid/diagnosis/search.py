@@ -21,6 +21,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, fitted
 from rivid.diagnosis.fit import Model, residual_of
+from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
 from rivid.effects import Dates, Effect, Trial, changes_of
@@ -85,6 +86,14 @@ class Library:
                 trials.append(trial)
                 columns.append(found)
         return cls(tuple(trials), tuple(columns), kernels)
+
+    def scatter(self, one: Explanation, record: Record, blocks: Ints) -> float:
+        """Median inflation of what an explanation leaves, over the first trial of each name."""
+        first: dict[str, Floats] = {}
+        for trial, columns in zip(self.trials, self.columns, strict=True):
+            if not trial.hourly:
+                first.setdefault(trial.name, columns)
+        return float(np.median([scatter_of(one, columns, record, blocks) for columns in first.values()]))
 
 
 def hour_columns(record: Record, kernel: Floats) -> Floats:
@@ -215,6 +224,40 @@ def whole_season(library: Library, record: Record) -> list[Candidate]:
             prior = float(_spans(trial.dates, record.days)[2][0])
             found.append(_candidate(trial, columns, size, {}, 0.0, prior, np.zeros(0)))
     return found
+
+
+def inflation_of(score: Floats, information: Floats, blocks: Ints) -> float:
+    """Variance of the scores of blocks over that of the noise model, 1 or more.
+
+    Scores and information (k, days) are w'r and w'w of whitened columns w and what an explanation leaves, r:
+    white noise gives 1, and a response that errs in the same way for days gives more. The largest quarter of
+    the blocks is left out, so that a few bad days do not count.
+    """
+    label = np.unique(blocks, return_inverse=True)[1]
+    many = int(label.max()) + 1
+    found = []
+    for s, q in zip(score, information, strict=True):
+        sums, sizes = np.bincount(label, s, many), np.bincount(label, q, many)
+        shown = sizes > SHOWN * sizes.max(initial=0.0)
+        squares: Floats = np.sort(np.asarray(sums[shown] ** 2 / sizes[shown], float))
+        kept = squares[: max(1, round(KEPT * len(squares)))]
+        found.append(float(kept.mean()) / KEPT_MEAN if len(kept) else 1.0)
+    return max(float(np.mean(found)), 1.0)
+
+
+def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) -> float:
+    """The inflation of what an explanation leaves, about columns (k, days, n); `blocks` (days,)."""
+    opened = one.weights > 0.0
+    few = record.take(opened)
+    seen = np.where(few.used, one.residual[opened], np.nan)
+    r = one.noise.whiten(seen, activity=few.activity)
+    w = one.noise.whiten(columns[:, opened], like=seen, activity=few.activity)
+    score, information = np.einsum("kdn,dn->kd", w, r), np.einsum("kdn,kdn->kd", w, w)
+    return inflation_of(score, information, blocks[opened])
+
+
+SHOWN = 0.01
+"""Share of the largest block's information below which a block shows nothing."""
 
 
 def trial_size(effect: Effect, key: str, share: float) -> Any:

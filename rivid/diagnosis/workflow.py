@@ -23,6 +23,7 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search import (
     Candidate,
     Library,
+    scatter_of,
     screened,
     stepped,
     swung,
@@ -34,6 +35,7 @@ from rivid.diagnosis.search import (
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.flow import DailyFlow
 from rivid.errors import RividError
+from rivid.types import Floats
 
 MOST_EFFECTS = 3
 FEWEST_DAYS = 15
@@ -185,7 +187,7 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
-        self.grown: dict[int, tuple[str, Grow]] = {}
+        self.grown: dict[int, tuple[Library, str, Grow, Floats | None]] = {}
         """How each explanation extends its parent, by its identity."""
         self.tails: float | None = None
         self._report, self._done = report, 0.0
@@ -271,7 +273,8 @@ class _Search:
             few = part.take(np.arange(0, part.days, 2))
             half = [self._plain(_coarse(start)) for start in reach.starts()]
             begun = _best_fits(half, few, steps=6, fresh=4)
-            starts = [_fine(one.model, reach).reach for _, one in begun[:CARRIED_ON]]
+            best = (one.model.reach for _, one in begun[:CARRIED_ON])
+            starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
         return _best_fits(map(self._plain, starts), part, steps=8, fresh=5)[0]
 
     def _bare(self, model: Model) -> Model:
@@ -328,7 +331,7 @@ class _Search:
         known = (one for one in self.pool if one.unknown != "dynamics")
         able = [one for one in known if harmless(one, first, self.opened, block)]
         pool = leading(able, self.opened)
-        return pool[int(np.argmax(ranked(pool, self.record, self.opened, self.dealt.block)))]
+        return pool[int(np.argmax(ranked(pool, self.opened, self.dealt.block)))]
 
     def extend(self, parent: Explanation) -> None:
         """Explanations with one more effect, or something unknown, than `parent`."""
@@ -346,17 +349,17 @@ class _Search:
         for one in tried:
             if one not in deepest or parent.names:  # beside another effect the near fit may hold better
                 grow = partial(with_effect, candidate=one, record=record)
-                self._grow(parent, one.effect.name, grow)
+                self._grow(parent, library, one.effect.name, grow, one.columns)
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
                 continue
             if effect.found_as in LEVEL_NOISES:
                 gauge = [one for one in latent if one.unknown == "gauge"]
                 noise = partial(with_noise, effect=effect, record=record, latent=gauge)
-                self._grow(parent, name, noise)
+                self._grow(parent, library, name, noise)
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
-                self._grow(parent, name, events)
+                self._grow(parent, library, name, events)
 
     def _with_daily(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add an unknown flow that returns every day: in the season, and in the best candidates' windows."""
@@ -380,7 +383,10 @@ class _Search:
                 continue
             self.add(one)
 
-    def _grow(self, parent: Explanation, name: str, grow: Grow, again: Grow | None = None) -> None:
+    def _grow(
+        self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None,
+        again: Grow | None = None,
+    ) -> None:  # fmt: skip
         """An explanation with one more effect than `parent`, if the reach can carry the flows with it.
 
         `again` extends another explanation in the same way, where `grow` holds the model of this one.
@@ -392,7 +398,16 @@ class _Search:
         except RividError:
             return
         if more is not None:
-            self.grown[id(self.add(more))] = name, again or grow
+            more = self.add(self._inflated(more, library, columns))
+            self.grown[id(more)] = library, name, again or grow, columns
+
+    def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
+        """With the scatter of what it leaves, about the library's columns and about its own."""
+        block = self.dealt.block
+        found = [library.scatter(one, self.record, block)]
+        if columns is not None:
+            found.append(scatter_of(one, columns, self.record, block))
+        return replace(one, inflation=max(found))
 
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
@@ -413,7 +428,9 @@ class _Search:
         best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
         for _, one, model in best:
             near = partial(with_effect, candidate=one, record=self.record)
-            self._grow(parent, one.effect.name, partial(self._from, one, model), again=near)
+            self._grow(
+                parent, library, one.effect.name, partial(self._from, one, model), one.columns, again=near
+            )
         return [one for _, one, _ in best]
 
     def _nominal(self, model: Model) -> Response:
@@ -455,8 +472,11 @@ class _Search:
             except RividError:
                 continue
             if one.effect.name not in found or likely > found[one.effect.name][0]:
+                reach = fit.model.reach
+                if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
+                    reach = replace(reach, cells=nominal.cells)
                 effect = fit.model.effects[-1]
-                found[one.effect.name] = likely, replace(one, effect=effect), _fine(fit.model, nominal).reach
+                found[one.effect.name] = likely, replace(one, effect=effect), reach
         best = sorted(found.values(), key=lambda each: -each[0])[:DEEP]
         return [(one, reach) for _, one, reach in best]
 
@@ -509,7 +529,7 @@ class _Search:
         try:
             again = fitted(
                 model, self.record, self.opened, unknown=one.unknown, log_prior=one.log_prior,
-                parent=one.parent, others=one.others, events=one.events,
+                parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
                 steps=steps, fresh=2,
             )  # fmt: skip
         except RividError:
@@ -579,8 +599,8 @@ class _Search:
             return
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
-        chances = ranked(before, self.record, opened, self.dealt.block).tolist()
-        name, grow = self.grown[id(lead)]
+        chances = ranked(before, opened, self.dealt.block).tolist()
+        library, name, grow, columns = self.grown[id(lead)]
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
             if rival.model.reach.name != lead.model.reach.name:  # its columns are others
@@ -588,7 +608,7 @@ class _Search:
             if len(others) != count or name in others or others == set(lead.parent.names):
                 continue
             if p >= 1.0 - ALONE or _alike(rival, lead.parent, self.classes):
-                self._grow(rival, name, grow)
+                self._grow(rival, library, name, grow, columns)
 
     def varied(self, lead: Explanation) -> Explanation:
         """The same with a size of its last effect that varies with the date, where it predicts better."""
@@ -608,7 +628,7 @@ class _Search:
                 self.add(
                     fitted(
                         model, self.record, self.opened, start=lead, parent=lead.parent,
-                        unknown=lead.unknown, log_prior=lead.log_prior,
+                        unknown=lead.unknown, inflation=lead.inflation, log_prior=lead.log_prior,
                     )
                 )
             )  # fmt: skip
@@ -694,14 +714,6 @@ def _best_fits(
 def _coarse(reach: Response) -> Response:
     """The same response on half the cells, in a quarter of the time."""
     return replace(reach, cells=reach.cells // 2) if isinstance(reach, HydraulicResponse) else reach
-
-
-def _fine(model: Model, like: Response) -> Model:
-    """A model on the grid of a response."""
-    reach = model.reach
-    if isinstance(reach, HydraulicResponse) and isinstance(like, HydraulicResponse):
-        return replace(model, reach=replace(reach, cells=like.cells))
-    return model
 
 
 def _able(nominal: Response, reach: Response, record: Record) -> Response:

@@ -37,13 +37,13 @@ class Made:
     errors: DayErrors
     added: Any = None
     log_prior: float = 0.0
+    inflation: float = 1.0
     noise: NoiseModel = LOUD
     count: tuple = (0, 0)  # no effect in the simulator: materiality is by the errors of the parent
     events: tuple = ()
     active: Callable = lambda record: np.ones(record.days, bool)
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
-    weights: Any = field(default_factory=lambda: np.ones(RECORD.days))
 
     @property
     def effects(self):

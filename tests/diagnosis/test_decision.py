@@ -216,20 +216,14 @@ def test_a_name_that_makes_forecasts_worse_does_not_compete():
         assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
 
 
-def test_a_lead_is_divided_by_how_the_likeliest_errs_about_what_separates_the_two():
-    nothing, rng = explained(), np.random.default_rng(8)
-    apart = np.sin(np.arange(RECORD.time.shape[1]) / 9.0)[None] * np.ones((RECORD.days, 1))
-    sizes = rng.standard_normal((RECORD.days, 1))
-    leads = {}
-    for errs in (0.0, 30.0):  # by so many times what the noise makes of such a course
-        w = QUIET.whiten(apart)
-        residual = errs * sizes * apart / np.sqrt((w * w).sum(axis=1))[:, None]
-        one = explained("leakage", 6.0, MUCH, parent=nothing, noise=QUIET, residual=residual)
-        other = replace(nothing, residual=residual - apart)
-        found = {e.names: p for e, p in study_of(other, replace(one, parent=other)).ranking}
-        leads[errs] = float(np.log(found["leakage",] / found[()]))
-    assert leads[0.0] == pytest.approx(6.0)
-    assert leads[30.0] < 0.1
+def test_all_scores_are_divided_by_the_inflation_of_the_likeliest():
+    nothing = explained()
+    one = explained("leakage", 6.0, MUCH, parent=nothing, inflation=3.0)
+    two = explained("seiche", 4.0, MUCH, parent=one, inflation=2.0)
+    expected = softmax([0.0, 3.0, 5.0])
+    assert {names.names: p for names, p in study_of(nothing, one, two).ranking} == pytest.approx(
+        dict(zip([(), ("leakage",), ("leakage", "seiche")], expected, strict=True))
+    )
 
 
 def test_an_effect_of_some_days_is_judged_on_these():

@@ -7,14 +7,7 @@ from scipy.special import softmax
 from scipy.stats import multivariate_normal, multivariate_t
 
 from rivid.diagnosis.noise.model import NoiseModel
-from rivid.diagnosis.predictive import (
-    LOG_2PI,
-    day_densities,
-    held_out,
-    inflation_of,
-    information,
-    probabilities,
-)
+from rivid.diagnosis.predictive import LOG_2PI, day_densities, held_out, information, probabilities
 
 DAYS, N, P = 14, 25, 3
 BLOCKS = np.repeat(np.arange(5), 3)[:DAYS]
@@ -143,17 +136,3 @@ def test_a_gain_that_is_the_same_in_all_blocks_counts_in_full_and_one_of_a_singl
     assert probabilities([nothing, single], prior)[1] < sure[1] - 0.05
     hopeless = probabilities([nothing, spread, spread - 1.0], np.zeros(3))
     assert hopeless[2] == pytest.approx(softmax([0.0, 5.0, -5.0])[2]) and hopeless[2] < hopeless[0]
-
-
-def test_scores_scatter_as_the_noise_has_it_or_more():
-    rng = np.random.default_rng(6)
-    label = np.repeat(np.arange(400), 3)
-    information = rng.uniform(0.5, 2.0, 1200)
-    score = np.sqrt(information) * rng.standard_normal(1200)
-    assert inflation_of(score, information, label) == pytest.approx(1.0, abs=0.2)
-    assert inflation_of(3.0 * score, information, label) == pytest.approx(9.0, rel=0.2)
-    block = np.sqrt(information) * rng.standard_normal(400)[label]  # the same on the days of a block
-    assert inflation_of(block, information, label) == pytest.approx(3.0, rel=0.25)
-    assert inflation_of(0.1 * score, information, label) == 1.0
-    score[label < 60] *= 20.0  # bad days do not count, as long as they are few
-    assert inflation_of(score, information, label) < 2.0

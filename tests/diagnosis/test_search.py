@@ -15,6 +15,7 @@ from rivid.diagnosis.search import (
     _best_hours,
     _spans,
     hour_columns,
+    inflation_of,
     screened,
     with_effect,
     with_events,
@@ -116,6 +117,20 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
     assert (best[3], best[4]) == (3, 9)
     dates = found[False].effect.dates
     assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
+
+
+def test_scores_scatter_as_the_noise_has_it_or_more():
+    rng = np.random.default_rng(6)
+    label = np.repeat(np.arange(200), 3)
+    information = rng.uniform(0.5, 2.0, (2, 600))
+    score = np.sqrt(information) * rng.standard_normal((2, 600))
+    assert inflation_of(score, information, label) == pytest.approx(1.0, abs=0.2)
+    assert inflation_of(3.0 * score, information, label) == pytest.approx(9.0, rel=0.2)
+    block = np.sqrt(information) * rng.standard_normal((2, 200))[:, label]  # the same on the days of a block
+    assert inflation_of(block, information, label) == pytest.approx(3.0, rel=0.25)
+    assert inflation_of(0.1 * score, information, label) == 1.0
+    score[:, label < 30] *= 20.0  # bad days do not count, as long as they are few
+    assert inflation_of(score, information, label) < 2.0
 
 
 def test_what_the_parameters_can_do_as_well_is_no_candidate():

@@ -12,7 +12,7 @@ from rivid.diagnosis.workflow import _alike, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
 from tests.diagnosis import pools
-from tests.diagnosis.studies import MODEL, OPEN, RECORD, SPLIT, explained
+from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained
 
 DAYS, T_S = 20, 600.0
 
@@ -203,7 +203,7 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     grown = []
     search = SimpleNamespace(
         pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
-        grown={id(lead): ("rain_inflow", None)}, _grow=lambda one, *_: grown.append(one), record=RECORD,
+        grown={id(lead): (None, "rain_inflow", None, None)}, _grow=lambda one, *_: grown.append(one),
     )  # fmt: skip
     _Search.level_rivals(search, lead)
     assert grown == [rival] * levelled
@@ -216,7 +216,7 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     search = SimpleNamespace(
         _nominal=lambda model: None, _scanned=lambda *_: [], report=lambda *_: None, record="record",
         _joint=lambda *_: (1.0, "model of the lead"), _from=print,
-        _grow=lambda parent, name, grow, again: given.append((grow, again)),
+        _grow=lambda parent, library, name, grow, columns, again: given.append((grow, again)),
     )  # fmt: skip
     _Search._deepened(search, explained(), None, [candidate])
     ((grow, again),) = given
@@ -224,9 +224,10 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     assert again.func is with_effect and again.keywords == {"candidate": candidate, "record": "record"}
     made = explained("leakage", 9.0, 0.5, parent=explained())
     kept = SimpleNamespace(
-        report=lambda *_: None, log_prior=lambda n: 0.0, add=lambda one: one, record=None, grown={},
+        report=lambda *_: None, log_prior=lambda n: 0.0, add=lambda one: one, _inflated=lambda one, *_: one,
+        record=None, grown={},
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rivid.diagnosis.workflow.swung", lambda one, record: one)
-        _Search._grow(kept, explained(), "leakage", lambda *_, **__: made, again=again)
-    assert kept.grown[id(made)][1] is again
+        _Search._grow(kept, explained(), None, "leakage", lambda *_, **__: made, again=again)
+    assert kept.grown[id(made)][2] is again

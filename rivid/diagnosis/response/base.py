@@ -199,7 +199,7 @@ def sensitivities(
         Where the reach cannot carry the flows.
     """
     if slopes is not None and not candidates:
-        return slopes
+        return np.asarray(slopes, float)
     base, p = response.baseline(record, changes), len(response.parameters)
     columns = np.empty((p + len(candidates), *base.shape))
     columns[:p] = response.slopes(record, base, changes) if slopes is None else slopes
