@@ -1,7 +1,8 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
 Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; and, until the exam has calibrated it, the exponent of the scores.
+error that counts; and, until the exam has calibrated them, the exponent of the scores and the least shift of
+fronts.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,6 +31,9 @@ TEMPER = 0.5
 """Exponent of the scores, over their inflation. Over 46 development seasons the log loss of names is 0.97 at
 0.05, 0.75 at 0.2, 0.94 at 0.5 and 0.87 at 1: too few to choose by. At 0.2 the bypass of Glen Canyon loses two
 of its three stretches."""
+BEYOND = 2.0
+"""Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
+wrong in another."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -282,7 +286,7 @@ class Study:
         return self._material(one, parent, np.array(active))
 
     def _moves(self, one: Explanation, made: Floats) -> bool:
-        """Whether an effect moves fronts by more than the response still misses.
+        """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
         """
@@ -291,7 +295,7 @@ class Study:
             return True
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
         moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
-        return moved > one.noise.misfit**2 * float(activity[:, :-1][counted].sum())
+        return moved > (BEYOND * one.noise.misfit) ** 2 * float(activity[:, :-1][counted].sum())
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
@@ -303,12 +307,12 @@ class Study:
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
-    def excess(self, one: Explanation) -> bool:
-        """Whether most of an explanation's squared error is beyond its own weather, gauge and misfit.
+    def excess(self, one: Explanation, least: float = MATERIAL) -> bool:
+        """Whether a share of an explanation's squared error is beyond its own weather, gauge and misfit.
 
         Their error is that of as many days drawn from its noise.
         """
-        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one, 0.5)
+        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one, least)
 
     def large(self, one: Explanation) -> bool:
         """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
