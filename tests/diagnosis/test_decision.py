@@ -281,9 +281,11 @@ def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
 
 
 def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
-    half = [replace(QUIET, gauge_sd=share**0.5) for share in (0.7, 0.3)]  # what it makes of errors of 1
-    for noise, expected in zip((LOUD, *half, QUIET), ("no_gap", "no_gap", "unknown", "unknown"), strict=True):
-        study = study_of(explained(noise=noise))
+    one = explained(noise=QUIET)
+    drawn = study_of(one)._drawn(one, QUIET)
+    for beyond, expected in ((-1.0, "no_gap"), (0.4, "no_gap"), (0.6, "unknown")):
+        errors = drawn._replace(squares=drawn.squares / (1.0 - beyond))
+        study = study_of(replace(one, errors=errors))
         found, reason = _verdict(study, gap_of(evidence_of(RECORD)), None)
         assert found == expected and ("most of the error" in reason) == (expected == "unknown")
 
