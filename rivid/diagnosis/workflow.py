@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
@@ -123,10 +124,11 @@ def diagnose(
         )
     if lacking is not None:
         return Diagnosis("insufficient_data", lacking, "none"), None
-    study = find_effects(
-        record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report
-    )
-    return conclude(study, classes, floor)
+    with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
+        study = find_effects(
+            record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report
+        )
+        return conclude(study, classes, floor)
 
 
 def find_effects(
