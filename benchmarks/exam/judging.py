@@ -51,6 +51,8 @@ class Judged:
         It says that something is missing, without a name.
     growth : float or None
         Largest growth of the error on the sealed days over the horizons, as a share.
+    beyond : float or None
+        The same over the greater of two errors, without the effects and of the model that knows the truth.
     closed : tuple of float or None
         Share of the gap closed at each horizon; None where there is no gap to close.
     covered : tuple of (str, bool)
@@ -73,6 +75,7 @@ class Judged:
     extra: bool
     unknown: bool
     growth: float | None
+    beyond: float | None
     closed: tuple[float | None, ...]
     covered: tuple[tuple[str, bool], ...]
     chances: tuple[tuple[float, bool], ...]
@@ -133,6 +136,7 @@ def judge(answer: Table, truth: Table, floor: Sequence[float] | None = None) -> 
         extra=bool(set(names) - known - (rivals if right or tied else set())),
         unknown=not names and verdict == "unknown",
         growth=growth(answer),
+        beyond=None if floor is None else growth(answer, floor),
         closed=closed(answer, floor),
         covered=tuple(covering(given, truth)),
         chances=tuple(chances(answer, known, allowed)),
@@ -158,12 +162,18 @@ def chances(answer: Table, known: set[str], allowed: set[str]) -> list[tuple[flo
     ]
 
 
-def growth(answer: Table) -> float | None:
-    """Largest growth of the error of the sealed days from the plain model to the answer's, over horizons."""
+def growth(answer: Table, floor: Sequence[float] | None = None) -> float | None:
+    """Largest growth of the error of the sealed days from the plain model to the answer's, over horizons.
+
+    With a floor only what exceeds that as well is growth: operators hold the level, and what they do about
+    the weather is in the logs, so that too large a surface forecasts the level better than the true one.
+    """
     gap = answer.get("gap")
     if not gap:
         return None
     ends, bases = described(gap), gap["rmse_baseline"]
+    if floor is not None:
+        bases = [base and max(base, least or 0.0) for base, least in zip(bases, floor, strict=True)]
     shares = [end / base - 1.0 for end, base in zip(ends, bases, strict=True) if base and end is not None]
     return max(shares, default=None)
 

@@ -225,22 +225,19 @@ def _small(study: Study) -> tuple[str, ...]:
 
 
 def _ranking(study: Study) -> tuple[Ranked, ...]:
-    base = study.score(study.first)
-    found = []
+    """Explanations by the names that matter; those that differ in small effects or the response are one."""
+    base, known = study.score(study.first), tuple(effect.name for effect in study.start)
+    found: dict[tuple[tuple[str, ...], str], Ranked] = {}
     for one, p in study.ranking:
         names, unknown = study.core(one)
-        parts = len(one.names) - len(study.start) + bool(one.unknown)
-        found.append(
-            Ranked(
-                one.names,
-                one.unknown or None,
-                one.model.reach.name,
-                p,
-                study.score(one) - base,
-                parts > 0 and len(names) + bool(unknown) == parts,
-            )
-        )
-    return tuple(found)
+        key = tuple(sorted(names)), one.unknown
+        row = found.get(key)
+        if row is None:
+            gain = study.score(one) - base
+            row = Ranked((*known, *names), one.unknown or None, one.model.reach.name, 0.0, gain, False)
+        material = row.material or bool(names or unknown)
+        found[key] = replace(row, probability=row.probability + p, material=material)
+    return tuple(sorted(found.values(), key=lambda row: -row.probability))
 
 
 def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect, ...]:

@@ -317,7 +317,7 @@ class Study:
     def large(self, one: Explanation) -> bool:
         """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
         noise, flow = one.noise, abs(one.model.flow)
-        plain = replace(noise, level_sd=0.0)
+        plain = replace(noise, level_sd=min(noise.level_sd, one.model.gauge_floor))
         if self.record.kind == "river":
             plain = replace(noise, level_sd=min(noise.level_sd, WEATHER * flow))
         elif one.unknown == "flow":

@@ -50,6 +50,9 @@ MISFIT = 0.3
 """Largest plausible misfit: fronts that are early or late by as many samples."""
 GAUGE = 0.015
 """Largest plausible white noise of a gauge [m]."""
+WHITE = 0.5
+"""Least white noise of a reading over that of its step, step / sqrt(12). A gauge in steps repeats its error
+until the level has gone a step on: where other noise is less than half a step, a part lasts for samples."""
 WIND = (0.3 * HOUR, DAY)
 """Memory of a wind set-up [s]."""
 
@@ -129,7 +132,7 @@ class Model:
         level = self.noise_kind in ("wind", "gauge")
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
-            gauge_floor=self.gauge_floor, activity=record.activity, within=self.plausible(record),
+            gauge_floor=WHITE * self.gauge_floor, activity=record.activity, within=self.plausible(record),
             starts=() if self.noise is None else (self.noise,), alone=alone and self.noise is not None,
         )  # fmt: skip
 
@@ -149,6 +152,8 @@ class Model:
         if self.noise_kind in ("plain", "wind"):
             limits["misfit"] = (0.0, MISFIT)
             limits["walk_sd"] = (0.0, METER * flow * T / self.reach.surface_area)
+        if self.noise_kind in ("plain", "flow") and self.gauge_floor > 0.0:
+            limits["level_sd"] = (0.0, self.gauge_floor)
         if self.noise_kind == "wind":
             limits["level_memory"] = WIND
         return limits

@@ -218,17 +218,18 @@ class Ranked:
     Attributes
     ----------
     names : tuple of str
-        Its effects; empty for nothing missing and for a purely unknown cause.
+        Its effects that matter; empty for nothing missing and for a purely unknown cause.
     unknown : {"flow", "gauge", "dynamics"} or None
         What it leaves without a name: an inflow, an error of the gauge, or a response that no equation with
         physical parameters gives.
     response : str
-        The reach response that it is paired with.
+        The reach response that it is most probably paired with.
     probability : float
-        All explanations together have 1.
+        All explanations together have 1; with other responses and with effects too small to matter it is the
+        same explanation.
     gain : float
         Log predictive density of the open days, each predicted by a fit without its block, above that of
-        "nothing missing" [nats].
+        "nothing missing" [nats]; of the most probable of these.
     material : bool
         Whether it removes the least share of the error that counts.
     """

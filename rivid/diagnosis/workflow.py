@@ -8,6 +8,7 @@ import datetime as dt
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,7 +17,7 @@ from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, Study, harmless, leading, ranked
-from rivid.diagnosis.explanation import Explanation, Unknown, fitted, scored, tails_of
+from rivid.diagnosis.explanation import Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
@@ -68,6 +69,7 @@ Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
 Grow = Callable[..., Explanation | None]
+Latent = Literal["flow", "gauge"]
 Responses = Response | Sequence[Response]
 
 
@@ -595,21 +597,26 @@ class _Search:
         """Add to the rivals of what `lead` extends what it adds: a twin is as good with it as without.
 
         Effects that are easily mistaken for each other stay rivals however far one is ahead: what is added
-        to one alone would carry it further.
+        to one alone would carry it further. So with something unknown.
         """
-        if lead.parent is None or id(lead) not in self.grown:
+        latent = lead.unknown if lead.added is None and lead.unknown != "dynamics" else ""
+        if lead.parent is None or not latent and id(lead) not in self.grown:
             return
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
         chances = ranked(before, opened, self.dealt.block).tolist()
-        library, name, grow, columns = self.grown[id(lead)]
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
             if rival.model.reach.name != lead.model.reach.name:  # its columns are others
                 continue
-            if len(others) != count or name in others or others == set(lead.parent.names):
+            if len(others) != count or others == set(lead.parent.names):
                 continue
-            if p >= 1.0 - ALONE or _alike(rival, lead.parent, self.classes):
+            if p < 1.0 - ALONE and not _alike(rival, lead.parent, self.classes):
+                continue
+            if latent and not rival.unknown:
+                self._latent(rival, latent)
+            elif not latent and self.grown[id(lead)][1] not in others:
+                library, name, grow, columns = self.grown[id(lead)]
                 self._grow(rival, library, name, grow, columns)
 
     def varied(self, lead: Explanation) -> Explanation:
@@ -641,20 +648,9 @@ class _Search:
         if parent.unknown or parent.bonus is not None:  # beside a seiche no noise is fitted
             return parent, []
         self.report(0.1, "an unknown flow, an unknown gauge")
-        prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
-        kinds: tuple[tuple[NoiseKind, Unknown], ...] = (("flow", "flow"), ("gauge", "gauge"))
-        if self.record.kind == "river":  # its output is a flow
-            kinds = kinds[:1]
-        found = [
-            self.add(
-                fitted(
-                    replace(parent.model, noise_kind=kind), self.record, self.opened, start=parent, steps=4,
-                    unknown=unknown, log_prior=prior, parent=parent, others=parent.others,
-                    events=parent.events,
-                )
-            )
-            for kind, unknown in kinds
-        ]  # fmt: skip
+        # the output of a river is a flow
+        kinds: tuple[Latent, ...] = ("flow",) if self.record.kind == "river" else ("flow", "gauge")
+        found = [self._latent(parent, kind) for kind in kinds]
         best = max(found, key=self.score)
         if self.score(best) <= self.score(parent):
             return parent, found
@@ -666,6 +662,16 @@ class _Search:
             )
         )  # fmt: skip
         return max((parent, again), key=self.score), found
+
+    def _latent(self, parent: Explanation, kind: Latent) -> Explanation:
+        """`parent` with an unknown flow or an unknown gauge, in the pool."""
+        return self.add(
+            fitted(
+                replace(parent.model, noise_kind=kind), self.record, self.opened, start=parent, steps=4,
+                unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0),
+                parent=parent, others=parent.others, events=parent.events,
+            )
+        )  # fmt: skip
 
     def study(self) -> Study:
         """What was found."""

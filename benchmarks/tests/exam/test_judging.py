@@ -121,6 +121,14 @@ def test_growth_is_of_the_worst_horizon_with_events_as_described():
     assert judged(answer(errors=gap(described=[4.4, 4.0, 10.0]))).growth == pytest.approx(0.1)
 
 
+def test_growth_to_what_the_true_model_makes_is_no_growth_beyond_it():
+    grown = answer(effect("outflow_lag"), errors=gap(end=(4.4, 4.0, 10.0)))
+    for floor, beyond in (([4.4, 3.0, 9.0], 0.0), ([2.0, 4.0, 9.0], 0.1), ([4.0, None, None], 0.1)):
+        j = judged(grown, LAG, floor=floor)
+        assert j.growth == pytest.approx(0.1) and j.beyond == pytest.approx(beyond)
+    assert judged(grown, LAG).beyond is None
+
+
 @pytest.mark.parametrize(("low", "high", "inside"), [(250.0, 350.0, True), (310.0, 350.0, False)])
 def test_an_interval_covers_the_planted_value_or_not(low, high, inside):
     said = effect("outflow_lag", parameters=[("lag", 330.0, low, high, "s")])

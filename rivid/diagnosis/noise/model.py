@@ -336,7 +336,7 @@ def limits_of(
         bounds["walk_sd"] = (1e-4 * most_walk, most_walk)
         bounds["inflow_sd"] = (1e-5 * scale * A / T, 10.0 * scale * A / T)
         bounds["inflow_memory"] = (10.0 * T, longest)
-    if A is None or level:
+    if A is None or level or "level_sd" in within:
         bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
         bounds["level_memory"] = (3.0 * T, longest)
     if misfit:
@@ -346,7 +346,8 @@ def limits_of(
             low, high = max(least, min(bounds[name][0], most)), min(most, max(bounds[name][1], least))
             bounds[name] = (low, high)
     low, high = np.array(list(bounds.values())).T
-    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, 0.0, 100.0 * T, T, A, 0.1 if misfit else 0.0)
+    s = 0.5 * within["level_sd"][1] if A is not None and "level_sd" in within else 0.0
+    rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, s, 10.0 * T, T, A, 0.1 if misfit else 0.0)
     return Limits(rest, tuple(bounds), low, high, scale)
 
 
@@ -469,7 +470,7 @@ def fit_noise(
     activity : array_like, shape (days, n), optional
         Of the flows [m2]: the noise has a misfit then.
     within : mapping of str to (float, float)
-        Narrower limits of fields.
+        Narrower limits of fields. With some for `level_sd` a pool has an s as well, which is small.
     starts : tuple of NoiseModel
         Further starts.
     alone : bool
