@@ -50,9 +50,9 @@ MISFIT = 0.3
 """Largest plausible misfit: fronts that are early or late by as many samples."""
 GAUGE = 0.015
 """Largest plausible white noise of a gauge [m]."""
-WHITE = 0.5
-"""Least white noise of a reading over that of its step, step / sqrt(12). A gauge in steps repeats its error
-until the level has gone a step on: where other noise is less than half a step, a part lasts for samples."""
+WHITE, LASTING = 0.5, (0.1, 1.0)
+"""Least white part of a reading's rounding error, and limits of the part that lasts, over step / sqrt(12): a
+gauge in steps repeats its error until the level has gone a step on. With noise of half a step all is white."""
 WIND = (0.3 * HOUR, DAY)
 """Memory of a wind set-up [s]."""
 
@@ -153,7 +153,8 @@ class Model:
             limits["misfit"] = (0.0, MISFIT)
             limits["walk_sd"] = (0.0, METER * flow * T / self.reach.surface_area)
         if self.noise_kind in ("plain", "flow") and self.gauge_floor > 0.0:
-            limits["level_sd"] = (0.0, self.gauge_floor)
+            limits["level_sd"] = (LASTING[0] * self.gauge_floor, LASTING[1] * self.gauge_floor)
+            limits["level_memory"] = (0.0, HOUR)
         if self.noise_kind == "wind":
             limits["level_memory"] = WIND
         return limits

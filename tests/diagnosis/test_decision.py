@@ -290,19 +290,22 @@ def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
         assert found == expected and ("most of the error" in reason) == (expected == "unknown")
 
 
-def test_the_ranking_has_a_row_for_each_explanation_with_gain_and_materiality():
+def test_the_ranking_has_what_matters_with_gain_and_materiality():
+    """What is too small to matter is in the row of what it extends, with the gain of the more probable."""
     nothing = explained()
     small = explained("outflow_lag", 9.0, 0.01, parent=nothing)
     flow = explained("", 1.0, MUCH, parent=nothing, unknown="flow")
-    study = study_of(nothing, small, flow)
+    both = explained("leakage", 2.0, MUCH, parent=small)
+    study = study_of(nothing, small, flow, both)
     rows = _ranking(study)
     assert [(r.names, r.unknown, r.material) for r in rows] == [
-        (("outflow_lag",), None, False), ((), "flow", True), ((), None, False)
+        (("leakage",), None, True), ((), None, False), ((), "flow", True)
     ]  # fmt: skip
     assert sum(r.probability for r in rows) == pytest.approx(1.0)
-    assert (
-        rows[0].gain == pytest.approx((small.density - nothing.density)[OPEN].sum()) and rows[2].gain == 0.0
-    )
+    of = {id(one): p for one, p in study.ranking}
+    assert rows[1].probability == pytest.approx(of[id(nothing)] + of[id(small)])
+    assert rows[1].gain == pytest.approx((small.density - nothing.density)[OPEN].sum())
+    study = study_of(nothing, small, flow)
     (text,) = _small(study)
     assert "utflow lag" in text and "300 s" in text
     assert _small(study_of(nothing, flow)) == ()

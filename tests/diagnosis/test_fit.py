@@ -11,6 +11,7 @@ from rivid.diagnosis.data import as_record
 from rivid.diagnosis.decision import made_alone
 from rivid.diagnosis.explanation import LEAST_STEP, fitted, scored, step_within
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, residual_of
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import FreeParameter, placed
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError
@@ -188,11 +189,29 @@ def test_weather_has_limits_and_an_unknown_flow_has_none():
     plain, free = (replace(model, noise_kind=k).fit_noise(left, record, None) for k in ("plain", "flow"))
     most = WEATHER * record.usual_flow
     assert plain.inflow_sd <= most * (1 + 1e-9) and MEMORY[0] <= plain.inflow_memory * (1 + 1e-9)
-    assert plain.inflow_memory <= MEMORY[1] * (1 + 1e-9) and plain.level_sd == 0.0
+    assert plain.inflow_memory <= MEMORY[1] * (1 + 1e-9) and plain.level_sd <= model.gauge_floor * (1 + 1e-9)
     assert free.inflow_sd > 2.0 * most
     assert free.log_likelihood(left).sum() > plain.log_likelihood(left).sum() + 100.0
     windy = replace(model, noise_kind="wind").fit_noise(left, record, None)
     assert windy.level_sd > 0.0 and windy.inflow_sd <= most * (1 + 1e-9)
+
+
+@sizes("seeds", 2, 8)
+@pytest.mark.parametrize(("noise", "least", "most"), [(0.0005, 30.0, np.inf), (0.01, -10.0, 10.0)])
+def test_the_rounding_of_a_gauge_lasts_until_its_level_has_gone_a_step_on(noise, least, most, seeds):
+    """White noise alone is less likely by far; below noise of a step nothing of the rounding lasts."""
+    record, step = pools.season(2, days=10), 0.01
+    model = replace(pools.model_of(record), gauge_floor=step / np.sqrt(12.0))
+    weather = NoiseModel(noise, 1e-5, 3.0, 9000.0, 0.0, 1.0, record.sample_time, 6.7e5)
+    for seed in range(seeds):
+        level = weather.simulate(*record.time.shape, np.random.default_rng(seed))
+        left = np.round(level / step) * step
+        lasting, white = (
+            one.fit_noise(left, replace(record, activity=None), None)
+            for one in (model, replace(model, gauge_floor=0.0))
+        )
+        gain = (lasting.log_likelihood(left) - white.log_likelihood(left)).sum()
+        assert least < gain < most
 
 
 # Saint-Venant

@@ -209,6 +209,21 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     assert grown == [rival] * levelled
 
 
+def test_rivals_of_a_lead_with_something_unknown_get_it_too():
+    """The gauge's errors gave the lead 30 nats, and its twin none."""
+    nothing = explained()
+    leak = explained("leakage", 9.0, 0.5, parent=nothing)
+    rival = explained("gate_head_effect", 9.0, 0.5, parent=nothing)
+    lead = explained("", 9.0, 0.5, parent=leak, unknown="gauge")
+    given = []
+    search = SimpleNamespace(
+        pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE, grown={},
+        _latent=lambda one, kind: given.append((one, kind)),
+    )  # fmt: skip
+    _Search.level_rivals(search, lead)
+    assert given == [(rival, "gauge")]
+
+
 def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     """A rival got the effects of the lead, beside its own as what it extends, and the diagnosis ended."""
     candidate = SimpleNamespace(effect=CATALOGUE["leakage"](), columns=None)
