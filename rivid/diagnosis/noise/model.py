@@ -338,7 +338,7 @@ def limits_of(
         bounds["inflow_memory"] = (10.0 * T, longest)
     if A is None or level or "level_sd" in within:
         bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
-        bounds["level_memory"] = (3.0 * T, longest)
+        bounds["level_memory"] = (T, longest)
     if misfit:
         bounds["misfit"] = (1e-3, MOST_MISFIT)
     for name, (least, most) in within.items():
