@@ -33,7 +33,7 @@ TEMPER = 0.5
 of its three stretches."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
-wrong in another."""
+wrong in another. Half of it, where the effect takes away half of its square from that of the misfit."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
@@ -273,7 +273,7 @@ class Study:
         if not self._material(as_volume(one, parent), parent, active):
             return names, unknown
         if made is not None and one.added is not None and _shifts(one.added):
-            if not self._moves(one, made):
+            if not self._moves(one, parent, made):
                 return names, unknown
         return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
 
@@ -285,7 +285,7 @@ class Study:
         active = [dates is None or dates[0] <= day <= dates[1] for day in record.dates]
         return self._material(one, parent, np.array(active))
 
-    def _moves(self, one: Explanation, made: Floats) -> bool:
+    def _moves(self, one: Explanation, parent: Explanation, made: Floats) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
@@ -294,8 +294,10 @@ class Study:
         if activity is None:
             return True
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
-        moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
-        return moved > (BEYOND * one.noise.misfit) ** 2 * float(activity[:, :-1][counted].sum())
+        made_of = float((np.diff(made, axis=1)[counted] ** 2).sum())
+        moved, left = made_of / float(activity[:, :-1][counted].sum()), one.noise.misfit**2
+        taken = parent.noise.misfit**2 - left >= 0.5 * moved
+        return moved > (0.25 if taken else 1.0) * BEYOND**2 * left
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
