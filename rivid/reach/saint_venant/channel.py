@@ -17,7 +17,7 @@ MAX_CELLS = 2048
 """Most cells of a simulated channel: the loops' buffer has this size."""
 COURANT_LIMIT = 0.6
 """Largest Courant number (|v| + sqrt(g A / B)) dt / dx of a time step. Without friction, small waves of the
-scheme grow beyond 0.65 at a Froude number of 0.02, 0.64 at 0.2, 0.60 at 0.8 (its linear stability)."""
+scheme grow beyond 0.63 at a Froude number of 0.02 to 0.2, 0.61 at 0.6, 0.59 at 0.8 (its linear stability)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,8 @@ Continuity and momentum (1), for any section, without further terms for slope an
     dQ/dt + d(Q^2 / A)/dx + g A dz/dx + g n^2 Q |Q| / (A R^(4/3)) = 0
 
 Areas A stand in the cells at whole time steps, discharges Q on the faces between cells at half steps
-(leapfrog): all differences are centred, and a volume changes by what passes its faces and nothing else.
+(leapfrog): all differences are centred, and a volume changes by what passes its faces and nothing else. What
+fills a cell is corrected for the dispersion of the scheme, without which fronts come late and ripple.
 Q on the faces at a whole step is extrapolated from the last two half steps; the momentum flux Q^2 / A is
 taken in the cells, Q there from a quadratic that leans upwind. Friction is implicit: Q |Q| is the product
 of the new and the old Q, which is second order since they stand half a step on either side.
@@ -57,8 +58,9 @@ STRIDE = MAX_CELLS + 56
     BED, A_0, B_0, S, P_0, W_P, FRICTION,  # the sections; 2 g n^2
     PER_A, B, Z_REF, Z_A, BEND, P_REF,  # at the last divide: 1 / A, B, z, A / B, s A / B^2, P
     K_REF, PER_A2, PER_P2,  # and on the faces: K, 1 / (A + A), 1 / (P + P) of the cells on either side
+    RATE,  # dA/dt, before it is sharpened
     SCRATCH, FIELDS,
-) = range(0, 27 * STRIDE, STRIDE)  # fmt: skip
+) = range(0, 28 * STRIDE, STRIDE)  # fmt: skip
 CHANGE = 0.01
 """Largest relative change of an area that the series take."""
 ONE, CENTRE = 0x3FF0000000000000, 0x0000CCCCCCCCCCCC
@@ -166,9 +168,28 @@ def accelerate(W: Floats, n: int, since: float, dx: float, ahead: float) -> None
         W[Q_OLD + i], W[Q + i], W[Q_X + i + 1] = old, new, new + ahead * (new - old)
 
 
+WAVE = 5.0
+"""Cells of the waves that travel at their speed; longer ones are up to a quarter as wrong as without this."""
+
+
+@njit(cache=True, error_model="numpy")
+def sharpening(courant: float) -> float:
+    """Part of the second difference along the cells by which dA/dt is lessened, at a Courant number.
+
+    Leapfrog has ``sin(omega dt / 2) = C sin(k dx / 2)``: waves come late, shorter ones later. The factor
+    1 + 4 a sin^2(k dx / 2) that this part a adds makes omega = C k for waves of :data:`WAVE` cells.
+    """
+    half = np.pi / WAVE
+    s = np.sin(half)
+    return float(((np.sin(courant * half) / (courant * s)) ** 2 - 1.0) / (4.0 * s * s))
+
+
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def fill(W: Floats, n: int, dt: float, dx: float, rise: float, rectangular: bool) -> int:
+def fill(W: Floats, n: int, dt: float, dx: float, rise: float, sharp: float, rectangular: bool) -> int:
     """Continuity (1) over a step; level and momentum flux of the cells at its end.
+
+    What fills the cells is sharpened along them by :func:`sharpening`, so that no volume is made or lost and
+    a steady flow stays steady, with sources too.
 
     Returns
     -------
@@ -181,7 +202,11 @@ def fill(W: Floats, n: int, dt: float, dx: float, rise: float, rectangular: bool
         width = W[B + i]
         if not rectangular:
             width += 2.0 * W[S + i] * (W[Z + i] - W[Z_REF + i])
-        area = W[A + i] + dt * ((W[Q + i] - W[Q + i + 1]) * per_dx + W[SIDE + i] + rise * W[LIFT + i] * width)
+        W[RATE + i] = (W[Q + i] - W[Q + i + 1]) * per_dx + W[SIDE + i] + rise * W[LIFT + i] * width
+    W[RATE - 1], W[RATE + n] = W[RATE], W[RATE + n - 1]
+    for i in range(n):
+        r = RATE + i
+        area = W[A + i] + dt * (W[r] - sharp * ((W[r + 1] - W[r]) - (W[r] - W[r - 1])))
         x = area * W[PER_A + i] - 1.0
         large += not abs(x) < CHANGE
         dz = x * W[Z_A + i]
@@ -331,6 +356,7 @@ def advance(
                 steps = int(np.ceil(usual * interval / (courant * dx)))
                 steps = max(steps, int(np.ceil(speed * interval / (LIMIT * dx))))
             dt = interval / steps
+            sharp = sharpening(speed * dt / dx)
 
             W[SIDE : SIDE + c] = 0.0
             for j in range(len(share)):
@@ -364,7 +390,7 @@ def advance(
                 W[Q_X] = 2.0 * W[Q_X + 1] - W[Q_X + 2]
                 W[Q + c], W[Q_X + c + 1] = down + mean * to_down, down + way * to_down
                 W[Q_X + c + 2] = 2.0 * W[Q_X + c + 1] - W[Q_X + c]
-                if fill(W, c, dt, dx, rise, rectangular) > 0:
+                if fill(W, c, dt, dx, rise, sharp, rectangular) > 0:
                     for i in range(c):
                         if not W[A + i] > 0.0:
                             return DRY, day, k, i, W[A + i]
