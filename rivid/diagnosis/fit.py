@@ -130,9 +130,10 @@ class Model:
     ) -> NoiseModel:
         """The noise of its kind for a residual (days, n); `alone` starts at the present one."""
         level = self.noise_kind in ("wind", "gauge")
+        white = 1.0 if self.reach.surface_area is None else WHITE
         return fit_noise(
             residual, record.sample_time, self.reach.surface_area, weights=weights, level=level,
-            gauge_floor=WHITE * self.gauge_floor, activity=record.activity, within=self.plausible(record),
+            gauge_floor=white * self.gauge_floor, activity=record.activity, within=self.plausible(record),
             starts=() if self.noise is None else (self.noise,), alone=alone and self.noise is not None,
         )  # fmt: skip
 

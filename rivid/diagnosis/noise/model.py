@@ -336,9 +336,10 @@ def limits_of(
         bounds["walk_sd"] = (1e-4 * most_walk, most_walk)
         bounds["inflow_sd"] = (1e-5 * scale * A / T, 10.0 * scale * A / T)
         bounds["inflow_memory"] = (10.0 * T, longest)
-    if A is None or level or "level_sd" in within:
+    rounding = A is not None and not level and "level_sd" in within
+    if A is None or level or rounding:
         bounds["level_sd"] = (1e-3 * scale, 1e3 * scale)
-        bounds["level_memory"] = (T, longest)
+        bounds["level_memory"] = (3.0 * T if A is None else T, longest)
     if misfit:
         bounds["misfit"] = (1e-3, MOST_MISFIT)
     for name, (least, most) in within.items():
@@ -346,7 +347,7 @@ def limits_of(
             low, high = max(least, min(bounds[name][0], most)), min(most, max(bounds[name][1], least))
             bounds[name] = (low, high)
     low, high = np.array(list(bounds.values())).T
-    s = 0.5 * within["level_sd"][1] if A is not None and "level_sd" in within else 0.0
+    s = 0.5 * within["level_sd"][1] if rounding else 0.0
     rest = NoiseModel(scale, 0.0, 0.0, 100.0 * T, s, 10.0 * T, T, A, 0.1 if misfit else 0.0)
     return Limits(rest, tuple(bounds), low, high, scale)
 
