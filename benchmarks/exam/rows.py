@@ -101,7 +101,7 @@ ROWS: tuple[Asked, ...] = (
     Asked(TWO, "the smaller 1x to 2x: both", _of("two", lambda j: j.every, 1.0, 2.0)),
     Asked(TWO, "one of them confounded: both held", _of("two_close", lambda j: j.held, 2.0)),
     Asked("all", "named: a horizon worse by > 1 %", _worse, Target(most=0.03)),
-    Asked("all", "and than the model that knows the truth", _worse_than_known),
+    Asked("all", "named: a horizon worse by > 1 %, also than with the truth", _worse_than_known),
     Asked("all", "failed", lambda j: j.verdict == "error"),
 )  # fmt: skip
 """As in the table of targets, and some shares without one beside them."""

@@ -177,6 +177,27 @@ def test_a_dam_break_takes_stokers_shape():
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1], errors
 
 
+@pytest.mark.parametrize(("cells_a_wave", "off"), [(5, 2e-3), (8, 4e-3), (20, 1e-3)])
+def test_standing_waves_swing_in_their_time(cells_a_wave, off):
+    """Between two closed gates, without friction; leapfrog by itself is 5.9, 2.4 and 0.3 % too slow."""
+    length, cells = 4000.0, 40
+    waves = cells // cells_a_wave
+    channel = Channel.uniform(length, 50.0, 0.0, 0.0, cells)
+    height = 1e-4 * np.cos(2.0 * np.pi * waves * channel.x / length)
+    flows = np.zeros((1, 2, cells + 1)), np.zeros((1, 2)), *np.zeros((2, 1, 3)), np.zeros((1, 0))
+    omega = 2.0 * np.pi * waves / length * np.sqrt(GRAVITY * 5.0)
+    time = np.arange(400) * (2.0 * np.pi / omega / 16.0)
+    still = np.zeros(len(time))
+    level = simulate(channel, time, still, still, State(50.0 * (5.0 + height)[None], *flows)).level - 5.0
+
+    def left(w):
+        columns = np.stack([np.cos(w * time), np.sin(w * time)])
+        return np.linalg.lstsq(columns.T, level)[1][0]
+
+    tried = omega * np.linspace(0.9, 1.1, 2001)
+    assert tried[np.argmin([left(w) for w in tried])] == pytest.approx(omega, rel=off)
+
+
 def box_scheme(inflow, outflow, start, until, step=20.0, boxes=200):
     """Level at x = L at each step by the implicit box scheme of Preissmann, centred in time and space.
 
