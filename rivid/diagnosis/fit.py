@@ -52,7 +52,7 @@ GAUGE = 0.015
 """Largest plausible white noise of a gauge [m]."""
 WHITE, LASTING = 0.5, (0.1, 1.0)
 """Least white part of a reading's rounding error, and limits of the part that lasts, over step / sqrt(12): a
-gauge in steps repeats its error until the level has gone a step on. With noise of half a step all is white."""
+gauge in steps repeats its error until the level has gone a step on. With noise of half a step it is white."""
 WIND = (0.3 * HOUR, DAY)
 """Memory of a wind set-up [s]."""
 

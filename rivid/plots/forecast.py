@@ -28,8 +28,9 @@ def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
     note = f"{name} · from {s.moment(s.now):%Y-%m-%d %H:%M} · half of a wave arrives after "
     with style.styled():
         figure, (above, below) = style.sheet(
-            title, note + duration([found.delay_s]), [2.2, 1.5], gap=(0.65, 0.5)
-        )
+            title, note + duration([found.delay_s]), [2.2, 1.5], gap=(0.65, 0.5),
+            left=0.95, right=0.45,  # levels have up to seven digits
+        )  # fmt: skip
         style.key(output(above, found, unit))
         style.key(flows(below, found))
         for ax in (above, below):
