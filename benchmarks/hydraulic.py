@@ -202,11 +202,11 @@ def main() -> None:
         + "\nThe front of a step is not sharp at the gauge. Rate of rise at the first lags on which it can be seen, as a "
         "share of\nthe storage's rate (step / surface):\n\n"
         + fronts()
-        + "\nThe wave arrives with part of its height, the rest follows while friction and reflection spread it: the jump "
-        "that the\nmethod looks for is one to two samples wide, so its estimate is late by about one, and by two where the flow "
-        "is high\nenough to spread the front further. On 12 km the feedback and the level's own slow swing come between "
-        "departure and arrival,\nand the estimate falls to lags where there is nothing (8 to 10 early) or to the late side. The "
-        "prior's mode alone is within one\nsample on all three: the hydraulics know the reach better than a day's logs do.\n"
+        + "\nThe wave arrives with most of its height within two lags, the rest follows while friction and reflection "
+        "spread it.\nWhere the front falls between two samples, the jump that the method looks for has two parts, and the "
+        "estimate may be late\nby one. On 12 km the feedback and the level's own slow swing come between departure and "
+        "arrival: on some days the\nestimate falls to lags where there is nothing. The prior's mode alone is within one "
+        "sample on nearly all days: the\nhydraulics know the reach better than a day's logs do.\n"
     )
     (ROOT / "docs" / "hydraulic.md").write_text(text, encoding="utf-8")
     print(text)
