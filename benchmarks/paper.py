@@ -261,7 +261,7 @@ def worlds(seeds: int) -> tuple[str, dict[str, list[float]]]:
         f"- sigma_d 6.5 and 10 agree on {m(YEAR, alike)} as it is, {m('perfect gauge', alike)} with a perfect gauge, {m('operators exact', alike)} with exact operators, {m('all three', alike)} with all three, "
         f"{m('operators at intervals', alike)} with operators at intervals.\n"
         f"- Rayleigh prior at 6 or 7: {m(YEAR, rayleigh)} as it is, {m('operators at intervals', rayleigh)} with operators at intervals, {m('perfect gauge', rayleigh)} with a perfect gauge.\n"
-        f"- Full equations: the front is spread and late ([hydraulic.md](hydraulic.md)), 6 or 7 has {m('full equations', rayleigh)}.\n"
+        f"- Full equations: the front is spread ([hydraulic.md](hydraulic.md)), 6 or 7 has {m('full equations', rayleigh)}.\n"
         f"- On shuffled days the Rayleigh prior gives 6 or 7 on {min(m_(n, nothing) for n in names):.0f} to {max(m_(n, nothing) for n in names):.0f} %, whatever the world.\n"
     )
     return text, found[YEAR]
