@@ -69,12 +69,8 @@ def _named(j: Judged) -> bool:
     return bool(j.names) or j.verdict == "error"
 
 
-def _worse(j: Judged) -> bool | None:
-    return None if j.growth is None or not j.names else j.growth > WORSE
-
-
-def _worse_than_known(j: Judged) -> bool | None:
-    return None if j.beyond is None or not j.names else j.beyond > WORSE
+def _worse(j: Judged, growth: float | None) -> bool | None:
+    return None if growth is None or not j.names else growth > WORSE
 
 
 ROWS: tuple[Asked, ...] = (
@@ -100,8 +96,8 @@ ROWS: tuple[Asked, ...] = (
     Asked(TWO, "both >= 2x: a third", _of("two", lambda j: j.extra, 2.0), Target(most=0.03)),
     Asked(TWO, "the smaller 1x to 2x: both", _of("two", lambda j: j.every, 1.0, 2.0)),
     Asked(TWO, "one of them confounded: both held", _of("two_close", lambda j: j.held, 2.0)),
-    Asked("all", "named: a horizon worse by > 1 %", _worse, Target(most=0.03)),
-    Asked("all", "named: a horizon worse by > 1 %, also than with the truth", _worse_than_known),
+    Asked("all", "named: a horizon worse by > 1 %", lambda j: _worse(j, j.growth), Target(most=0.03)),
+    Asked("all", "named: a horizon worse by > 1 %, also than with the truth", lambda j: _worse(j, j.beyond)),
     Asked("all", "failed", lambda j: j.verdict == "error"),
 )  # fmt: skip
 """As in the table of targets, and some shares without one beside them."""

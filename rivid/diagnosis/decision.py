@@ -294,10 +294,10 @@ class Study:
         if activity is None:
             return True
         counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
-        made_of = float((np.diff(made, axis=1)[counted] ** 2).sum())
-        moved, left = made_of / float(activity[:, :-1][counted].sum()), one.noise.misfit**2
-        taken = parent.noise.misfit**2 - left >= 0.5 * moved
-        return moved > (0.25 if taken else 1.0) * BEYOND**2 * left
+        moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
+        before, left = (one.noise.misfit**2 * float(activity[:, :-1][counted].sum()) for one in (parent, one))
+        taken = before - left >= 0.5 * moved
+        return moved > (BEYOND / 2.0 if taken else BEYOND) ** 2 * left
 
     def _swings(self, one: Explanation) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.

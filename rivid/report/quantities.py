@@ -24,7 +24,7 @@ MOST_NAMES = 4
 
 
 class Explanation(NamedTuple):
-    """A row of the ranking: what it says, its probability over all responses, whether it is material."""
+    """A row of the ranking: what it states, its probability, whether it is material."""
 
     kind: str
     words: str
@@ -284,16 +284,16 @@ def explanation(names: Sequence[str], unknown: str | None) -> str:
 def explanations(ranking: Sequence[Ranked]) -> tuple[list[Explanation], int, float]:
     """Return the rows of a ranking, the number of explanations left out, and their joint probability.
 
-    Explanations that differ in the response alone are one row. "Nothing missing" and those without any name
-    are always among the rows, with the :data:`MOST_NAMES` most probable others.
+    "Nothing missing" and those without any name are always among the rows, with the :data:`MOST_NAMES` most
+    probable others.
     """
-    found: dict[tuple[frozenset[str], str | None], Explanation] = {}
-    for one in ranking:
-        key = frozenset(one.names), one.unknown
-        kind = "named" if one.names else "unknown" if one.unknown else "nothing"
-        row = found.get(key, Explanation(kind, explanation(one.names, one.unknown), 0.0, one.material))
-        found[key] = row._replace(probability=row.probability + one.probability)
-    rows = sorted(found.values(), key=lambda row: -row.probability)
+    rows = [
+        Explanation(
+            "named" if one.names else "unknown" if one.unknown else "nothing",
+            explanation(one.names, one.unknown), one.probability, one.material,
+        )
+        for one in sorted(ranking, key=lambda one: -one.probability)
+    ]  # fmt: skip
     named = [row for row in rows if row.kind == "named"]
     left = named[MOST_NAMES:]
     return [row for row in rows if row not in left], len(left), sum(row.probability for row in left)

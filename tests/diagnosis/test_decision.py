@@ -78,6 +78,26 @@ def test_a_horizon_that_grows_in_the_only_block_is_no_objection():
     assert is_material(one, nothing, alone, BLOCK) and not is_material(one, nothing, OPEN, BLOCK)
 
 
+@pytest.mark.parametrize(
+    ("moved", "before", "left", "enough"),
+    [
+        (0.21, 0.1, 0.1, True), (0.19, 0.1, 0.1, False),  # twice the misfit that is left
+        (0.11, 0.15, 0.1, True), (0.09, 0.15, 0.1, False),  # as much, where the misfit has fallen by it
+        (0.15, 0.11, 0.1, False), (0.0, 0.1, 0.0, False),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("active", [1.0, 0.0])
+def test_a_front_is_moved_where_it_is_moved_by_more_than_the_misfit(moved, before, left, enough, active):
+    """Flows that never move have no fronts, and end no diagnosis."""
+    nothing = explained(noise=replace(QUIET, misfit=before))
+    one = explained("outflow_lag", 1.0, 0.1, parent=nothing, noise=replace(QUIET, misfit=left))
+    made = np.zeros(RECORD.time.shape)
+    made[:, 1::2] = moved * active
+    study = study_of(nothing, one)
+    study = replace(study, record=replace(study.record, activity=np.full(made.shape, active)))
+    assert study._moves(one, nothing, made) == (enough and active > 0.0)
+
+
 def test_effects_with_a_time_as_parameter_move_fronts():
     found = {name for name, effect in CATALOGUE.items() if _shifts(effect())}
     assert found == {"flow_dependent_delay", "wave_attenuation", "outflow_lag", "clock_offset"}

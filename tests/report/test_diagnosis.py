@@ -226,15 +226,12 @@ def test_the_terminal_has_verdict_probability_size_and_share_removed():
     assert "Ranking" not in text and "p = 0.0002" in text
 
 
-def test_explanations_of_several_responses_are_one_row_and_nothing_and_unknown_remain():
-    def one(names, unknown, probability, response="saint-venant"):
-        return Ranked(names, unknown, response, probability, 0.0, True)
+def test_of_many_explanations_the_likeliest_and_nothing_and_unknown_remain():
+    def one(names, unknown, probability):
+        return Ranked(names, unknown, "saint-venant", probability, 0.0, True)
 
     named = [one((f"effect_{i}",), None, 0.1 / 2**i) for i in range(6)]
-    ranking = [
-        one(("leakage", "seiche"), None, 0.4), one(("seiche", "leakage"), None, 0.2, "fir"), *named,
-        one((), "flow", 0.0), one((), None, 0.0), one((), None, 0.0, "fir"),
-    ]  # fmt: skip
+    ranking = [*named, one(("leakage", "seiche"), None, 0.6), one((), "flow", 0.0), one((), None, 0.0)]
     rows, left, rest = explanations(ranking)
     assert [row.probability for row in rows] == pytest.approx([0.6, 0.1, 0.05, 0.025, 0.0, 0.0])
     assert [row.kind for row in rows] == ["named"] * 4 + ["unknown", "nothing"]
