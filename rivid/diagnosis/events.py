@@ -258,9 +258,10 @@ class Rows:
         """Events of one form in row d; those of the row before that go on are measured again."""
         shape, form = self.kind.shape, found.form
         steps, unit = self.atoms(pattern, form)
-        day, before, pulse = self.white.shape[1] - self.lead, steps.before, shape == "pulse"
+        n, before, pulse = self.white.shape[1], steps.before, shape == "pulse"
+        day, goes_on = n - self.lead, bool(self.follows[d]) and found.last == d - 1
         durations = np.array(form.durations)
-        old = [(x - day, i) for x, i in found.under_way if self.follows[d] and found.last == d - 1]
+        old = [(x - day, i) for x, i in found.under_way if goes_on]
         old = [(x, i) for x, i in old if x + (found.events[i][2] if pulse else before) > 0.0]
         carried = np.array([[x + before, *found.events[i][2:5]] for x, i in old]).reshape(-1, 4)
         carried[:, 3] **= 0.5
@@ -270,10 +271,22 @@ class Rows:
         apart = {"pulse": np.maximum(OVERLAP * durations, SHORTEST), "recession": APART + 0.0 * durations}
         lasts = durations if pulse else np.full(len(durations), np.inf)
         low = np.maximum(before - np.ceil(durations).astype(np.int64) + 1, 0)
-        events, gain = pursue(
-            steps, c, lasts, unit, low, apart.get(shape, EDGE + 0.0 * durations), self.kind.sign,
-            self._price_in(form), self.most, float(self.weights[d]), carried, timed, form.ends,
-        )  # fmt: skip
+        best = -np.inf
+        while True:
+            tried, likelier = pursue(
+                steps, c, lasts, unit, low, apart.get(shape, EDGE + 0.0 * durations), self.kind.sign,
+                self._price_in(form), self.most, float(self.weights[d]), carried, timed, form.ends,
+            )  # fmt: skip
+            early = [e for e in tried[len(old) :].tolist() if goes_on and 0.0 <= e[0] - before + day < n]
+            there = [self._gain(found, d - 1, e[0] - before + day, e[1:3]) for e in early]
+            if likelier + sum(there) > best:
+                best, events = likelier + sum(there), tried
+            wrong = [e[0] for e, its in zip(early, there, strict=True) if its < 0.0]
+            if not wrong:
+                break
+            # The day before contradicts starts so early; one at midnight contradicts nothing there.
+            middle = int(np.ceil(0.5 * (max(wrong) + before + self.lead)))
+            low = np.maximum(low, max(middle, int(low.min()) + 1))
         for (_, i), event in zip(old, events, strict=False):
             # The estimate of both days: the first one's size and standard error are the second one's prior.
             found.events[i][3:] = event[2:].tolist()
@@ -284,23 +297,42 @@ class Rows:
             found.events.append([d, x, *event])
             found.seen.append((d, x, i))
             found.under_way.append((x, i))
-            if self.follows[d] and found.last == d - 1 and 0.0 <= x + day < self.white.shape[1]:
+            if goes_on and 0.0 <= x + day < n:
                 found.seen.append((d - 1, x + day, i))  # too late in its own day to be measured there
-        found.gain += gain
+        found.gain += best
         found.last = d
+
+    def _gain(self, found: _Found, d: int, x: float, event: Sequence[float]) -> float:
+        """Log-likelihood that one more event gains in row d, beside those found there [nats]."""
+        held = [(at, *found.events[i][2:4]) for row, at, i in found.seen if row == d]
+        made = np.zeros((2, 1, self.white.shape[1]))
+        h = self._kernel(found.form)
+        for k, events in enumerate((held, [(x, *event[:2])])):
+            for one in events:
+                made[k, 0] += self._made(h, *one)
+        there = np.where(self.there[d], 0.0, np.nan)[None]
+        before, more = self.whiten(made, there)[:, 0]
+        return float(self.weights[d] * (more @ (self.white[d] - before - 0.5 * more)))
+
+    def _kernel(self, form: Form) -> Floats:
+        """Response to an event of a form that does not end."""
+        kind, length = self.kind, 2 * self.white.shape[1] + self.before
+        if kind.shape == "recession":
+            return response(kind.kernel, kind.shape, form.durations[0], length, form.rise)
+        return extended(kind.kernel, length)
+
+    def _made(self, h: Floats, x: float, samples: float, size: float) -> Floats:
+        """What an event makes in a row (n,) in which it starts at x; `h` of :meth:`_kernel`."""
+        lags = np.arange(float(self.white.shape[1])) - x
+        return size * (at_lags(h, lags) - (at_lags(h, lags - samples) if np.isfinite(samples) else 0.0))
 
     def as_events(self, found: _Found) -> Events:
         """The events in seconds, and what they are in the residual."""
-        kind, form, n, T = self.kind, found.form, self.white.shape[1], self.T
+        kind, form, T = self.kind, found.form, self.T
         jump = kind.shape == "jump"
-        h = extended(kind.kernel, 2 * n + self.before)
-        if kind.shape == "recession":
-            h = response(kind.kernel, kind.shape, form.durations[0], len(h), form.rise)
-        coded = np.zeros(self.white.shape)
+        h, coded = self._kernel(form), np.zeros(self.white.shape)
         for d, x, i in found.seen:
-            _, _, D, size, *_ = found.events[i]
-            lags = np.arange(float(n)) - x
-            coded[d] += size * (at_lags(h, lags) - (at_lags(h, lags - D) if np.isfinite(D) else 0.0))
+            coded[d] += self._made(h, x, *found.events[i][2:4])
         events = tuple(
             Event(
                 day=int(d), start_s=(x - self.lead - 0.5 * jump) * T,
