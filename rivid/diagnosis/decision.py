@@ -17,7 +17,7 @@ from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
-from rivid.effects import Effect
+from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
@@ -147,33 +147,36 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
-def made_alone(one: Explanation, record: Record) -> Floats | None:
-    """Output that the last effect makes and nothing else in the explanation could, shape (days, n).
+def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
+    """Output that an effect makes and nothing else in the explanation could, shape (days, n).
 
-    All other parameters are fitted to it, one Gauss-Newton step from where they are. None where no effect of
-    the simulator and no event came last, and where the reach cannot carry the flows without it.
+    All other parameters are fitted to it, one Gauss-Newton step from where they are. None where it is no
+    effect of the simulator and no event, and where the reach cannot carry the flows without it.
     """
-    assert one.parent is not None
-    if one.count[0] > one.parent.count[0]:
-        less = replace(one.model, effects=one.model.effects[:-1], free=one.model.free[:-1])
+    model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
+    made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
+    at = next((i for i, other in enumerate(model.effects) if other is effect), None)
+    if at is not None:
+        others = [i for i in range(len(model.effects)) if i != at]
+        less = replace(
+            model, effects=tuple(model.effects[i] for i in others), free=tuple(model.free[i] for i in others)
+        )
         try:
-            made = one.model.baseline(record) - less.baseline(record)
+            made = model.baseline(record) - less.baseline(record)
         except RividError:
             return None
-        kept = len(one.shared) + len(less.values())
-    elif len(one.events) > len(one.parent.events):
-        made, kept = one.events[-1].coded, len(one.columns)
-    else:
+    if made is None:
         return None
+    kept = np.array([True] * len(one.shared) + [i != at for i, _, _ in model.slots()])
     seen = np.where(record.used & np.isfinite(one.residual), made, np.nan)
     root = np.sqrt(one.weights)[:, None]
 
     def white(values: Floats) -> Floats:
         return np.asarray(one.noise.whiten(values, like=seen, activity=record.activity) * root)
 
-    columns = one.columns[:kept] * one.sd[:kept, None, None]
-    X, r = white(columns).reshape(kept, -1), white(seen[None]).ravel()
-    x = np.linalg.solve(X @ X.T + np.eye(kept), X @ r)
+    columns = one.columns[kept] * one.sd[kept, None, None]
+    X, r = white(columns).reshape(len(columns), -1), white(seen[None]).ravel()
+    x = np.linalg.solve(X @ X.T + np.eye(len(columns)), X @ r)
     return np.asarray(made - np.tensordot(x, columns, 1))
 
 
@@ -257,9 +260,33 @@ class Study:
             return names, unknown
         if one.added is None and (self.excess(parent) or self.large(one) or self._daily(one, parent)):
             return names, one.unknown
-        if one.added is not None and one.added.found_as == "swing" and self._swings(one):
-            return (*names, one.added.name), unknown
-        made, active = made_alone(one, self.record), one.active(self.record)
+        if parent.parent is None and not parent.unknown:  # of several responses, the best one
+            parent = self.first
+        if one.added is None:
+            active = np.ones(len(self.opened), bool)
+            return names, one.unknown if self._material(as_volume(one, parent), parent, active) else unknown
+        if self._adds(one, one.added, parent):
+            names = (*names, one.added.name)
+        # An effect may count only beside the others, which bent the response while they were missing.
+        for effect in one.effects:
+            if effect.name not in ("", *names) and effect is not one.added and effect not in self.start:
+                less = self._less(one, effect)
+                if less is not None and self._adds(one, effect, less):
+                    names = (*names, effect.name)
+        return names, unknown
+
+    def _less(self, one: Explanation, effect: Effect) -> Explanation | None:
+        """The best explanation with the names of `one` but that of an effect, and what is unknown in it."""
+        names = sorted(one.names)
+        names.remove(effect.name)
+        able = [o for o in self.pool if sorted(o.names) == names and o.unknown == one.unknown]
+        return max(able, key=self.score, default=None)
+
+    def _adds(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
+        """Whether an effect of an explanation is material, beside one without it."""
+        if effect.found_as == "swing":
+            return self._swings(one)
+        made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:
             # operators answer what the weather does, and the logged outflow foretells the level.
@@ -267,15 +294,10 @@ class Study:
             more = day_errors(self.record, seen, one.noise, HORIZONS)
             left = one.errors._replace(squares=one.errors.squares + more.squares)
             if not self._material(one, replace(one, errors=left), active):
-                return names, unknown
-        if parent.parent is None and not parent.unknown:  # of several responses, the best one
-            parent = self.first
-        if not self._material(as_volume(one, parent), parent, active):
-            return names, unknown
-        if made is not None and one.added is not None and _shifts(one.added):
-            if not self._moves(one, parent, made):
-                return names, unknown
-        return (names, one.unknown) if one.added is None else ((*names, one.added.name), unknown)
+                return False
+        if not self._material(as_volume(one, less), less, active):
+            return False
+        return made is None or not _shifts(effect) or self._moves(one, less, made, active)
 
     def _daily(self, one: Explanation, parent: Explanation) -> bool:
         """Whether an unknown flow that returns every day makes a share of the error that counts."""
@@ -285,7 +307,7 @@ class Study:
         active = [dates is None or dates[0] <= day <= dates[1] for day in record.dates]
         return self._material(one, parent, np.array(active))
 
-    def _moves(self, one: Explanation, parent: Explanation, made: Floats) -> bool:
+    def _moves(self, one: Explanation, parent: Explanation, made: Floats, active: Bools) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
 
         In samples, as the misfit: the changes that it makes from sample to sample over the activity.
@@ -293,7 +315,7 @@ class Study:
         activity, record = self.record.activity, self.record
         if activity is None:
             return True
-        counted = record.used[:, 1:] & (one.active(record) & self.opened)[:, None]
+        counted = record.used[:, 1:] & (active & self.opened)[:, None]
         moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
         before, left = (one.noise.misfit**2 * float(activity[:, :-1][counted].sum()) for one in (parent, one))
         taken = before - left >= 0.5 * moved

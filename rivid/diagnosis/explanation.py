@@ -109,16 +109,17 @@ class Explanation:
         """Names of its effects that have one."""
         return tuple(effect.name for effect in self.effects if effect.name)
 
-    def active(self, record: Record) -> Bools:
-        """Days on which the effect acts that it has more than its parent, shape (days,)."""
-        last = self.added
-        if last is None or last.found_as in LEVEL_NOISES:
+    def active(self, record: Record, effect: Effect) -> Bools:
+        """Days on which one of its effects acts, shape (days,)."""
+        if effect.found_as in LEVEL_NOISES:
             return np.ones(record.days, bool)
-        if self.others and last is self.others[-1]:
-            return np.asarray(self.events[-1].coded.any(axis=1))
-        if last.dates is None:
+        coded = [e for e in self.others if e.found_as not in LEVEL_NOISES]
+        for other, found in zip(coded, self.events, strict=True):
+            if other is effect:
+                return np.asarray(found.coded.any(axis=1))
+        if effect.dates is None:
             return np.ones(record.days, bool)
-        return np.array([last.dates[0] <= day <= last.dates[1] for day in record.dates])
+        return np.array([effect.dates[0] <= day <= effect.dates[1] for day in record.dates])
 
     @property
     def coded(self) -> Floats:

@@ -41,13 +41,15 @@ class Made:
     noise: NoiseModel = LOUD
     count: tuple = (0, 0)  # no effect in the simulator: materiality is by the errors of the parent
     events: tuple = ()
-    active: Callable = lambda record: np.ones(record.days, bool)
+    active: Callable = lambda record, effect: np.ones(record.days, bool)
+    others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
 
     @property
     def effects(self):
-        return tuple(CATALOGUE[name]() for name in self.names)
+        before = () if self.parent is None else self.parent.effects
+        return before if self.added is None else (*before, self.added)
 
 
 def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", sealed=None, **others):

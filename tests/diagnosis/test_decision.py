@@ -95,7 +95,7 @@ def test_a_front_is_moved_where_it_is_moved_by_more_than_the_misfit(moved, befor
     made[:, 1::2] = moved * active
     study = study_of(nothing, one)
     study = replace(study, record=replace(study.record, activity=np.full(made.shape, active)))
-    assert study._moves(one, nothing, made) == (enough and active > 0.0)
+    assert study._moves(one, nothing, made, np.ones(len(made), bool)) == (enough and active > 0.0)
 
 
 def test_effects_with_a_time_as_parameter_move_fronts():
@@ -177,6 +177,19 @@ def test_an_effect_in_front_of_which_an_immaterial_one_stands_is_named_alone():
     assert study.core(both) == (("leakage",), "") and study.sure == ("leakage",)
 
 
+def test_an_effect_that_is_material_only_beside_another_is_named_with_it():
+    """While another is missing it may forecast a horizon worse, with a response bent to both."""
+    nothing = explained()
+    bent = [MUCH, MUCH, MUCH, -MUCH]
+    clock = explained("clock_offset", 40.0, bent, parent=nothing)
+    gain = explained("outflow_gain_error", 20.0, MUCH, parent=nothing)
+    both = explained("outflow_gain_error", 30.0, [MUCH, MUCH, MUCH, 4 * MUCH], parent=clock)
+    assert set(study_of(nothing, clock, gain, both).sure) == {"clock_offset", "outflow_gain_error"}
+    assert study_of(nothing, clock, both).sure == ("outflow_gain_error",)  # without it nothing is known
+    less = replace(both, errors=gain.errors)
+    assert study_of(nothing, clock, gain, less).sure == ("outflow_gain_error",)
+
+
 def test_a_group_is_the_fewest_names_that_are_sure_together():
     nothing = explained()
     pool = [
@@ -249,7 +262,7 @@ def test_all_scores_are_divided_by_the_inflation_of_the_likeliest():
 def test_an_effect_of_some_days_is_judged_on_these():
     nothing = explained()
     days = np.arange(RECORD.days) < 9
-    one = explained("leakage", 9.0, MUCH, parent=nothing, active=lambda record: days)
+    one = explained("leakage", 9.0, MUCH, parent=nothing, active=lambda record, effect: days)
     one.errors.squares[:, ~days] = 1.0
     assert study_of(nothing, one).sure == ("leakage",)
 

@@ -206,7 +206,7 @@ def test_a_fit_from_a_bad_start_is_likelier_than_what_it_extends(diurnal, amplit
     assert one.parent is parent and one.names == ("diurnal_inflow",)
     assert one.added.amplitude == pytest.approx(15.0, abs=3.0)
     assert (one.added.hour - 9.0 + 12.0) % 24.0 == pytest.approx(12.0, abs=0.5)
-    assert one.active(record).all() and one.count == (1, 0) and one.price.sum() == 0.0
+    assert one.active(record, one.added).all() and one.count == (1, 0) and one.price.sum() == 0.0
 
 
 def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal):
@@ -219,7 +219,7 @@ def test_the_search_finds_the_wave_and_its_dates_are_those_of_the_effect(diurnal
     assert best.effect.amplitude == pytest.approx(15.0, abs=3.0)
     late = replace(best.effect, dates=(record.dates[5], record.dates[8]))
     one = with_effect(parent, candidate(late, ("amplitude", "hour")), record, 0.0)
-    assert np.flatnonzero(one.active(record)).tolist() == [5, 6, 7, 8]
+    assert np.flatnonzero(one.active(record, one.added)).tolist() == [5, 6, 7, 8]
 
 
 KERNELS = {"down": np.ones(300)}
@@ -236,7 +236,7 @@ def test_steps_of_the_gauge_are_events_with_a_price():
     assert one.added.start == pytest.approx((40.0, 150.0), abs=0.2)
     assert one.count == (0, 1) and one.log_prior == -2.0
     assert one.price.sum() == pytest.approx(2 * found.price) and set(np.flatnonzero(one.price)) == {1, 6}
-    assert one.active(record).sum() >= 2 and (one.coded == found.coded).all()
+    assert one.active(record, one.added).sum() >= 2 and (one.coded == found.coded).all()
     assert [e.name for e in one.whole.effects] == ["sensor_step"] and one.model.effects == ()
     assert with_events(one, CATALOGUE["sensor_step"], KERNELS, record, 0.0) is None  # none is left
 
