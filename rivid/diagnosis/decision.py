@@ -268,8 +268,9 @@ class Study:
         if self._adds(one, one.added, parent):
             names = (*names, one.added.name)
         # An effect may count only beside the others, which bent the response while they were missing.
-        for effect in one.effects:
-            if effect.name not in ("", *names) and effect is not one.added and effect not in self.start:
+        sought = (e for e in one.effects if e.found_as not in LEVEL_NOISES and e not in self.start)
+        for effect in sought:
+            if effect.name not in ("", *names) and effect is not one.added:
                 less = self._less(one, effect)
                 if less is not None and self._adds(one, effect, less):
                     names = (*names, effect.name)
