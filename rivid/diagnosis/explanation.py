@@ -187,9 +187,10 @@ def fitted(
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
     middle = np.concatenate([[f.mean for f in model.reach.parameters], model.values()])
     coded = sum((found.coded for found in events), np.zeros(record.time.shape))
-    z = residual_of(few, model.baseline(few)) - coded[open_days]
+    base = model.baseline(few)
+    z = residual_of(few, base) - coded[open_days]
     shared = None if start is None else start.shared
-    J = model.jacobian(few, None if shared is None else shared[:, open_days])
+    J = model.jacobian(few, base, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
     damping, weights = LEAST_DAMPING, None
     for step in range(steps):
@@ -210,7 +211,8 @@ def fitted(
                 break
             try:
                 other = _moved(model, move * sd)
-                z_other = residual_of(few, other.baseline(few)) - coded[open_days]
+                base_other = other.baseline(few)
+                z_other = residual_of(few, base_other) - coded[open_days]
                 w = noise.whiten(np.where(few.used, z_other, np.nan), activity=few.activity)
             except RividError:  # an impossible flow: a shorter step
                 damping = max(8.0 * damping, 1e-2)
@@ -218,22 +220,23 @@ def fitted(
             off = (_values(other) - middle) / sd
             fell = cost - 0.5 * float(((w * root) ** 2).sum() + off @ off)
             if fell > 0.0:
-                model, z = other, z_other
+                model, z, base = other, z_other, base_other
                 damping = max(damping / 8.0, LEAST_DAMPING)
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         if step < fresh:
             del J
-            J, shared = model.jacobian(few), None
+            J, shared = model.jacobian(few, base), None
         elif fell < ENOUGH and (not same or step >= FIXED):
             break
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
         rest = record.take(sealed)
-        left = residual_of(rest, model.baseline(rest)) - coded[sealed]
-        other_J = model.jacobian(rest, None if shared is None else shared[:, sealed])
+        base = model.baseline(rest)
+        left = residual_of(rest, base) - coded[sealed]
+        other_J = model.jacobian(rest, base, None if shared is None else shared[:, sealed])
     else:
         left, other_J = z[:0], J[:, :0]
     return Explanation(

@@ -227,10 +227,13 @@ class Model:
                 effects[i] = replace(effects[i], **{name: tuple(whole)})
         return replace(self, effects=tuple(effects))
 
-    def jacobian(self, record: Record, shared: Floats | None = None) -> Floats:
-        """The columns of all free parameters, shape (p + q, days, n); those of the response may be given."""
+    def jacobian(self, record: Record, base: Floats, shared: Floats | None = None) -> Floats:
+        """The columns of all free parameters about the baseline, shape (p + q, days, n).
+
+        Those of the response may be given.
+        """
         steps, candidates = self._steps(record)
-        columns = sensitivities(self.reach, record, candidates, self.changes(record), shared)
+        columns = sensitivities(self.reach, record, candidates, self.changes(record), shared, base)
         columns[len(columns) - len(steps) :] /= steps[:, None, None]
         return columns
 

@@ -196,7 +196,9 @@ def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
     dry = replace(start, reach=replace(response, parameters=held))
     without = fitted(dry, record, every, steps=8, fresh=8).model
     lag = with_well.reach.parameters[-1].natural
-    white = with_well.noise.whiten(with_well.jacobian(record), like=np.where(record.used, 0.0, np.nan))
+    white = with_well.noise.whiten(
+        with_well.jacobian(record, with_well.baseline(record)), like=np.where(record.used, 0.0, np.nan)
+    )
     X = white.reshape(len(white), -1)
     prior = np.diag([p.sd**-2.0 for p in response.parameters])
     assert abs(lag - 60.0) < 3.0 * np.sqrt(np.linalg.inv(X @ X.T + prior)[-1, -1]) < 10.0

@@ -172,6 +172,7 @@ def sensitivities(
     candidates: Sequence[Changes],
     changes: Changes = NO_CHANGES,
     slopes: Floats | None = None,
+    base: Floats | None = None,
 ) -> Floats:
     """Derivatives of the baseline, and what candidates change in it.
 
@@ -187,6 +188,8 @@ def sensitivities(
         Those of the baseline.
     slopes : ndarray, shape (p, days, n), optional
         Derivatives for one unit of each parameter of the response, where they are known.
+    base : ndarray, shape (days, n), optional
+        The baseline, where it is known.
 
     Returns
     -------
@@ -200,7 +203,7 @@ def sensitivities(
     """
     if slopes is not None and not candidates:
         return np.asarray(slopes, float)
-    base, p = response.baseline(record, changes), len(response.parameters)
+    base, p = response.baseline(record, changes) if base is None else base, len(response.parameters)
     columns = np.empty((p + len(candidates), *base.shape))
     columns[:p] = response.slopes(record, base, changes) if slopes is None else slopes
     for column, candidate in zip(columns[p:], candidates, strict=True):
