@@ -139,7 +139,7 @@ class PosteriorConfig(Section):
     wave_temperature: core.Temperature = PosteriorSettings.wave_temperature
     between_temperature: core.Temperature = PosteriorSettings.between_temperature
     sharp: core.Share = PosteriorSettings.sharp
-    wave_lead: core.Part = PosteriorSettings.wave_lead
+    wave_gate: core.Part = PosteriorSettings.wave_gate
     wave_lag: core.Part = PosteriorSettings.wave_lag
     store_error: core.Spread = PosteriorSettings.store_error
     wave_error: core.Spread = PosteriorSettings.wave_error

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.special import expit, logsumexp
-from scipy.stats import norm
+from scipy.stats import logistic, norm
 
 from rivid.core.posterior.daily import posterior
 from rivid.core.posterior.front import MODELS, log_evidence, structures
@@ -142,24 +142,24 @@ def test_an_echo_is_found_by_a_regression_for_each_candidate_and_is_not_taken_fo
     assert (result.probability[:, 8:].sum(axis=1) < 0.01).all()  # the echo's delay is 11
 
 
-def slow_wave_place(travel, s):
-    """Where the front of a wave is found: still within a sample, then running, the more evenly the longer it
-    has travelled."""
+def slow_wave_place(travel, gate, s):
+    """Where the front of a wave is found: the share of it that has passed at the next sample is found at the
+    sample before the arrival, the rest a sample later."""
     n, f = divmod(travel, 1.0)
-    sharp = max(1 - s.wave_lag * travel, 0)
-    return n - s.wave_lead + (1 - sharp) * f + sharp * max(f - 0.62, 0) / 0.38
+    passed = min((1 - f) / min(gate + s.wave_lag * travel, 1.0), 1.0)
+    return passed * n + (1 - passed) * (n + 1)
 
 
 def slow_below(edges, x, store, s):
     """Distribution function of the travel time at rising edges, for a front at x."""
-    found, highest = [], 0.0
-    for edge in edges:
-        f = edge % 1.0
-        width = s.wave_error * (1 + 0.05 * edge) * (1 + 0.5 * 4 * f * (1 - f))
-        away = (edge - x) / s.store_error if store else (slow_wave_place(edge, s) - x) / width
-        highest = max(highest, expit(away))
-        found.append(highest)
-    return found
+    if store:
+        return [expit((edge - x) / s.store_error) for edge in edges]
+    first, last = s.d_min - GUARD, s.d_max + GUARD
+    travel = np.arange(first + 0.025, last + 1, 0.05)
+    likely = np.zeros(len(travel))
+    for gate in np.arange(1, 16, 2) / 16 * s.wave_gate:
+        likely += [logistic.pdf(slow_wave_place(t, gate, s), x, s.wave_error) for t in travel]
+    return [likely[travel < edge].sum() / likely.sum() for edge in edges]
 
 
 def slow_posterior(u, y, o, s):
@@ -221,7 +221,7 @@ def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outfl
             for d in range(1, 9):
                 for w in np.arange(10, 0, -1) / 10:
                     x = d + 1 - w
-                    if np.floor(x + (0 if structure.is_store else s.wave_lead) + 1e-9) == d_hat:
+                    if np.floor(x + 1e-9) == d_hat:
                         out = o if with_outflow else None
                         log = slow_evidence(y, u, out, structure, C, len(kinds), d, w, s.d_max + GUARD + 4)
                         models.append((log, structure, C, d, w))

@@ -234,11 +234,10 @@ def _block(u: Floats, y: Floats, _: Floats | None, s: PosteriorSettings) -> tupl
     pooled = [*((1.0 - SHARE) * part for part in q), *(SHARE * part for part in np.stack(smooth, axis=-1))]
     probability, right, place = fold(pooled, [*stores, *IS_STORE], s)
     delay = likeliest(probability, s)
-    fir, sd = fir_of(fronts, delay, stores, s)
-    store, wave = meant(s)
+    fir, sd = fir_of(fronts, delay, s)
     n_rows = u.shape[1] - n_lags - 1
     smooth_fir = [
-        blind_fir(found, sums, n_rows, first, (store == d) | (wave == d))
+        blind_fir(found, sums, n_rows, first, meant(s) == d)
         for (found, _, sums), d in zip(days, delay, strict=True)
     ]
     h, h_sd = (np.stack(part)[:, : s.order] for part in zip(*smooth_fir, strict=True))

@@ -4,10 +4,11 @@ Beyond the paper. The level follows one of a few equations (:mod:`rivid.core.pos
 few kinds of noise (:mod:`rivid.core.posterior.noise`); coefficients are profiled, the rest is averaged with
 flattened evidence as weights.
 
-In a store the place of the front is the travel time. A sharp wave moves the level as it arrives, and the
-sample after the arrival holds it whole: within most of a sample its place does not move, then it runs through
-the rest. The gate's motion and the dispersion of the wave make the place follow the arrival more evenly, and
-a little before it.
+In a store the place of the front is the travel time. A wave moves the level as it passes, which takes it the
+time of the gate's motion and longer the further friction has flattened it. Where it has passed before the
+next sample, that sample holds it whole, and the place is the sampling instant before the arrival; else the
+place follows the part of it that has yet to pass. No day shows how long its wave takes: the probability of a
+travel time is averaged over the times that a gate may need.
 """
 
 from collections.abc import Callable
@@ -32,17 +33,14 @@ HELD = 0.9
 STEPS = 10
 """Places in one sample at which the travel time's distribution is kept."""
 
-TOLERANCE = 0.1
+TOLERANCE = 1.0 / STEPS
 """So close to the edge between two delays [samples], both are right."""
 
-KNEE = 0.62
-"""Part of a sample in which the place of a sharp wave stays where it is."""
+GATES = (np.arange(8) + 0.5) / 8.0
+"""Times that a gate may need, as shares of `wave_gate`."""
 
-GROWTH = 0.05
-"""By how much the error of a wave's place grows with each sample of its travel, as a share."""
-
-BULGE = 0.5
-"""By how much the error of a wave's place is larger amid two sampling instants, as a share."""
+FINE = 2
+"""Travel times per step at which the probability of a wave's place is computed."""
 
 
 def weights(
@@ -77,14 +75,12 @@ def weights(
     return q, np.where(np.isfinite(link), link, 0.0)
 
 
-def wave_place(travel: Floats, s: PosteriorSettings) -> Floats:
-    """Place of the front [samples] of a wave with this travel time [samples]; it never falls."""
-    whole = np.floor(travel)
-    part = travel - whole
-    sharp = np.clip(1.0 - s.wave_lag * travel, 0.0, 1.0)
-    return (
-        whole - s.wave_lead + (1.0 - sharp) * part + sharp * np.clip((part - KNEE) / (1.0 - KNEE), 0.0, None)
-    )
+def wave_place(travel: Floats, gate: float, s: PosteriorSettings) -> Floats:
+    """Place of the front [samples] of a wave with this travel time, from a gate that needs `gate` [samples];
+    it never falls."""
+    end = np.floor(travel) + 1.0
+    passing = np.clip(gate + s.wave_lag * travel, 1e-9, 1.0)
+    return end - np.minimum((end - travel) / passing, 1.0)
 
 
 def candidates_of(s: PosteriorSettings) -> tuple[int, int]:
@@ -98,10 +94,9 @@ def places(s: PosteriorSettings) -> Floats:
     return np.arange(first, last + 1)[:, None] + 1.0 - SHARES
 
 
-def meant(s: PosteriorSettings) -> tuple[Floats, Floats]:
-    """The delay of each place of the front, (candidates, shares): of stores, and of waves."""
-    x = places(s)
-    return np.floor(x + 1e-9), np.floor(x + s.wave_lead + 1e-9)
+def meant(s: PosteriorSettings) -> Floats:
+    """The delay of each place of the front, shape (candidates, shares)."""
+    return np.floor(places(s) + 1e-9)
 
 
 @lru_cache(maxsize=8)
@@ -113,16 +108,21 @@ def _kernel(s: PosteriorSettings) -> Floats:
     steps = np.arange(first * STEPS, (last + 1) * STEPS + 1) / STEPS
     edges = np.concatenate([steps, whole - TOLERANCE, whole + TOLERANCE])
     x = places(s).reshape(-1, 1)
-    part = edges - np.floor(edges)
-    width = s.wave_error * (1.0 + GROWTH * edges) * (1.0 + BULGE * 4.0 * part * (1.0 - part))
-    order = np.argsort(edges, kind="stable")
-    tables = []
-    for away in ((edges - x) / s.store_error, (wave_place(edges, s) - x) / width):
-        table = 1.0 / (1.0 + np.exp(-np.clip(away, -50.0, 50.0)))
-        table[:, order] = np.maximum.accumulate(table[:, order], axis=1)  # where the width grows faster
-        table[:, edges <= first], table[:, edges >= last + 1] = 0.0, 1.0  # what lies outside counts there
-        tables.append(table)
-    return np.stack(tables)
+    store = _logistic((edges - x) / s.store_error)
+    store[:, edges <= first], store[:, edges >= last + 1] = 0.0, 1.0  # what lies outside counts there
+    travel = first + (np.arange((len(steps) - 1) * FINE) + 0.5) / (STEPS * FINE)
+    likely = np.zeros((len(x), len(travel)))
+    for gate in s.wave_gate * GATES:
+        below = _logistic((wave_place(travel, gate, s) - x) / s.wave_error)
+        likely += below * (1.0 - below)
+    up_to = np.cumsum(likely, axis=1)[:, FINE - 1 :: FINE]
+    wave = np.pad(up_to / up_to[:, -1:], [(0, 0), (1, 0)])  # from an even prior, by Bayes
+    at = np.rint((edges - first) * STEPS).astype(int)
+    return np.stack([store, wave[:, np.clip(at, 0, len(steps) - 1)]])
+
+
+def _logistic(x: Floats) -> Floats:
+    return 1.0 / (1.0 + np.exp(-np.clip(x, -50.0, 50.0)))
 
 
 def fold(q: list[Floats], stores: list[bool], s: PosteriorSettings) -> tuple[Floats, Floats, Floats]:
@@ -255,7 +255,7 @@ def _block(u: Floats, y: Floats, o: Floats | None, s: PosteriorSettings) -> tupl
     """The equations of :func:`structures` alone."""
     fronts, q, stores, link = weighted_fronts(u, y, o, s)
     probability, right, place = fold(q, stores, s)
-    fir, sd = fir_of(fronts, likeliest(probability, s), stores, s)
+    fir, sd = fir_of(fronts, likeliest(probability, s), s)
     return probability.T, right.T, place.T, fir, sd, link
 
 
@@ -278,10 +278,9 @@ def likeliest(probability: Floats, s: PosteriorSettings) -> Ints:
     return np.asarray(s.d_min + np.argmax(inside, axis=0), np.int64)
 
 
-def fir_of(fronts: Fronts, delay: Ints, stores: list[bool], s: PosteriorSettings) -> tuple[Floats, Floats]:
+def fir_of(fronts: Fronts, delay: Ints, s: PosteriorSettings) -> tuple[Floats, Floats]:
     """Mean and standard deviation of h (days, M) at the delay of each day."""
-    means = meant(s)
-    belongs = [means[0 if store else 1][..., None] == delay for store in stores]
+    belongs = meant(s)[..., None] == delay
     return averaged_fir(fronts, belongs, candidates_of(s)[0], s.between_temperature, s.order)
 
 

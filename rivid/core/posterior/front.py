@@ -228,17 +228,17 @@ evidence from :func:`log_evidence`, and whether the outflow is logged."""
 
 
 def averaged_fir(
-    fronts: Fronts, belongs: list[Bools], first: int, temperature: float, order: int
+    fronts: Fronts, belongs: Bools, first: int, temperature: float, order: int
 ) -> tuple[Floats, Floats]:
     """Mean and standard deviation of h over the likeliest models, shape (days, M), from lag 0.
 
-    `belongs` marks for each equation the places of the front (candidates, shares, days) that mean the day's
-    delay; `temperature` divides the log evidence. The spread holds that of the coefficients and that between
-    the models.
+    `belongs` marks the places of the front (candidates, shares, days) that mean the day's delay;
+    `temperature` divides the log evidence. The spread holds that of the coefficients and that between the
+    models.
     """
     G, n_rows, evidence, with_outflow = fronts
     days = G.shape[-1]
-    parts = [np.where(b, f, -np.inf) for f, b in zip(evidence, belongs, strict=True)]
+    parts = [np.where(belongs, f, -np.inf) for f in evidence]
     flat = np.concatenate([part.reshape(-1, days) for part in parts])
     chosen = np.argpartition(-flat, MODELS, axis=0)[:MODELS]
     chosen = np.sort(chosen, axis=0)  # an order of summation that knows no ties
