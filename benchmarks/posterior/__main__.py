@@ -25,6 +25,7 @@ def main() -> None:
     said = parser.parse_args()
     seeds = range(FIRST_SEED, FIRST_SEED + said.seeds)
     found = measure("development", seeds, said.days) + measure("proof", seeds, said.days)
+    drawn = measure("drawn proof", range(FIRST_SEED, FIRST_SEED + 1), said.days)
     lines = bins_of(found)
     draw(
         lines, DOCS / "pictures" / "posterior_reliability.png", "Is a delay as probable as stated?",
@@ -32,7 +33,8 @@ def main() -> None:
     )  # fmt: skip
     head = (HERE / "head.md").read_text(encoding="utf-8")
     head = head.replace("{days}", str(said.days)).replace("{seeds}", str(said.seeds))
-    text = page(found, limits(FIRST_SEED, said.days), head, (HERE / "tail.md").read_text(encoding="utf-8"))
+    tail = (HERE / "tail.md").read_text(encoding="utf-8")
+    text = page(found, drawn, limits(FIRST_SEED, said.days), head, tail)
     (DOCS / "accuracy_posterior.md").write_text(text, encoding="utf-8")
     print(text)
 

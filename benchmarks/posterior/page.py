@@ -1,6 +1,7 @@
 """docs/accuracy_posterior.md from the scores."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,8 +9,12 @@ from benchmarks.measure import machine, table
 from benchmarks.posterior.accuracy import Bin, Found, reliability
 from benchmarks.posterior.oracle import Limit
 from benchmarks.posterior.score import Scores, together, wilson
+from benchmarks.posterior.worlds import KINDS
 
 EDGES = np.array([0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98, 1.0 + 1e-9])
+
+GATES = (0.0, 0.15, 0.3, 0.5, 2.0)
+"""Bounds of the gate's time [samples] by which the reaches drawn at random are grouped."""
 
 TARGETS: tuple[tuple[str, str, Callable[[Scores], bool]], ...] = (
     ("answered", ">= 90 %", lambda s: bool(s.answered.mean() >= 0.9)),
@@ -58,7 +63,13 @@ def bins_of(found: list[Found]) -> dict[str, list[Bin]]:
     return lines
 
 
-def page(found: list[Found], known: list[Limit], head: str, tail: str) -> str:
+def placed(s: Scores) -> list[str]:
+    """How often the travel time is in its band, and the band's width."""
+    known = int(s.known.sum())
+    return [share(int(s.in_band[s.known].sum()), known), f"{np.nanmedian(s.band):.2f}"]
+
+
+def page(found: list[Found], drawn: list[Found], known: list[Limit], head: str, tail: str) -> str:
     """The whole page."""
     by_truth = groups(found)
     head_row = ["", "days", *(f"{what} [%], {aim}" for what, aim, _ in TARGETS)]
@@ -71,14 +82,30 @@ def page(found: list[Found], known: list[Limit], head: str, tail: str) -> str:
     for kind, what in (("development", "Worlds the constants were chosen on, seeds that were not"),
                        ("proof", "Worlds that took no part")):  # fmt: skip
         rows = [
-            [f.name, f"{f.sample_time:g}", *numbers(f.matched),
-             share(int(f.matched.in_band[f.matched.known].sum()), int(f.matched.known.sum())),
-             f"{np.nanmedian(f.matched.band):.2f}"]
-            for f in found if f.kind == kind
-        ]  # fmt: skip
+            [f.name, f"{f.sample_time:g}", *numbers(f.matched), *placed(f.matched)]
+            for f in found
+            if f.kind == kind
+        ]
         text += f"{what} [%]:\n\n" + table(short, rows) + "\n"
+    text += drawn_section(drawn, short[2:])
     text += reliability_section(found) + null_section(found)
     return text + limit_section(known) + speed_section(found) + tail
+
+
+def drawn_section(drawn: list[Found], head: list[str]) -> str:
+    """Reaches drawn at random, by the time that their gates need."""
+    gates = [KINDS[f.kind][f.name].changes["channel"]["gate_time"] / f.sample_time for f in drawn]
+    rows = []
+    for low, high in pairwise(GATES):
+        parts = [f.matched for f, gate in zip(drawn, gates, strict=True) if low <= gate < high]
+        if parts:
+            s = together(parts)
+            rows.append([f"{low:g} to {high:g}", str(len(parts)), *numbers(s), *placed(s)])
+    return (
+        f"{len(drawn)} reaches drawn at random, none of which took part, by the time that a gate needs [%]:\n\n"
+        + table(["gate [samples]", "reaches", *head], rows)
+        + "\n"
+    )
 
 
 def verdict(by_truth: dict[str, Scores]) -> str:

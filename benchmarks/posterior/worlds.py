@@ -171,7 +171,46 @@ PROOF = {
            "level": {"noise": 0.003, "quantum": 0.005}},
     ),
 }  # fmt: skip
-KINDS = {"development": DEVELOPMENT, "proof": PROOF}
+N_DRAWN = 40
+"""Reaches drawn at random, of each kind."""
+
+
+def drawn(number: int) -> Recipe:
+    """A hydraulic or uneven reach drawn at random, the same for the same number.
+
+    Sample time, gate time, width, depth, slope, roughness, gauge and weather are drawn apart from one another;
+    lengths are those of 2 to 13 samples of travel, flows and gains follow the width.
+    """
+    rng = np.random.default_rng([777, number])
+    uneven = bool(rng.random() < 0.5)
+    T_s = float(rng.choice([45, 60, 75, 90, 105, 120, 133, 150, 165, 180, 200, 220, 240, 260]))
+    width, depth = rng.uniform(55.0, 130.0), rng.uniform(4.3, 6.8)
+    wide, step = width / 81.6, T_s * np.sqrt(9.81 * 0.85 * depth) + T_s  # the way of a wave in a sample
+    gain = -16.0 * T_s / 133.0 * wide
+    channel = {
+        "slope": rng.uniform(1e-4, 3e-4), "manning": rng.uniform(0.021, 0.035),
+        "bed_level": 129.3 - depth, "gate_time": float(rng.choice([0, 10, 20, 30, 45, 60, 75])),
+    }  # fmt: skip
+    if uneven:
+        modes = {"width_modes": rng.normal(0.0, 0.08, 3), "bed_modes": rng.normal(0.0, 0.2, 2),
+                 "manning_modes": rng.normal(0.0, 0.08, 2)}  # fmt: skip
+        channel |= {key: a.tolist() for key, a in modes.items()} | {"side_slope": rng.uniform(0.0, 2.5)}
+    return Recipe(
+        "uneven" if uneven else "hydraulic", (2.27 * step, 12.3 * step), (gain, 1.8 * gain),
+        _sampled(T_s)
+        | {"reach": {"sample_time": T_s, "width": width, "depth": depth}, "channel": channel,
+           "flow": {"mean": 285.0 * wide * rng.uniform(0.75, 1.2), "lowest": 100.0 * wide, "highest": 600.0 * wide},
+           "level": {"noise": 10.0 ** rng.uniform(-3.0, -2.1), "quantum": float(rng.choice([0.001, 0.005, 0.01]))},
+           "weather": {"inflow": rng.uniform(0.5, 4.0), "memory": float(rng.choice([7200, 21600, 43200])),
+                       "place": float(rng.choice([0.3, 0.6, 1.0]))}},
+    )  # fmt: skip
+
+
+KINDS = {
+    "development": DEVELOPMENT, "proof": PROOF,
+    "drawn development": {f"drawn {k}": drawn(k) for k in range(N_DRAWN)},
+    "drawn proof": {f"drawn {k}": drawn(k) for k in range(N_DRAWN, 2 * N_DRAWN)},
+}  # fmt: skip
 
 
 @lru_cache(maxsize=4)
@@ -208,7 +247,7 @@ def worlds(kind: str, seed: int, days: int) -> list[World]:
     Parameters
     ----------
     kind : str
-        "development" or "proof": what is chosen may look at the first only.
+        One of :data:`KINDS`: what is chosen may look at those of development only.
     seed : int
     days : int
         Of each world; fewer than a few dozen do not cover all delays.
