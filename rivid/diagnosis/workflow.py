@@ -528,11 +528,12 @@ class _Search:
                 found.append(replace(model, effects=(*model.effects[:-1], other)))
         return found
 
-    def _refitted(self, one: Explanation, model: Model, steps: int) -> Explanation | None:
-        """An explanation fitted again from a model, with columns about it; None where it carries no flows."""
+    def _refitted(self, one: Explanation, near: Explanation, steps: int) -> Explanation | None:
+        """An explanation fitted again from the response of one near by; None where it carries no flows."""
+        model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
-                model, self.record, self.opened, unknown=one.unknown, log_prior=one.log_prior,
+                model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
                 steps=steps, fresh=2,
             )  # fmt: skip
@@ -549,7 +550,7 @@ class _Search:
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
         self.report(0.05, f"refitting with {lead.added.name}")
-        best = self._polished(lead, lead.model)
+        best = self._polished(lead, lead)
         least = 2.0 * self.score(lead) - self.score(best) - LEAST
         rivals: dict[tuple[str, ...], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
@@ -559,14 +560,14 @@ class _Search:
                 rivals[one.names] = one
         for one in rivals.values():
             if alike := _alike(one, lead, self.classes):
-                one = self._polished(one, replace(one.model, reach=best.model.reach))
+                one = self._polished(one, best)
             if alike or self.score(one) > least:
-                self._polished(one, one.model)
+                self._polished(one, one)
         return self.lead()
 
-    def _polished(self, one: Explanation, model: Model) -> Explanation:
-        """An explanation fitted on from a model, where that is better."""
-        more = self._refitted(one, model, steps=6)
+    def _polished(self, one: Explanation, near: Explanation) -> Explanation:
+        """An explanation fitted on from the response of one near by, where that is better."""
+        more = self._refitted(one, near, steps=6)
         if more is None or self.score(more) <= self.score(one):
             return one
         if id(one) in self.grown:
@@ -583,7 +584,7 @@ class _Search:
         if self.score(lead) < self.score(parent) + LEAST:
             return parent
         self.report(0.05, "refitting without the effect that leads")
-        one = self._refitted(parent, replace(parent.model, reach=lead.model.reach), steps=8)
+        one = self._refitted(parent, lead, steps=8)
         if one is None or self.score(one) < self.score(parent) + LEAST:
             return parent
         for i, child in enumerate(self.pool):
