@@ -482,11 +482,9 @@ def with_events(
             seen, noise.whiten, kind, record.sample_time, lead=record.lead, follows=follows,
             refine=turn == CODINGS - 1,
         )  # fmt: skip
-        if found.gain < LEAST_EVENTS:
+        if found.gain < LEAST_EVENTS or not plausible(found):  # no refinement makes them so
             return None
     assert found is not None
-    if not plausible(found):  # of one duration, as at first, alike releases of two have unlike sizes
-        return None
     return fitted(
         parent.model, record, opened, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),
