@@ -384,7 +384,8 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     found = []
     slow = rhythm(w, used, record.time)
     if slow is not None:
-        found.append(f"a rhythm with a period of {slow[0] / HOUR:.3g} h (to {slow[1] / HOUR:.2g} h)")
+        hours, to = slow.period / HOUR, slow.resolution / HOUR
+        found.append(f"a rhythm with a period of {hours:.3g} h (to {to:.2g} h)")
     many = used.sum(axis=1) >= FEWEST
     days = many & (last.weights > 0.0) if (many & (last.weights > 0.0)).any() else np.ones_like(many)
     period, ratio, limit, _ = spectrum(
@@ -401,7 +402,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
     if not found:
         return None
     size = float(np.sqrt(np.mean(w[used] ** 2)))
-    length = slow[0] if slow is not None else period if swing else None
+    length = slow.period if slow is not None else period if swing else None
     return Unknown(Where(dates=dates), size, tuple(found), length)
 
 

@@ -5,7 +5,7 @@ bootstrap: days of independent normal numbers with the same samples missing and 
 a segment, and their periodograms are averaged: the phase of a seiche is not kept from day to day.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,8 +109,16 @@ HARMONICS = range(2, 13)
 twelve."""
 
 
-def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> tuple[float, float] | None:
-    """Period of the strongest line of a whole record, and its resolution [s]; None without a line.
+class Rhythm(NamedTuple):
+    """A line of a whole record."""
+
+    period: float  # [s]
+    resolution: float  # periods so far apart are half a cycle apart at the end of the record [s]
+    many: float  # periods that the record separates
+
+
+def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None:
+    """The strongest line of a whole record; None without a line.
 
     Parameters
     ----------
@@ -119,12 +127,6 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> tuple[float, 
         Samples that count; of samples that come twice, as in lead times, one may.
     time : array_like, shape (days, n)
         Of the samples, on one clock [s].
-
-    Returns
-    -------
-    period, resolution : float
-        The true period lies within the resolution on either side: periods so far apart are half a cycle
-        apart at the end of the record.
 
     Notes
     -----
@@ -163,8 +165,10 @@ def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> tuple[float, 
         near = abs(frequency - found / times) <= 1.0 / (2.0 * m * BIN)
         if (ratio[near] > limit).any():
             best = int(np.argmax(np.where(near, ratio, 0.0)))
-    period = float(1.0 / frequency[best])
-    return period, period**2 / (2.0 * m * BIN)
+    low, top, high = np.log(powers[0][np.clip([best - 1, best, best + 1], 0, len(frequency) - 1)])
+    between = 0.5 * (low - high) / min(low - 2.0 * top + high, -1e-9)  # the top of a parabola, as of a line
+    period = float(1.0 / (frequency[best] + np.clip(between, -0.5, 0.5) / (2.0 * m * BIN)))
+    return Rhythm(period, period**2 / (2.0 * m * BIN), m * BIN / SHORTEST)
 
 
 def _unit(r: NDArray[Any], there: NDArray[Any]) -> NDArray[Any]:

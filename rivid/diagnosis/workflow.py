@@ -34,10 +34,11 @@ from rivid.diagnosis.search import (
     with_events,
     with_noise,
 )
+from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
-from rivid.effects.flow import DailyFlow
+from rivid.effects.flow import RecurringFlow
 from rivid.errors import RividError
-from rivid.types import Floats
+from rivid.types import DAY, HOUR, Floats
 
 MOST_EFFECTS = 3
 FEWEST_DAYS = 15
@@ -347,7 +348,7 @@ class _Search:
             if (c.effect.name not in taken or c.effect.repeatable) and taken.isdisjoint(c.effect.twins)
         ]  # fmt: skip
         if not parent.unknown and parent.bonus is None:
-            self._with_daily(parent, found)
+            self._with_recurring(parent, found)
         tried = _worth_trying(found)
         deepest = self._deepened(parent, library, tried)
         for one in tried:
@@ -365,15 +366,23 @@ class _Search:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 self._grow(parent, library, name, events)
 
-    def _with_daily(self, parent: Explanation, found: Sequence[Candidate]) -> None:
-        """Add an unknown flow that returns every day: in the season, and in the best candidates' windows."""
-        self.report(0.05, "an unknown daily flow")
+    def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
+        """Add an unknown flow that returns every day, in the season and in the best candidates' windows, and
+        one with the period of what is left."""
+        self.report(0.05, "an unknown flow that returns")
         windows: dict[tuple[dt.date, dt.date] | None, float] = {None: 0.0}
         for candidate in found[:WINDOWS]:
             windows.setdefault(candidate.effect.dates, candidate.log_prior)
-        prior = parent.log_prior + self.log_prior(2) - self.log_prior(0)  # the flow, and the shape of its day
-        for dates, price in windows.items():
-            effect = replace(DailyFlow(waves=(0.0,) * 6), dates=dates)
+        daily = RecurringFlow(waves=(0.0,) * 6)
+        flows: list[tuple[Effect, float]] = [(replace(daily, dates=d), price) for d, price in windows.items()]
+        counted = self.record.used & self.opened[:, None]
+        seen = np.where(counted, parent.residual, np.nan)
+        left = parent.noise.smooth(seen, self.record.activity).inflow
+        slow = rhythm(left, counted, self.record.time)
+        if slow is not None and not any(abs(slow.period - DAY / k) <= slow.resolution for k in (1, 2, 3)):
+            flows.append((replace(daily, period=slow.period / HOUR), -float(np.log(slow.many))))
+        prior = parent.log_prior + self.log_prior(2) - self.log_prior(0)  # the flow, and its shape
+        for effect, price in flows:
             model = replace(
                 parent.model, noise_kind="flow", effects=(*parent.model.effects, effect),
                 free=(*parent.model.free, ("waves",)),

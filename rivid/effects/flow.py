@@ -165,25 +165,26 @@ class DiurnalInflow(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DailyFlow(Effect):
-    """An unknown flow that returns every day, by its waves of 24, 12 and 8 h.
+class RecurringFlow(Effect):
+    """An unknown flow that returns with a period, by its waves of the period, a half and a third of it.
 
     It has no name: the diagnosis holds it against the effects that have one.
     """
 
     name = ""
     family = "flow"
-    sentence = "A flow that returns every day."
-    looks = "A wave of 24 h of any shape in what the logs do not explain."
+    sentence = "A flow that returns every day, or with another period."
+    looks = "A wave of any shape and one period in what the logs do not explain."
 
     waves: tuple[float, ...] = quantity(
-        (20.0,) * 6, "m3/s", -1e5, 1e5, "cosine and sine of each wave over the hour of the day", many=True
+        (20.0,) * 6, "m3/s", -1e5, 1e5, "cosine and sine of each wave over the time since midnight", many=True
     )
+    period: float = quantity(24.0, "h", 0.0, 1e5, "of the longest wave")
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
         for k, (a, b) in enumerate(zip(self.waves[::2], self.waves[1::2], strict=True), 1):
-            angle = 2.0 * np.pi * k * world.time / DAY
+            angle = 2.0 * np.pi * k * world.time / (HOUR * self.period)
             flow += a * np.cos(angle) + b * np.sin(angle)
         return Changes(added=(AddedFlow(0.5, flow * self.active(world)),))
 

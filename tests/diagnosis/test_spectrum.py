@@ -95,19 +95,23 @@ def colored(seed):
 
 
 @pytest.mark.parametrize("hours", [3.0, 6.21, 12.42, 24.0])
-def test_a_rhythm_is_found_within_its_resolution(hours):
-    for seed in range(4):
+@sizes("seeds", 4, 40)
+def test_a_rhythm_is_found_well_within_its_resolution(hours, seeds):
+    off = []
+    for seed in range(seeds):
         series, used = colored(seed)
         found = rhythm(series + 5.0 * np.cos(2.0 * np.pi * RECORD / (3600.0 * hours) + seed), used, RECORD)
         assert found is not None
-        assert abs(found[0] - 3600.0 * hours) <= found[1] < 0.03 * hours * 3600.0
+        assert found.resolution < 0.03 * hours * 3600.0
+        off.append(abs(found.period - 3600.0 * hours) / found.resolution)
+    assert np.median(off) < 0.1 and max(off) < 0.5
 
 
 def test_a_rhythm_of_short_pulses_is_that_of_its_fundamental():
     series, used = colored(3)
     pulses = 40.0 * (np.mod(RECORD, 86_400.0) < 7200.0)
-    period, resolution = rhythm(series + pulses, used, RECORD)
-    assert period == pytest.approx(86_400.0, abs=resolution)
+    found = rhythm(series + pulses, used, RECORD)
+    assert found.period == pytest.approx(86_400.0, abs=found.resolution)
 
 
 @sizes("seasons", 30, 300)

@@ -10,6 +10,7 @@ from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.search import with_effect
 from rivid.diagnosis.workflow import _alike, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
+from rivid.effects.flow import RecurringFlow
 from rivid.errors import RividError
 from tests.diagnosis import pools
 from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained
@@ -118,6 +119,14 @@ def test_a_cause_that_is_in_no_library_gets_no_name():
     assert best.unknown == "flow" and best.gain > 20.0 and best.probability > 0.5
     assert result.unknown.size_m3s == pytest.approx(40.0 / np.sqrt(2.0), rel=0.3)
     assert result.next_measurement == USUAL["flow"]
+
+
+def test_a_flow_that_returns_with_a_period_of_its_own_is_unknown_with_that_period():
+    hidden = RecurringFlow(waves=(8.0, 0.0, 3.0, 0.0, 0.0, 0.0), period=7.3)
+    result, _ = answer(season(hidden), "diurnal_inflow", "lateral_inflow")
+    assert result.verdict == "unknown" and not result.effects, result.reason
+    assert "a rhythm with a period of 7.3 h" in result.reason
+    assert result.ranking[0].unknown == "flow" and result.ranking[0].probability > 0.9
 
 
 def test_a_daily_wave_is_not_called_a_release_where_no_daily_wave_may_be_named():

@@ -5,13 +5,13 @@ import pytest
 
 from rivid.effects import effect_classes
 from rivid.effects.flow import (
-    DailyFlow,
     DiurnalInflow,
     GateHeadEffect,
     InflowGainError,
     LateralInflow,
     Leakage,
     OutflowGainError,
+    RecurringFlow,
     SideStorage,
     StorageAreaSlope,
 )
@@ -97,10 +97,11 @@ def test_windows_and_values_that_do_not_fit_are_refused():
         StorageAreaSlope(dates=DATES)
 
 
-def test_an_unknown_daily_flow_is_any_sum_of_three_waves_and_has_no_name():
+@pytest.mark.parametrize("hours", [24.0, 7.3])
+def test_an_unknown_flow_that_returns_is_any_sum_of_three_waves_and_has_no_name(hours):
     here = world(days=2)
-    (one,) = DailyFlow(waves=(3.0, 4.0, 0.0, 2.0, 1.0, 0.0)).changes(here).added
-    turn = 2 * np.pi * here.time / 86_400
+    (one,) = RecurringFlow(waves=(3.0, 4.0, 0.0, 2.0, 1.0, 0.0), period=hours).changes(here).added
+    turn = 2 * np.pi * here.time / (3600.0 * hours)
     slow = 3 * np.cos(turn) + 4 * np.sin(turn) + 2 * np.sin(2 * turn) + np.cos(3 * turn)
     assert one.flow == pytest.approx(slow, abs=1e-12)
-    assert DailyFlow.name == "" and DailyFlow not in effect_classes().values()
+    assert RecurringFlow.name == "" and RecurringFlow not in effect_classes().values()
