@@ -5,6 +5,7 @@ error that counts; and, until the exam has calibrated them, the exponent of the 
 fronts.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -269,7 +270,7 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
-        if one.added is None and (self.excess(parent) or self.large(one) or self._daily(one, parent)):
+        if one.added is None and (self.excess(parent) or self.large(one) or self._returns(one, parent)):
             return names, one.unknown
         if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
@@ -279,26 +280,25 @@ class Study:
         if self._adds(one, one.added, parent):
             names = (*names, one.added.name)
         # An effect may count only beside the others, which bent the response while they were missing.
-        sought = (e for e in one.effects if e.found_as not in LEVEL_NOISES and e not in self.start)
-        for effect in sought:
-            if effect.name not in ("", *names) and effect is not one.added:
-                less = self._less(one, effect)
-                if less is not None and self._adds(one, effect, less):
-                    names = (*names, effect.name)
+        for effect in one.effects:
+            known = effect.name in ("", *names) or effect is one.added or effect in self.start
+            if not known and not effect.found_as and self._adds(one, effect, self._less(one, effect)):
+                names = (*names, effect.name)
         return names, unknown
 
-    def _less(self, one: Explanation, effect: Effect) -> Explanation | None:
-        """The best explanation with the names of `one` but that of an effect, and what is unknown in it."""
-        names = sorted(one.names)
-        names.remove(effect.name)
-        able = [o for o in self.pool if sorted(o.names) == names and o.unknown == one.unknown]
-        return max(able, key=self.score, default=None)
+    def _less(self, one: Explanation, effect: Effect) -> Explanation:
+        """The best explanation without an effect of `one`, by its other effects or some of them."""
+        others = Counter(one.names) - Counter([effect.name])
+        able = (o for o in self.pool if Counter(o.names) <= others and o.unknown in ("", one.unknown))
+        return max(able, key=self.score, default=self.first)
 
     def _adds(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
         """Whether an effect of an explanation is material, beside one without it."""
         if effect.found_as == "swing":
             return self._swings(one)
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
+        if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
+            return False
         if made is not None and one.errors is not None:
             # Without it its squares would be added. The errors of a run without it may be less all the same:
             # operators answer what the weather does, and the logged outflow foretells the level.
@@ -311,8 +311,8 @@ class Study:
             return False
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
 
-    def _daily(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether an unknown flow that returns every day makes a share of the error that counts."""
+    def _returns(self, one: Explanation, parent: Explanation) -> bool:
+        """Whether an unknown flow that returns makes a share of the error that counts."""
         if len(one.model.effects) == len(parent.model.effects):
             return False
         dates, record = one.model.effects[-1].dates, self.record

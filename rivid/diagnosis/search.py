@@ -68,7 +68,7 @@ class Library:
         columns: list[Any] = []
         world = record.world(model.level, model.flow)
         for effect in able:
-            for trial in effect.trials(record.sample_time):
+            for trial in effect.trials_in(world):
                 try:
                     if key := trial.hourly:
                         if key not in hourly:

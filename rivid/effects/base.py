@@ -344,6 +344,11 @@ class Effect(ABC):
         return [Trial(cls.name, "usual size", (cls(),), (1.0,), make, free)]
 
     @classmethod
+    def trials_in(cls, world: World) -> list[Trial]:
+        """The trials for a record; those of its sample time unless its flows matter too."""
+        return cls.trials(world.sample_time)
+
+    @classmethod
     def linear_trial(
         cls, key: str, unit: float, *, dates: Dates = "all", sign: int = 0, **fixed: Any
     ) -> Trial:

@@ -39,8 +39,10 @@ class FlowDependentDelay(Effect):
     )
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.linear_trial("delay", sign * 0.5, sign=sign) for sign in (-1, 1)]
+    def trials_in(cls, world: World) -> list[Trial]:
+        swing = max(float(np.quantile(np.abs(world.inflow - world.flow), 0.9)), 1e-9)
+        late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
+        return [cls.trial_at("delay", samples * world.sample_time / swing) for samples in late]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())
