@@ -122,10 +122,11 @@ def _loss(one: Explanation, other: Explanation, share: Floats) -> float:
     """Share of the squared error by which a horizon may grow: by as much as another one falls.
 
     Operators answer what is unlogged, so that the logged outflow foretells the level a day ahead: a response
-    that is bent to them forecasts better there than the true one with the true effect. Events are timed by
-    the day and have no such excuse.
+    that is bent to them forecasts better there than the true one with the true effect. Rivers have no
+    operators, and events are timed by the day: neither has such an excuse.
     """
-    return 0.0 if len(one.events) > len(other.events) else max(float(share.max()), 0.0)
+    excused = one.noise.surface_area is not None and len(one.events) <= len(other.events)
+    return max(float(share.max()), 0.0) if excused else 0.0
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
