@@ -71,8 +71,9 @@ def test_a_horizon_may_grow_worse_by_as_much_as_another_falls(loss, excused):
         removes = np.where(np.arange(4) == horizon, -loss, MUCH)
         one = explained("leakage", removes=removes, parent=nothing)
         assert material(one, nothing) == (horizon == 0 or excused)
-        timed = replace(one, events=(None,))  # timed by the day: no horizon may grow
-        assert material(timed, nothing) == (horizon == 0)
+        timed = replace(one, events=(None,))  # by the day: no horizon may grow, nor on a river
+        river = replace(one, noise=replace(LOUD, surface_area=None))
+        assert material(timed, nothing) == material(river, nothing) == (horizon == 0)
 
 
 def test_a_horizon_that_grows_in_the_only_block_is_no_objection():
