@@ -157,7 +157,7 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     tests = len(share)  # the density, and all horizons but the first
     wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
     unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
-    return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
+    return bool(unlikely or (share + wide * draws.std(axis=0) < -_loss(one, other, share))[1:].any())
 
 
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:

@@ -121,8 +121,9 @@ def test_days_contradict_by_density_or_by_error_beyond_their_scatter():
     nothing = explained()
     assert not worse_on(explained("leakage", 1.0, 0.1, parent=nothing), nothing, SPLIT.sealed, BLOCK)
     assert worse_on(explained("leakage", -1.0, 0.1, parent=nothing), nothing, SPLIT.sealed, BLOCK)
-    worse = explained("leakage", 1.0, [0.1, 0.1, 0.1, -0.1], parent=nothing)
-    assert worse_on(worse, nothing, SPLIT.sealed, BLOCK)
+    for loss, contradicted in ((-0.05, False), (-0.2, True)):  # less, or more, than another falls
+        worse = explained("leakage", 1.0, [0.1, 0.1, 0.1, loss], parent=nothing)
+        assert worse_on(worse, nothing, SPLIT.sealed, BLOCK) == contradicted
     mixed = explained("leakage", -0.1, 0.1, parent=nothing)
     mixed.density[BLOCK == BLOCK[SPLIT.sealed][0]] += 3.0  # one block of sealed days for it, the rest against
     assert not worse_on(mixed, nothing, SPLIT.sealed, BLOCK)
