@@ -151,9 +151,9 @@ def candidates(logs: Logs) -> dict[str, Any]:
     record, settings = record_of(logs), logs.settings
     model = Model(response_of(settings, record), None, record.usual_output, record.usual_flow, 0.0)
     base = fitted(model, record, np.ones(record.days, bool), steps=1)
-    classes, count = {}, 0
+    classes, count, world = {}, 0, record.world()
     for name, effect in library_of(settings).items():
-        trials = [trial for trial in effect.trials(record.sample_time) if not trial.hourly]
+        trials = [trial for trial in effect.trials(world) if not trial.hourly]
         if trials and count < CANDIDATES:
             classes[name], count = effect, count + sum(len(trial.effects) for trial in trials)
     began = time.perf_counter()

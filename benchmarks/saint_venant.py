@@ -108,7 +108,7 @@ def shared() -> str:
     record = record_of(logs)
     response = response_of(logs.settings, record)
     world = record.world(record.usual_output, record.usual_flow)
-    trials = [one for effect in effect_classes(None).values() for one in effect.trials(T_S)]
+    trials = [one for effect in effect_classes(None).values() for one in effect.trials(world)]
     effects = [effect for trial in trials if not trial.hourly for effect in trial.effects][:30]
 
     def nudged() -> None:

@@ -108,25 +108,14 @@ def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Int
     """Whether an explanation removes enough of another one's error, and makes no horizon worse.
 
     Enough is :data:`MATERIAL` at one horizon, and more than nothing there in all but :data:`DOUBT` of the
-    draws; worse is an error of an hour or more ahead that grows in all but as many, see :func:`_loss`. A
-    single block has no scatter: what grows there may be the weather of its days.
+    draws; worse is an error of an hour or more ahead that grows in all but as many. A single block has no
+    scatter: what grows there may be the weather of its days.
     """
     share, draws = shares(one, other, chosen, blocks)
     sure = np.quantile(draws, DOUBT, axis=0) > 0.0
-    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -_loss(one, other, share)
+    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0
     several = len(np.unique(blocks[chosen])) > 1
     return bool(((share >= MATERIAL) & sure).any() and not (several and worse.any()))
-
-
-def _loss(one: Explanation, other: Explanation, share: Floats) -> float:
-    """Share of the squared error by which a horizon may grow: by as much as another one falls.
-
-    Operators answer what is unlogged, so that the logged outflow foretells the level a day ahead: a response
-    that is bent to them forecasts better there than the true one with the true effect. Rivers have no
-    operators, and events are timed by the day: neither has such an excuse.
-    """
-    excused = one.noise.surface_area is not None and len(one.events) <= len(other.events)
-    return max(float(share.max()), 0.0) if excused else 0.0
 
 
 def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -136,9 +125,8 @@ def harmless(one: Explanation, first: Explanation, chosen: Bools, blocks: Ints) 
     """
     if not one.names or one is first:
         return True
-    share, draws = shares(as_volume(one, first), first, chosen, blocks)
-    loss = max(MATERIAL, _loss(one, first, share))
-    return not bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -loss).any())
+    _, draws = shares(as_volume(one, first), first, chosen, blocks)
+    return not bool((np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL).any())
 
 
 def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> bool:
@@ -157,7 +145,7 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     tests = len(share)  # the density, and all horizons but the first
     wide = float(t.ppf(1.0 - DOUBT / tests, many - 1)) * np.sqrt((many + 1.0) / (many - 1.0))
     unlikely = gain.mean() + wide * gain.std() / np.sqrt(many + 1.0) < 0.0
-    return bool(unlikely or (share + wide * draws.std(axis=0) < -_loss(one, other, share))[1:].any())
+    return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:

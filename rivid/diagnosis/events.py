@@ -3,9 +3,8 @@
 All events of a kind have one duration, or one recession, from a grid; each has its own start and size. An
 event must gain its price, some 12 nats: about the logarithm of the number of starts, sizes and durations it
 could have had, so that noise alone gives none. Events under way at midnight are carried into the next day.
-Pulses less than half their duration apart may come back as one longer pulse. Then the duration is refined
-between the values of the grid, starts are moved between the samples, and pulses may have two durations, or
-one each.
+Then the duration is refined between the values of the grid, starts are moved between the samples, and pulses
+may have two durations, or one each.
 
 The response of the output to a unit step of flow that starts at sample s is h_{t-s}. Whitening W is linear,
 so one whitened step for each start gives every atom without whitening again:
@@ -45,10 +44,7 @@ LASTS = 2.5
 """Recessions over which rain is carried from day to day; after them 8 % of its peak flow is left."""
 
 APART = 2.0
-"""Samples between the starts of two recessions, at least: one starts between two samples."""
-
-OVERLAP = 0.5
-"""Least distance of the starts of two pulses, in durations: closer ones are as well one longer pulse."""
+"""Samples between the starts of two events, at least: one starts between two samples."""
 
 PATTERNS = 2
 """Patterns of missing samples with cached atoms, beside the usual pattern, which most days have."""
@@ -268,14 +264,14 @@ class Rows:
         c = self.products[d]
         if shape == "recession":
             c = steps.W @ self.white[d]
-        apart = {"pulse": np.maximum(OVERLAP * durations, SHORTEST), "recession": APART + 0.0 * durations}
+        apart = float(EDGE) if shape == "jump" else APART
         lasts = durations if pulse else np.full(len(durations), np.inf)
         low = np.maximum(before - np.ceil(durations).astype(np.int64) + 1, 0)
         best = -np.inf
         while True:
             tried, likelier = pursue(
-                steps, c, lasts, unit, low, apart.get(shape, EDGE + 0.0 * durations), self.kind.sign,
-                self._price_in(form), self.most, float(self.weights[d]), carried, timed, form.ends,
+                steps, c, lasts, unit, low, apart, self.kind.sign, self._price_in(form), self.most,
+                float(self.weights[d]), carried, timed, form.ends,
             )  # fmt: skip
             early = [e for e in tried[len(old) :].tolist() if goes_on and 0.0 <= e[0] - before + day < n]
             there = [self._gain(found, d - 1, e[0] - before + day, e[1:3]) for e in early]

@@ -246,7 +246,7 @@ def _rest(rows: Rows, K: int, c: Floats, x: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _best(
-    x: Floats, durations: Floats, unit: Floats, apart: Floats, sign: int, rows: Rows, K: int, without: int,
+    x: Floats, durations: Floats, unit: Floats, apart: float, sign: int, rows: Rows, K: int, without: int,
     refused: Bools, low: Ints, high: int,
 ) -> tuple[float, int, int]:  # fmt: skip
     """Root of twice the gain of the best atom from `low` to before `high`, its start and which duration.
@@ -268,8 +268,8 @@ def _best(
         near[first:high] = refused[i, first:high]
         for k in range(K):
             if k != without:
-                a = max(int(np.ceil(rows.at[k] - apart[i] + 1e-9)), first)
-                near[a : max(min(int(np.ceil(rows.at[k] + apart[i] - 1e-9)), high), a)] = True
+                a = max(int(np.ceil(rows.at[k] - apart + 1e-9)), first)
+                near[a : max(min(int(np.ceil(rows.at[k] + apart - 1e-9)), high), a)] = True
         for s in range(first, high):
             if near[s] or unit[i, s] == 0.0:
                 continue
@@ -432,7 +432,7 @@ def _dropped(
 
 @njit(cache=True, error_model="numpy")
 def pursue(
-    steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: Floats, sign: int,
+    steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: float, sign: int,
     price: float, most: int, weight: float, carried: Floats, timed: int, ends: bool,
 ) -> tuple[Floats, float]:  # fmt: skip
     """Events of a whitened row, those carried from the row before first.
@@ -448,7 +448,7 @@ def pursue(
         1 over the norms of the atoms; 0 is never chosen.
     low : ndarray of int, shape (L,)
         First start to consider.
-    apart : ndarray, shape (L,)
+    apart : float
         Least distance of two starts [samples].
     sign : {-1, 0, 1}
         Of all sizes; 0 is either.

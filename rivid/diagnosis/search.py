@@ -68,7 +68,7 @@ class Library:
         columns: list[Any] = []
         world = record.world(model.level, model.flow)
         for effect in able:
-            for trial in effect.trials_in(world):
+            for trial in effect.trials(world):
                 try:
                     if key := trial.hourly:
                         if key not in hourly:

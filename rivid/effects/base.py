@@ -318,14 +318,8 @@ class Effect(ABC):
         return on
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        """Trials of the diagnosis; unless a class defines others, the effect at its usual size.
-
-        Parameters
-        ----------
-        sample_time : float
-            T_s [s]; clocks are tried at its multiples.
-        """
+    def trials(cls, world: World) -> list[Trial]:
+        """Trials in a record's diagnosis; unless a class defines others, the effect at its usual size."""
         dates, sign = cls.trial_dates, cls.trial_sign
         tried = [cls.linear_trial(k, at, dates=dates, sign=sign) for k, at in cls.linear_trials.items()]
         tried += [cls.trial_at(k, at, dates=dates) for k, sizes in cls.sized_trials.items() for at in sizes]
@@ -342,11 +336,6 @@ class Effect(ABC):
             return cls(**values)
 
         return [Trial(cls.name, "usual size", (cls(),), (1.0,), make, free)]
-
-    @classmethod
-    def trials_in(cls, world: World) -> list[Trial]:
-        """The trials for a record; those of its sample time unless its flows matter too."""
-        return cls.trials(world.sample_time)
 
     @classmethod
     def linear_trial(

@@ -121,8 +121,8 @@ class LateralInflow(Effect):
         spread_over_dates(self, "inflow")
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [replace(one, free=(*one.free, "place")) for one in super().trials(sample_time)]
+    def trials(cls, world: World) -> list[Trial]:
+        return [replace(one, free=(*one.free, "place")) for one in super().trials(world)]
 
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
@@ -146,7 +146,7 @@ class DiurnalInflow(Effect):
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         def make(c: Floats) -> Effect:
             hour = float(np.mod(np.arctan2(c[1], c[0]) * 24.0 / (2.0 * np.pi), 24.0))
             return cls(amplitude=cls.clipped("amplitude", float(np.hypot(*c))), hour=hour)
@@ -228,7 +228,7 @@ class RainInflow(Effect):
         return cls(starts=tuple(starts), peak=tuple(sizes), rise=0.1, recession=duration)
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         return []
 
     def events(self, world: World) -> list[dict[str, float]]:
@@ -289,7 +289,7 @@ class UnloggedUpstreamRelease(Effect):
         spread_over_dates(self, "size")
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         return [cls.linear_trial("size", 10.0, dates="between", sign=1), cls.hourly_trial("up")]
 
     def changes(self, world: World) -> Changes:
@@ -332,7 +332,7 @@ class UnloggedDownstreamRelease(Effect):
         return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         return [cls.hourly_trial("down", per_day=0.0)]
 
     def events(self, world: World) -> list[dict[str, float]]:
@@ -398,7 +398,7 @@ class _GainError(Effect):
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real flow over logged flow, less 1")
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         hourly = [cls.linear_trial("error", 0.02, hours=hours) for hours in SHIFTS]
         return [cls.linear_trial("error", 0.02, dates="between"), *hourly]
 
@@ -506,7 +506,7 @@ class SideStorage(Effect):
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         return [
             cls.trial_at("area", area, also=("exchange",), exchange=exchange)
             for area in (1e5, 3e5)

@@ -143,7 +143,7 @@ class RatingShift(Effect):
     offset: float = quantity(0.0, "-", -0.1, 0.1, "what it reads too high always, over the usual discharge")
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         return [
             cls.linear_trial("error", 0.02, dates="between", offset=0.0),
             cls.linear_trial("offset", 0.01, dates="between", error=0.0),

@@ -39,7 +39,7 @@ class FlowDependentDelay(Effect):
     )
 
     @classmethod
-    def trials_in(cls, world: World) -> list[Trial]:
+    def trials(cls, world: World) -> list[Trial]:
         swing = max(float(np.quantile(np.abs(world.inflow - world.flow), 0.9)), 1e-9)
         late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
         return [cls.trial_at("delay", samples * world.sample_time / swing) for samples in late]
@@ -122,8 +122,10 @@ class ClockOffset(Effect):
     drift: float = quantity(0.0, "s/day", -3600.0, 3600.0, "what it gains a day from the first date on")
 
     @classmethod
-    def trials(cls, sample_time: float) -> list[Trial]:
-        return [cls.trial_at("offset", k * sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)]
+    def trials(cls, world: World) -> list[Trial]:
+        return [
+            cls.trial_at("offset", k * world.sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)
+        ]
 
     def changes(self, world: World) -> Changes:
         if self.drift == 0.0:

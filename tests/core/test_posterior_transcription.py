@@ -194,7 +194,8 @@ def test_probability_is_the_flattened_sum_over_all_models(days):
     result = posterior(u, y, o, s)
     weight, places, stores = slow_posterior(u[0], y[0], o[0], s)
     tenths = np.arange(10 * (s.d_min - GUARD) + 1, 10 * (s.d_max + GUARD + 1)) / 10
-    F = weight @ np.array([slow_below(tenths, x, st, s) for x, st in zip(places, stores, strict=True)])
+    each = {front: slow_below(tenths, *front, s) for front in set(zip(places, stores, strict=True))}
+    F = weight @ np.array([each[front] for front in zip(places, stores, strict=True)])
     below = dict(zip(tenths.round(1).tolist(), F.tolist(), strict=True))
     p = np.array([below[d + 1.0] - below[float(d)] for d in result.candidates])
     assert np.allclose(result.probability[0], p / p.sum(), atol=1e-4)
