@@ -74,12 +74,14 @@ def draw(times: TravelTimes, path: Path) -> None:
         kinematic = times.kinematic / T
         ends = f"{kinematic.max():.0f} samples at {times.flow[0]:.0f} m³/s"
         ends += f", {kinematic[-1]:.0f} at {times.flow[-1]:.0f}" if (kinematic < top).any() else ""
-        blue = {"color": style.WATER, "lw": 1.4}
-        lower.plot(times.flow, times.gravity / T, label="gravity wave, lower bound (5)", **blue)
+        blue = {"color": style.WATER}  # wide, since arrivals along the profile lie on it
+        lower.plot(
+            times.flow, times.gravity / T, label="gravity wave, lower bound (5)", lw=6, alpha=0.4, **blue
+        )
         lower.plot(times.flow, times.characteristic / T, color=style.INK, lw=1.8, label="along the profile")
         ring = {"color": style.ACCENT, "mfc": "none", "mew": 1.3}
         style.marks(lower, times.flow, times.simulated / T, "full equations", 5, marker="o", **ring)
-        lower.plot(times.flow, kinematic, ls="--", label=f"kinematic wave: {ends}", **blue)
+        lower.plot(times.flow, kinematic, ls="--", lw=1.4, label=f"kinematic wave: {ends}", **blue)
         lower.set_ylim(0, top)
         lower.set_xlabel("discharge [m³/s]")
         lower.set_ylabel(f"travel time [samples of {T:g} s]")
