@@ -152,6 +152,7 @@ class Model:
             limits |= {"inflow_sd": (0.0, WEATHER * flow), "inflow_memory": MEMORY}
         if self.noise_kind in ("plain", "wind"):
             limits["misfit"] = (0.0, MISFIT)
+        if self.noise_kind != "gauge":  # what is unlogged lasts, however large it is
             limits["walk_sd"] = (0.0, METER * flow * T / self.reach.surface_area)
         if self.noise_kind in ("plain", "flow") and self.gauge_floor > 0.0:
             limits["level_sd"] = (LASTING[0] * self.gauge_floor, LASTING[1] * self.gauge_floor)

@@ -517,8 +517,8 @@ def with_noise(
 ) -> Explanation | None:
     """An explanation with a noise of the level: wind in the filter, or a seiche outside it.
 
-    A seiche makes the weather short and the gauge rough, which hides it: it is sought as well in what the
-    parent with an unknown gauge (`latent`) leaves, and then carries its noise.
+    Wind begins at the parent with an unknown gauge (`latent`). A seiche makes the weather short and the gauge
+    rough, which hides it: it is sought as well in what that one leaves, and then carries its noise.
     """
     model, opened = parent.model, parent.weights > 0.0
     if effect.found_as == "swing":
@@ -540,8 +540,9 @@ def with_noise(
         )  # fmt: skip
     if model.noise_kind != "plain":
         return None
+    start = latent[0] if latent else parent
     windy = fitted(
-        replace(model, noise_kind="wind"), record, opened, start=parent, parent=parent,
+        replace(start.model, noise_kind="wind"), record, opened, start=start, parent=parent,
         unknown=parent.unknown, log_prior=log_prior, others=parent.others, events=parent.events, steps=3,
     )  # fmt: skip
     noise = windy.model.noise

@@ -228,13 +228,14 @@ class _Search:
         self._report(self._done, what)
         self._done += work * (1.0 - self._done)
 
-    def add(self, one: Explanation) -> Explanation:
-        """An explanation with its score, in the pool."""
+    def add(self, one: Explanation, counts: bool = True) -> Explanation:
+        """An explanation with its score, in the pool if it `counts`."""
         one = swung(one, self.record) or one
         if self.tails is None:
             self.tails = tails_of(one, self.record)
         one = scored(one, self.record, self.dealt.block, self.tails)
-        self.pool.append(one)
+        if counts:
+            self.pool.append(one)
         return one
 
     def begun(self) -> list[Explanation]:
@@ -674,14 +675,30 @@ class _Search:
         return max((parent, again), key=self.score), found
 
     def _latent(self, parent: Explanation, kind: Latent) -> Explanation:
-        """`parent` with an unknown flow or an unknown gauge, in the pool."""
-        return self.add(
-            fitted(
-                replace(parent.model, noise_kind=kind), self.record, self.opened, start=parent, steps=4,
-                unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0),
-                parent=parent, others=parent.others, events=parent.events,
-            )
+        """`parent` with an unknown flow or an unknown gauge, in the pool unless it is a wind that has a name.
+
+        Beside no names from the nominal response too: the one of `parent` may have bent to what is unknown.
+        """
+        model, bent = replace(parent.model, noise_kind=kind), False
+        if not parent.names:
+            few, nominal = self._some_days(parent), self._nominal(model)
+            rough = [replace(model, noise=None, reach=reach) for reach in (model.reach, nominal)]
+            near, away = (_best_fits([one], few, steps=6, fresh=2)[0] for one in rough)
+            if bent := away[0] > near[0]:
+                model = replace(model, noise=None, reach=away[1].model.reach)
+        one = fitted(
+            model, self.record, self.opened, start=None if bent else parent, steps=4, fresh=int(bent),
+            unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
+            others=parent.others, events=parent.events,
         )  # fmt: skip
+        return self.add(one, counts=not self._is_wind(one, parent))
+
+    def _is_wind(self, one: Explanation, parent: Explanation) -> bool:
+        """Whether an unknown gauge errs as by wind, which may be named: then wind is no less likely."""
+        named = any(effect.found_as == "level noise" for effect in self.classes.values())
+        wind = replace(one.model, noise_kind="wind").plausible(self.record)
+        held = all(low <= getattr(one.noise, key) <= high for key, (low, high) in wind.items())
+        return named and held and one.unknown == "gauge" and parent.model.noise_kind == "plain"
 
     def study(self) -> Study:
         """What was found."""

@@ -96,6 +96,16 @@ def test_of_two_gains_that_look_alike_the_true_one_is_in_the_answer():
     assert (effect.breaker is not None) == (result.verdict == "cannot_tell")
 
 
+def test_an_unknown_gauge_that_errs_as_by_wind_is_wind_where_that_may_be_named():
+    record = season(CATALOGUE["wind_setup"](deviation=0.03, correlation_time=2.0))
+    result, _ = answer(record, "wind_setup", "diurnal_inflow")
+    assert result.verdict == "explained" and [e.name for e in result.effects] == ["wind_setup"]
+    assert number(result.effects[0], "deviation").value == pytest.approx(0.03, rel=0.3)
+    result, _ = answer(record, "diurnal_inflow")
+    assert result.verdict == "unknown" and not result.effects
+    assert result.ranking[0].unknown == "gauge"
+
+
 def test_steps_of_the_gauge_are_named_with_their_times():
     steps, starts = (0.08, -0.08, 0.06), (100.0, 210.0, 380.0)
     record = season(CATALOGUE["sensor_step"](step=steps, start=starts))
