@@ -136,6 +136,10 @@ class Explanation:
         return price
 
 
+STEPS = 20
+"""Most steps of a fit; few take as many."""
+
+
 def fitted(
     model: Model,
     record: Record,
@@ -148,7 +152,7 @@ def fitted(
     inflation: float = 1.0,
     others: tuple[Effect, ...] = (),
     events: tuple[Events, ...] = (),
-    steps: int = 6,
+    steps: int = STEPS,
     fresh: int = 0,
     rough: bool = False,
 ) -> Explanation:
@@ -174,7 +178,8 @@ def fitted(
     steps : int
         Most steps.
     fresh : int
-        After how many steps the columns are computed anew.
+        How often the columns are computed anew: after the first step, and where steps with those at hand,
+        corrected by the steps before, gain no more.
     rough : bool
         Whether the noise at the end is the one near that of the last step.
 
@@ -192,7 +197,7 @@ def fitted(
     shared = None if start is None else start.shared
     J = model.jacobian(few, base, None if shared is None else shared[:, open_days])
     same = start is not None and start.model.noise_kind == model.noise_kind
-    damping, weights = LEAST_DAMPING, None
+    damping, weights, stale = LEAST_DAMPING, None, start is not None
     for step in range(steps):
         seen = np.where(few.used, z, np.nan)
         if same and start is not None and step < FIXED:
@@ -220,16 +225,21 @@ def fitted(
             off = (_values(other) - middle) / sd
             fell = cost - 0.5 * float(((w * root) ** 2).sum() + off @ off)
             if fell > 0.0:
+                moved = _values(other) - _values(model)
+                J = _secant(J, moved / sd, sd, base_other - base)
                 model, z, base = other, z_other, base_other
                 damping = max(damping / 8.0, LEAST_DAMPING)
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
-        if step < fresh:
-            del J
-            J, shared = model.jacobian(few, base), None
-        elif fell < ENOUGH and (not same or step >= FIXED):
+        stale = stale or fell > 0.0
+        if same and step < FIXED or fell >= ENOUGH and (step > 0 or fresh == 0):
+            continue
+        if not stale or fresh == 0:
             break
+        del J
+        J, shared, stale, fresh = model.jacobian(few, base), None, False, fresh - 1
+        damping = LEAST_DAMPING
     noise, weights = _noise(model, few, np.where(few.used, z, np.nan), weights, alone=rough)
     model, sealed = replace(model, noise=replace(noise, recall=model.recall(few))), ~open_days
     if sealed.any():
@@ -310,6 +320,15 @@ def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
 
 LONGEST = 2.0
 """Longest step of a parameter of the response, in prior standard deviations: its columns hold near by."""
+
+
+def _secant(J: Floats, x: Floats, sd: Floats, change: Floats) -> Floats:
+    """Columns J (k, days, n) that agree with the change of the output by a step of x standard deviations.
+
+    The least change of them that does: Broyden (1965).
+    """
+    missed = change - np.tensordot(x * sd, J, 1)
+    return J + np.multiply.outer(x / (sd * max(float(x @ x), 1e-12)), missed)
 
 
 def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:

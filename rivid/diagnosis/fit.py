@@ -106,7 +106,7 @@ OFF, SOME = 0.01, 4
 """Shift of the observed levels [m], and days, from which the fall of an error of the level is taken."""
 WIDE = 10.0
 """Prior standard deviation of an effect's parameter, in units of its value: nearly flat."""
-ENOUGH = 2.0
+ENOUGH = 1.0
 """Steps end when the cost falls by less [nats]."""
 TRIES = 4
 """Dampings tried in a step: from the least of 1e-4 to 0.6, where a step is a third of a Newton step."""

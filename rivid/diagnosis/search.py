@@ -424,7 +424,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     return fitted(
         larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
-        steps=10 if share > 1.0 else 6, fresh=4 if share > 1.0 else 0,
+        fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
 
 
@@ -543,7 +543,7 @@ def with_noise(
     start = latent[0] if latent else parent
     windy = fitted(
         replace(start.model, noise_kind="wind"), record, opened, start=start, parent=parent,
-        unknown=parent.unknown, log_prior=log_prior, others=parent.others, events=parent.events, steps=3,
+        unknown=parent.unknown, log_prior=log_prior, others=parent.others, events=parent.events,
     )  # fmt: skip
     noise = windy.model.noise
     assert noise is not None

@@ -228,14 +228,13 @@ class _Search:
         self._report(self._done, what)
         self._done += work * (1.0 - self._done)
 
-    def add(self, one: Explanation, counts: bool = True) -> Explanation:
-        """An explanation with its score, in the pool if it `counts`."""
+    def add(self, one: Explanation) -> Explanation:
+        """An explanation with its score, in the pool."""
         one = swung(one, self.record) or one
         if self.tails is None:
             self.tails = tails_of(one, self.record)
         one = scored(one, self.record, self.dealt.block, self.tails)
-        if counts:
-            self.pool.append(one)
+        self.pool.append(one)
         return one
 
     def begun(self) -> list[Explanation]:
@@ -264,7 +263,7 @@ class _Search:
             model = replace(model, noise=None, reach=reach)
             one = self.add(
                 fitted(
-                    model, self.record, self.opened, steps=8, fresh=1,
+                    model, self.record, self.opened, fresh=2,
                     unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
                 )
             )  # fmt: skip
@@ -278,10 +277,10 @@ class _Search:
         if isinstance(reach, HydraulicResponse):
             few = part.take(np.arange(0, part.days, 2))
             half = [self._plain(_coarse(start)) for start in reach.starts()]
-            begun = _best_fits(half, few, steps=6, fresh=4)
+            begun = _best_fits(half, few, fresh=2)
             best = (one.model.reach for _, one in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
-        return _best_fits(map(self._plain, starts), part, steps=8, fresh=5)[0]
+        return _best_fits(map(self._plain, starts), part, fresh=2)[0]
 
     def _bare(self, model: Model) -> Model:
         """A model with the effects known from the start alone."""
@@ -362,7 +361,11 @@ class _Search:
             if effect.found_as in LEVEL_NOISES:
                 gauge = [one for one in latent if one.unknown == "gauge"]
                 noise = partial(with_noise, effect=effect, record=record, latent=gauge)
-                self._grow(parent, library, name, noise)
+                windy = self._grow(parent, library, name, noise)
+                if windy is not None and effect.found_as == "level noise":
+                    # An unknown gauge that is hardly likelier errs as wind makes it err.
+                    least = self.score(windy) + LEAST
+                    self.pool = [one for one in self.pool if one not in gauge or self.score(one) > least]
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 self._grow(parent, library, name, events)
@@ -390,7 +393,7 @@ class _Search:
             )  # fmt: skip
             try:
                 one = fitted(
-                    model, self.record, self.opened, start=parent, steps=4, unknown="flow", parent=parent,
+                    model, self.record, self.opened, start=parent, unknown="flow", parent=parent,
                     log_prior=prior + price, others=parent.others, events=parent.events,
                 )  # fmt: skip
             except RividError:  # the reach cannot carry it
@@ -400,8 +403,8 @@ class _Search:
     def _grow(
         self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None,
         again: Grow | None = None,
-    ) -> None:  # fmt: skip
-        """An explanation with one more effect than `parent`, if the reach can carry the flows with it.
+    ) -> Explanation | None:  # fmt: skip
+        """An explanation with one more effect than `parent`; None where the reach cannot carry the flows.
 
         `again` extends another explanation in the same way, where `grow` holds the model of this one.
         """
@@ -410,10 +413,11 @@ class _Search:
             more = grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
             more = None if more is None else swung(more, self.record)
         except RividError:
-            return
+            return None
         if more is not None:
             more = self.add(self._inflated(more, library, columns))
             self.grown[id(more)] = library, name, again or grow, columns
+        return more
 
     def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
         """With the scatter of what it leaves, about the library's columns and about its own."""
@@ -478,11 +482,11 @@ class _Search:
             )  # fmt: skip
             try:
                 if not one.effect.stepwise:
-                    likely, fit = _best_fits([model], few, steps=5, fresh=1, start=start)[0]
+                    likely, fit = _best_fits([model], few, fresh=1, start=start)[0]
                 elif one.effect.name in found:  # its steps are the same whatever it begins with
                     continue
                 else:
-                    likely, fit = _best_fits(self._in_steps(model), few, steps=5, fresh=1)[0]
+                    likely, fit = _best_fits(self._in_steps(model), few, fresh=1)[0]
             except RividError:
                 continue
             if one.effect.name not in found or likely > found[one.effect.name][0]:
@@ -497,7 +501,7 @@ class _Search:
     def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
         """`parent` with a candidate, fitted to all open days from a model."""
         return fitted(
-            model, self.record, self.opened, steps=6, fresh=1, parent=parent, unknown=parent.unknown,
+            model, self.record, self.opened, fresh=1, parent=parent, unknown=parent.unknown,
             log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
         )  # fmt: skip
 
@@ -519,10 +523,10 @@ class _Search:
         few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
         if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
             rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
-            starts.append(replace(_best_fits(rough, few, steps=5, fresh=1)[0][1].model, reach=reach))
-        best = _best_fits(starts, few, steps=6, fresh=2)[0]
+            starts.append(replace(_best_fits(rough, few, fresh=1)[0][1].model, reach=reach))
+        best = _best_fits(starts, few, fresh=2)[0]
         if effect.stepwise and (near := self._in_steps(best[1].model, NEARBY)):
-            best = max(best, _best_fits(near, few, steps=4, fresh=1)[0], key=lambda pair: pair[0])
+            best = max(best, _best_fits(near, few, fresh=1)[0], key=lambda pair: pair[0])
         return best[0], best[1].model
 
     def _in_steps(self, model: Model, within: float = np.inf) -> list[Model]:
@@ -538,14 +542,14 @@ class _Search:
                 found.append(replace(model, effects=(*model.effects[:-1], other)))
         return found
 
-    def _refitted(self, one: Explanation, near: Explanation, steps: int) -> Explanation | None:
+    def _refitted(self, one: Explanation, near: Explanation) -> Explanation | None:
         """An explanation fitted again from the response of one near by; None where it carries no flows."""
         model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
                 model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                steps=steps, fresh=2,
+                fresh=2,
             )  # fmt: skip
         except RividError:
             return None
@@ -577,7 +581,7 @@ class _Search:
 
     def _polished(self, one: Explanation, near: Explanation) -> Explanation:
         """An explanation fitted on from the response of one near by, where that is better."""
-        more = self._refitted(one, near, steps=6)
+        more = self._refitted(one, near)
         if more is None or self.score(more) <= self.score(one):
             return one
         if id(one) in self.grown:
@@ -594,7 +598,7 @@ class _Search:
         if self.score(lead) < self.score(parent) + LEAST:
             return parent
         self.report(0.05, "refitting without the effect that leads")
-        one = self._refitted(parent, lead, steps=8)
+        one = self._refitted(parent, lead)
         if one is None or self.score(one) < self.score(parent) + LEAST:
             return parent
         for i, child in enumerate(self.pool):
@@ -668,14 +672,14 @@ class _Search:
         again = self.add(
             fitted(
                 replace(best.model, noise_kind=parent.model.noise_kind), self.record, self.opened, start=best,
-                steps=4, log_prior=parent.log_prior, parent=parent.parent, others=parent.others,
+                log_prior=parent.log_prior, parent=parent.parent, others=parent.others,
                 events=parent.events,
             )
         )  # fmt: skip
         return max((parent, again), key=self.score), found
 
     def _latent(self, parent: Explanation, kind: Latent) -> Explanation:
-        """`parent` with an unknown flow or an unknown gauge, in the pool unless it is a wind that has a name.
+        """`parent` with an unknown flow or an unknown gauge, in the pool.
 
         Beside no names from the nominal response too: the one of `parent` may have bent to what is unknown.
         """
@@ -683,22 +687,15 @@ class _Search:
         if not parent.names:
             few, nominal = self._some_days(parent), self._nominal(model)
             rough = [replace(model, noise=None, reach=reach) for reach in (model.reach, nominal)]
-            near, away = (_best_fits([one], few, steps=6, fresh=2)[0] for one in rough)
+            near, away = (_best_fits([one], few, fresh=2)[0] for one in rough)
             if bent := away[0] > near[0]:
                 model = replace(model, noise=None, reach=away[1].model.reach)
         one = fitted(
-            model, self.record, self.opened, start=None if bent else parent, steps=4, fresh=int(bent),
+            model, self.record, self.opened, start=None if bent else parent, fresh=int(bent),
             unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
             others=parent.others, events=parent.events,
         )  # fmt: skip
-        return self.add(one, counts=not self._is_wind(one, parent))
-
-    def _is_wind(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether an unknown gauge errs as by wind, which may be named: then wind is no less likely."""
-        named = any(effect.found_as == "level noise" for effect in self.classes.values())
-        wind = replace(one.model, noise_kind="wind").plausible(self.record)
-        held = all(low <= getattr(one.noise, key) <= high for key, (low, high) in wind.items())
-        return named and held and one.unknown == "gauge" and parent.model.noise_kind == "plain"
+        return self.add(one)
 
     def study(self) -> Study:
         """What was found."""
@@ -722,7 +719,7 @@ UNKNOWNS = 2
 
 
 def _best_fits(
-    models: Iterable[Model], record: Record, *, steps: int, fresh: int, start: Explanation | None = None
+    models: Iterable[Model], record: Record, *, fresh: int, start: Explanation | None = None
 ) -> list[tuple[float, Explanation]]:
     """Fits of models to all days of a record, with their likelihoods [nats a day], the best one first.
 
@@ -735,7 +732,7 @@ def _best_fits(
     for model in models:
         try:
             every = np.ones(record.days, bool)
-            one = fitted(model, record, every, start=start, steps=steps, fresh=fresh, rough=True)
+            one = fitted(model, record, every, start=start, fresh=fresh, rough=True)
         except RividError as error:
             refused.append(error)
             continue

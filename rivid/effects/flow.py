@@ -72,6 +72,8 @@ def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[
 
 
 PLACE = "0 at the upstream dam, 1 at the downstream one"
+QUARTERS = (0.125, 0.375, 0.625, 0.875)
+"""Places from which the diagnosis seeks the true one."""
 START = "when each begins, hours since the first day's midnight; none: drawn"
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
 """Hours of the operators' shifts [h]: a gain error may belong to one of them."""
@@ -368,8 +370,6 @@ class Leakage(Effect):
     name = "leakage"
     family = "flow"
     acts_on_river = False
-    linear_trials = {"loss": 10.0}
-    trial_sign = 1
     confounded_with = {
         "gate_head_effect": (
             "Hold the level a few decimetres high and low for some hours each, once at low and once at "
@@ -384,6 +384,11 @@ class Leakage(Effect):
 
     loss: float = quantity(10.0, "m3/s per m", 0.0, 1e4, "loss for each metre above the usual level")
     place: float = quantity(1.0, "-", 0.0, 1.0, PLACE)
+
+    @classmethod
+    def trials(cls, world: World) -> list[Trial]:
+        tried = (cls.linear_trial("loss", 10.0, sign=1, place=place) for place in QUARTERS)
+        return [replace(one, free=(*one.free, "place")) for one in tried]
 
     def changes(self, world: World) -> Changes:
         return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))
@@ -507,9 +512,9 @@ class SideStorage(Effect):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        return [
-            cls.trial_at("area", area, also=("exchange",), exchange=exchange)
-            for area in (1e5, 3e5)
+        return [  # from a place far off, a fit bends the reach instead
+            cls.trial_at("area", 2e5, also=("exchange", "place"), exchange=exchange, place=place)
+            for place in QUARTERS
             for exchange in (20.0, 100.0)
         ]
 

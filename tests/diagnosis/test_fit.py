@@ -227,7 +227,7 @@ def test_a_start_a_fifth_off_finds_the_truth_and_leaves_little_but_the_gauge_noi
     dealt = split(record.days)
     start = few(record, length=8200 * 0.97, width=81.6 * 1.04, depth=0.8 * DEPTH, slope=1e-4, manning=0.036)
     model = Model(start, None, record.usual_output, record.usual_flow, 0.0)
-    found = scored(fitted(model, record, np.ones(9, bool), steps=8, fresh=8), record, dealt.block, 100.0)
+    found = scored(fitted(model, record, np.ones(9, bool), fresh=8), record, dealt.block, 100.0)
     parameters = found.model.reach.parameters
     assert [p.name for p in parameters] == [*TRUTH, "gauge_lag"]
     for p, error in zip(parameters, found.standard_errors, strict=False):
@@ -247,7 +247,7 @@ def test_effects_that_are_given_are_not_fitted_again_and_free_ones_are_found():
     def of(**others):
         level, flow = planted.usual_output, planted.usual_flow
         model = Model(start, None, level, flow, 0.0, **others)
-        return fitted(model, planted, every, steps=5, fresh=5).model
+        return fitted(model, planted, every, fresh=5).model
 
     known = of(effects=(gain(error=0.08),), free=((),))
     free = of(effects=(gain(error=0.01),), free=(("error",),))

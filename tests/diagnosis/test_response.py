@@ -191,10 +191,10 @@ def test_a_stilling_well_is_fitted_and_does_not_bend_the_geometry():
     response = few(record, length=8300.0, width=80.0)
     start = Model(response, None, record.usual_output, record.usual_flow, 1e-4)
     every = np.ones(record.days, bool)
-    with_well = fitted(start, record, every, steps=8, fresh=8).model
+    with_well = fitted(start, record, every, fresh=8).model
     held = (*response.parameters[:-1], replace(response.parameters[-1], high=0.0))
     dry = replace(start, reach=replace(response, parameters=held))
-    without = fitted(dry, record, every, steps=8, fresh=8).model
+    without = fitted(dry, record, every, fresh=8).model
     lag = with_well.reach.parameters[-1].natural
     white = with_well.noise.whiten(
         with_well.jacobian(record, with_well.baseline(record)), like=np.where(record.used, 0.0, np.nan)
