@@ -20,7 +20,7 @@ import numpy as np
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
 from rivid.diagnosis.explanation import Explanation, fitted
-from rivid.diagnosis.fit import Model, residual_of
+from rivid.diagnosis.fit import WIND, Model, residual_of
 from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.diagnosis.response.base import kernels_of, vector_of
 from rivid.diagnosis.seiche import seiche
@@ -114,8 +114,13 @@ def hour_columns(record: Record, kernel: Floats) -> Floats:
     return columns
 
 
-def screened(base: Explanation, library: Library, record: Record, best: int = 2) -> list[Candidate]:
-    """The best candidates of each name about an explanation, best first."""
+def screened(
+    base: Explanation, library: Library, record: Record, best: int = 2, beside: Effect | None = None
+) -> list[Candidate]:
+    """The best candidates of each name about an explanation, best first.
+
+    With `beside` those that are easily mistaken for this effect, with its dates.
+    """
     noise = base.model.noise
     assert noise is not None
     open_days = np.flatnonzero(base.weights > 0.0)
@@ -135,6 +140,8 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     found: list[Candidate] = []
     for trial, columns in zip(library.trials, library.columns, strict=True):
+        if beside is not None and (trial.dates == "all" or not _mistaken(trial, beside)):
+            continue
         w = white(columns[:, open_days])
         if not w.any():
             continue
@@ -142,13 +149,21 @@ def screened(base: Explanation, library: Library, record: Record, best: int = 2)
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
         inverse = np.asarray(G, float)
-        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days)
+        dates = None if beside is None else beside.dates
+        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days, dates)
     by_name: dict[str, list[Candidate]] = {}
     for one in sorted(found, key=lambda one: -one.worth):
         kept = by_name.setdefault(one.effect.name, [])
         if len(kept) < best:
             kept.append(one)
     return sorted((one for kept in by_name.values() for one in kept), key=lambda one: -one.worth)
+
+
+def _mistaken(trial: Trial, other: Effect) -> bool:
+    """Whether the effect of a trial is confounded with another one."""
+    return any(
+        one.name in other.confounded_with or other.name in one.confounded_with for one in trial.effects
+    )
 
 
 def _windows(
@@ -161,8 +176,9 @@ def _windows(
     sd: Floats,
     record: Record,
     open_days: Ints,
+    dates: tuple[dt.date, dt.date] | None = None,
 ) -> list[Candidate]:
-    """A trial in the whole season and in its best window of dates (and hours)."""
+    """A trial in the whole season and in its best window of dates (and hours), or in some dates alone."""
     days = s.shape[1]
     if trial.hourly:
         return _hourly(trial, columns, s, q, record, open_days, np.zeros(len(sd)))
@@ -183,7 +199,11 @@ def _windows(
     if trial.sign:
         gain[trial.sign * b[:, 0] <= 0.0] = 0.0
     found = []
-    for rows in (np.arange(len(first)) == 0, np.arange(len(first)) > 0):
+    windows = [np.arange(len(first)) == 0, np.arange(len(first)) > 0]
+    if dates is not None:
+        spans = zip(first.tolist(), end.tolist(), strict=True)
+        windows = [np.array([_dates(record, open_days, a, b) == dates for a, b in spans])]
+    for rows in windows:
         able = np.flatnonzero(rows)
         if not len(able):
             continue
@@ -508,6 +528,10 @@ def swung(one: Explanation, record: Record) -> Explanation | None:
     return replace(one, others=others, bonus=gains)
 
 
+AT_LIMIT = 1.01
+"""Ratio to a limit within which a noise is none of its kind, but what is missing of another memory."""
+
+
 def with_noise(
     parent: Explanation,
     effect: type[Effect],
@@ -547,5 +571,7 @@ def with_noise(
     )  # fmt: skip
     noise = windy.model.noise
     assert noise is not None
+    if not WIND[0] * AT_LIMIT < noise.level_memory < WIND[1] / AT_LIMIT:
+        return None
     made = effect.from_table({"deviation": noise.level_sd, "correlation_time": noise.level_memory / HOUR})
     return replace(windy, others=(*windy.others, made))

@@ -155,6 +155,7 @@ def find_effects(
         if again is not parent:  # its extensions begin at a better response
             parent = again
             search.extend(parent)
+        search.add_rivals(search.lead())
         lead = search.polished(search.lead())
         search.level_rivals(lead)
         search.varied(max(search.pool, key=search.score))
@@ -554,6 +555,19 @@ class _Search:
         except RividError:
             return None
         return self.add(again)
+
+    def add_rivals(self, lead: Explanation) -> None:
+        """Add what is easily mistaken for what `lead` adds, with its dates.
+
+        A response that has bent to a change hides from one of them when it was, and shows it to another.
+        """
+        effect, parent = lead.added, lead.parent
+        if effect is None or parent is None or effect.dates is None or effect.found_as:
+            return
+        library = self._library(parent)
+        for one in _firsts(screened(parent, library, self.record, beside=effect)):
+            grow = partial(with_effect, candidate=one, record=self.record)
+            self._grow(parent, library, one.effect.name, grow, one.columns)
 
     def polished(self, lead: Explanation) -> Explanation:
         """The lead after `lead` and its rivals were fitted on, with columns about their own responses.
