@@ -9,7 +9,7 @@ import pytest
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.decision import made_alone
-from rivid.diagnosis.explanation import LEAST_STEP, fitted, scored, step_within
+from rivid.diagnosis.explanation import LEAST_STEP, _secant, fitted, scored, step_within
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import FreeParameter, placed
@@ -125,6 +125,30 @@ def test_the_scatter_over_seeds_is_the_standard_error_and_its_mean_the_truth(cur
 
 
 # Steps
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_columns_agree_with_the_step_that_was_made_and_change_the_least(seed):
+    rng = np.random.default_rng(seed)
+    J, x, sd, change = (
+        rng.normal(size=(4, 3, 5)),
+        rng.normal(size=4),
+        rng.uniform(0.1, 9.0, 4),
+        rng.normal(size=(3, 5)),
+    )
+    now = _secant(J, x, sd, change)
+    assert np.tensordot(x * sd, now, 1) == pytest.approx(change)
+    scaled = ((now - J) * sd[:, None, None]).reshape(4, -1)
+    # The least change of the columns, per standard deviation, that does: by the pseudo-inverse.
+    missed = (change - np.tensordot(x * sd, J, 1)).ravel()
+    assert scaled == pytest.approx(np.linalg.pinv(x[None]) @ missed[None])
+
+
+def test_columns_computed_anew_and_corrected_ones_lead_to_the_same_fit():
+    record = columns(np.random.default_rng(3), 6, curvature=0.5)
+    start = Curve(two(a=0.5), curvature=0.5)
+    few_, many = (fit(start, record, fresh=fresh) for fresh in (0, 20))
+    assert posterior(few_, record) == pytest.approx(posterior(many, record), abs=1.0)
 
 
 def posterior(found, record):

@@ -119,6 +119,18 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
     assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
 
 
+def test_beside_an_effect_only_those_mistaken_for_it_are_candidates_in_its_dates():
+    base, columns, X, r, w, at = base_of(2, (5, 11, 3.0))  # another window
+    dates = (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
+    rival = CATALOGUE["unlogged_upstream_release"](dates=dates)
+    (one,) = screened(base, library(columns, 1), RECORD, beside=rival)
+    gain, c, _ = refit(base, X, r, w, at, 3, 9, 1)
+    assert one.effect.dates == dates and one.gain == pytest.approx(gain, rel=1e-5)
+    assert one.effect.inflow == pytest.approx(c[0], rel=1e-5)
+    assert screened(base, library(columns, 1), RECORD, beside=CATALOGUE["outflow_lag"](dates=dates)) == []
+    assert screened(base, library(columns, 1, dates="all"), RECORD, beside=rival) == []
+
+
 def test_scores_scatter_as_the_noise_has_it_or_more():
     rng = np.random.default_rng(6)
     label = np.repeat(np.arange(200), 3)
@@ -251,5 +263,8 @@ def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
     assert windy.added.deviation == windy.noise.level_sd and windy.added.name == "wind_setup"
     assert likelihood(windy, record) > likelihood(parent, record) + 100.0
     assert with_noise(windy, CATALOGUE["wind_setup"], record, 0.0) is None  # it has one
+    quick = pools.season(5, 10, (CATALOGUE["wind_setup"](deviation=0.03, correlation_time=0.1),))
+    parent = pools.explained(quick)  # no wind turns in 6 min
+    assert with_noise(parent, CATALOGUE["wind_setup"], quick, 0.0) is None
     quiet = pools.explained(pools.season(3, days=10))
     assert with_noise(quiet, CATALOGUE["seiche"], pools.season(3, days=10), 0.0) is None
