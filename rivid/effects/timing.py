@@ -42,7 +42,8 @@ class FlowDependentDelay(Effect):
     def trials(cls, world: World) -> list[Trial]:
         swing = max(float(np.quantile(np.abs(world.inflow - world.flow), 0.9)), 1e-9)
         late = (-0.5, 0.5, -1.5, 1.5, -4.0, 4.0, -10.0, 10.0)  # fronts of such a flow, in samples
-        return [cls.trial_at("delay", samples * world.sample_time / swing) for samples in late]
+        sizes = dict.fromkeys(cls.clipped("delay", samples * world.sample_time / swing) for samples in late)
+        return [cls.trial_at("delay", size) for size in sizes]
 
     def changes(self, world: World) -> Changes:
         low, high = float(world.inflow.min()), float(world.inflow.max())

@@ -183,6 +183,13 @@ def test_every_trial_makes_an_effect_of_its_name_again():
         assert all(hasattr(made, name) for name in trial.free), trial
 
 
+def test_flows_that_hardly_move_make_no_trial_beyond_the_limits_of_its_effect():
+    world = season().world()
+    still = replace(world, inflow=world.flow + 1e-3 * (world.inflow - world.flow))
+    delays = [one.delay for t in CATALOGUE["flow_dependent_delay"].trials(still) for one in t.effects]
+    assert set(delays) == {-100.0, 100.0} and len(delays) == 2
+
+
 def test_tied_effects_have_a_measurement_that_separates_them():
     leak, head, wave = (CATALOGUE[name] for name in ("leakage", "gate_head_effect", "diurnal_inflow"))
     assert breaker(leak, ()) is None
