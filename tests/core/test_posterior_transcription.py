@@ -189,7 +189,7 @@ def slow_posterior(u, y, o, s):
 
 @pytest.mark.parametrize("days", [pytest.param(linear_days, marks=pytest.mark.long), wave_days])
 def test_probability_is_the_flattened_sum_over_all_models(days):
-    u, y, o, _ = days(1, 5, 200)
+    u, y, o, _ = days(1, 5, 120)
     s = PosteriorSettings(d_min=3, d_max=5, order=20)
     result = posterior(u, y, o, s)
     weight, places, stores = slow_posterior(u[0], y[0], o[0], s)
