@@ -193,6 +193,8 @@ class _Search:
         self.opened = self.dealt.fit | self.dealt.select
         self.pool: list[Explanation] = []
         self.libraries: dict[str, Library] = {}
+        self.begin_at: dict[str, Response] = {}
+        """The likeliest coarse response of each kind on some days, from all its starts."""
         self.grown: dict[int, tuple[Library, str, Grow, Floats | None]] = {}
         """How each explanation extends its parent, by its identity."""
         self.tails: float | None = None
@@ -279,6 +281,7 @@ class _Search:
             few = part.take(np.arange(0, part.days, 2))
             half = [self._plain(_coarse(start)) for start in reach.starts()]
             begun = _best_fits(half, few, fresh=2)
+            self.begin_at[reach.name] = begun[0][1].model.reach
             best = (one.model.reach for _, one in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
         return _best_fits(map(self._plain, starts), part, fresh=2)[0]
@@ -463,13 +466,14 @@ class _Search:
         return replace(few, output=few.output - parent.coded[chosen])
 
     def _scanned(self, parent: Explanation, library: Library) -> list[tuple[Candidate, Response]]:
-        """The likeliest names on some days, each with the response from its nominal start, and that response.
+        """The likeliest names on some days, each with the response fitted to them, and that response.
 
-        A response that was fitted without the effect may have bent to it so far that no column shows it.
+        A response that was fitted without the effect may have bent to it so far that no column shows it. Those
+        of some days have bent less; from the nominal one each name would end in a maximum of its own.
         """
-        self.report(0.1, "every effect with the nominal response")
+        self.report(0.1, "every effect with its own response")
         few, nominal = self._some_days(parent), self._nominal(parent.model)
-        rough = _coarse(nominal)
+        rough = self.begin_at.get(nominal.name, nominal)
         found: dict[str, tuple[float, Candidate, Response]] = {}
         plain = replace(parent.model, reach=rough, noise=None)
         try:
