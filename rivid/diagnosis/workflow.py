@@ -468,8 +468,8 @@ class _Search:
     def _scanned(self, parent: Explanation, library: Library) -> list[tuple[Candidate, Response]]:
         """The likeliest names on some days, each with the response fitted to them, and that response.
 
-        A response that was fitted without the effect may have bent to it so far that no column shows it. Those
-        of some days have bent less; from the nominal one each name would end in a maximum of its own.
+        A response that was fitted without the effect may have bent to it so far that no column shows it: on
+        some days less. From the nominal one each name would end in a maximum of its own.
         """
         self.report(0.1, "every effect with its own response")
         few, nominal = self._some_days(parent), self._nominal(parent.model)

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rivid.core.hydraulics import GRAVITY
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
@@ -64,14 +63,14 @@ SHAPE = ("length", "width", "depth", "fall", "manning", "bank", "gate_time")
 BANKS = 1.0, 1.0, 4.0
 """Run of the banks for each metre up, its uncertainty and limit [-]: walls to meadows."""
 CELLS = 24
-"""Of a channel. In five development seasons 16 found an effect as well as 24 to 32, to 3 % of its gain, in half
-the time; in a sixth, a reach of 12 km with a gauge of 1 mm, a leak gained 50 nats with 16 and 92 with 24."""
+"""Of a channel. In five development seasons 16 found an effect as well as 24 to 32, to 3 % of its gain, in
+half the time; in a sixth, 12 km long with a gauge of 1 mm, a leak gained 50 nats with 16 and 92 with 24."""
 FALL = 0.15
 """Fall of the bed of a pool, first guess, in depths: its uncertainty is more."""
 STARTS, START_SD = 20, 0.7
-"""Responses at which a fit begins, and how far they lie about the nominal one, in prior standard deviations. Of
-16 starts 2 to 12 led to the likeliest fit of a development season, a thousand nats ahead of the others: with one
-in eight, 20 starts find it in 93 of 100 seasons."""
+"""Responses at which a fit begins, and how far they lie about the nominal one, in prior standard deviations.
+Of 16 starts 2 to 12 led to the likeliest fit of a development season, up to a thousand nats ahead of the
+others: with one in eight, 20 starts find it in 93 of 100 seasons."""
 HEADROOM = 1.15
 """Wave speed for which the time steps are set, over that of the usual state: as a depth of 2 sd more, 1.3
 times, makes it. With the headroom of the solver itself waves up to 1.4 times as fast change no step."""
