@@ -30,7 +30,7 @@ MATERIAL = "rivid.diagnosis.decision.is_material"
 """Says whether an explanation matters: (one, other, ...) to bool."""
 LATENT = "rivid.diagnosis.workflow._Search._with_unknown"
 """Adds what competes without a name, a flow and an error of the gauge, to the explanations: (search, parent)
-to parent."""
+to parent and what was added."""
 BLOCKS = "rivid.diagnosis.blocks.split"
 """Deals days in blocks: (days, block_days) to Split; it is patched wherever it was imported to."""
 Mutation = Callable[[], contextlib.AbstractContextManager[Any]]
@@ -53,7 +53,7 @@ def all_material() -> contextlib.AbstractContextManager[Any]:
 
 def no_latent() -> contextlib.AbstractContextManager[Any]:
     """Names compete with nothing unknown."""
-    return patch(LATENT, lambda _, parent: parent)
+    return patch(LATENT, lambda _, parent: (parent, []))
 
 
 @contextlib.contextmanager
@@ -107,7 +107,11 @@ def failing(mutation: str, seeds: Sequence[int]) -> list[str]:
             desks=desks,
             report=lambda text: print(f"{mutation}: {text}", flush=True),
         )
-        judged = [j for _, j in marked(results_of(Path(scratch)))]
+        results = results_of(Path(scratch))
+    crashed = [str(one["answer"]["error"]) for one in results if "error" in one["answer"]]
+    if crashed:  # it would be refused for that, and prove nothing
+        raise RuntimeError(f"{mutation}: {len(crashed)} of {len(results)} diagnoses failed: {crashed[0]}")
+    judged = [j for _, j in marked(results)]
     return [
         f"{asked.group}: {asked.words} {hits}/{n}"
         for asked in ROWS

@@ -576,8 +576,9 @@ class _Search:
     def polished(self, lead: Explanation) -> Explanation:
         """The lead after `lead` and its rivals were fitted on, with columns about their own responses.
 
-        Rivals are those that could be as good if they gained as much as `lead` did, and all that are easily
-        mistaken for it: these also from its response. Fitted on alone, it would leave them behind.
+        All rivals from the response of the lead, where one may lie a thousand nats higher; from their own too
+        those that could be as good if they gained as much as `lead` did, and all that are easily mistaken for
+        it. Fitted on alone, it would leave them behind.
         """
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
@@ -591,9 +592,8 @@ class _Search:
             if same and one.names != lead.names and id(one) in self.grown:
                 rivals[one.names] = one
         for one in rivals.values():
-            if alike := _alike(one, lead, self.classes):
-                one = self._polished(one, best)
-            if alike or self.score(one) > least:
+            one = self._polished(one, best)
+            if self.score(one) > least or _alike(one, lead, self.classes):
                 self._polished(one, one)
         return self.lead()
 

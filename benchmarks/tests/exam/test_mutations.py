@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.exam.answering import record_of
 from benchmarks.exam.hiding import plant
-from benchmarks.exam.mutations import BLOCKS, LATENT, MATERIAL, MUTATIONS, importers, noticed, told
+from benchmarks.exam.mutations import BLOCKS, LATENT, MATERIAL, MUTATIONS, answered, importers, noticed, told
 from benchmarks.exam.naive import named_by_regression
 from rivid.diagnosis import blocks, workflow
 from rivid.effects import CATALOGUE
@@ -30,6 +30,14 @@ def test_what_is_taken_out_is_there_and_comes_back(mutation, target):
     with MUTATIONS[mutation]():
         assert getattr(holder, name) is not before
     assert getattr(holder, name) is before
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("mutation", MUTATIONS)
+def test_a_mutated_diagnosis_answers(mutation):
+    """One that crashes would be refused for that, and prove nothing."""
+    logs = plant(11, 15).logs
+    assert "error" not in answered(logs, mutation)
 
 
 def test_days_instead_of_blocks_deals_single_days_wherever_blocks_are_dealt():
