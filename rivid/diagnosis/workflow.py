@@ -5,10 +5,10 @@ used once, at the end.
 """
 
 import datetime as dt
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,8 +17,9 @@ from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, Study, harmless, leading, ranked
-from rivid.diagnosis.explanation import Explanation, fitted, scored, tails_of
+from rivid.diagnosis.explanation import STEPS, Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
@@ -38,6 +39,7 @@ from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.flow import RecurringFlow
 from rivid.errors import RividError
+from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import DAY, HOUR, Floats
 
 MOST_EFFECTS = 3
@@ -64,6 +66,10 @@ CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
 """The fit of a response starts on every third open day, that of each of its starts on every sixth."""
+BRIEF = 3
+"""Steps of a fit after which many are compared."""
+FINALISTS = 3
+"""Fits that are not compared before they end."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""
 Report = Callable[[float, str], None]
@@ -71,6 +77,23 @@ DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
 Grow = Callable[..., Explanation | None]
 Latent = Literal["flow", "gauge"]
+
+
+class Way(NamedTuple):
+    """How an explanation is extended by an effect."""
+
+    name: str
+    grow: Grow
+    columns: Floats | None = None  # of the effect's trial, (k, days, n)
+    again: Grow | None = None  # extends another explanation, where `grow` holds the model of the first
+
+
+def _near(candidate: Candidate, record: Record) -> Way:
+    """A candidate, fitted near an explanation."""
+    grow = partial(with_effect, candidate=candidate, record=record)
+    return Way(candidate.effect.name, grow, candidate.columns, grow)
+
+
 Responses = Response | Sequence[Response]
 
 
@@ -195,7 +218,7 @@ class _Search:
         self.libraries: dict[str, Library] = {}
         self.begin_at: dict[str, Response] = {}
         """The likeliest coarse response of each kind on some days, from all its starts."""
-        self.grown: dict[int, tuple[Library, str, Grow, Floats | None]] = {}
+        self.grown: dict[int, tuple[Library, Way]] = {}
         """How each explanation extends its parent, by its identity."""
         self.tails: float | None = None
         self._report, self._done = report, 0.0
@@ -233,12 +256,15 @@ class _Search:
 
     def add(self, one: Explanation) -> Explanation:
         """An explanation with its score, in the pool."""
+        one = self._scored(one)
+        self.pool.append(one)
+        return one
+
+    def _scored(self, one: Explanation) -> Explanation:
         one = swung(one, self.record) or one
         if self.tails is None:
             self.tails = tails_of(one, self.record)
-        one = scored(one, self.record, self.dealt.block, self.tails)
-        self.pool.append(one)
-        return one
+        return scored(one, self.record, self.dealt.block, self.tails)
 
     def begun(self) -> list[Explanation]:
         """The best response without further effects, and those that one effect might make better."""
@@ -266,7 +292,7 @@ class _Search:
             model = replace(model, noise=None, reach=reach)
             one = self.add(
                 fitted(
-                    model, self.record, self.opened, fresh=2,
+                    model, self.record, self.opened, fresh=1,
                     unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
                 )
             )  # fmt: skip
@@ -281,10 +307,11 @@ class _Search:
             few = part.take(np.arange(0, part.days, 2))
             half = [self._plain(_coarse(start)) for start in reach.starts()]
             begun = _best_fits(half, few, fresh=2)
-            self.begin_at[reach.name] = begun[0][1].model.reach
-            best = (one.model.reach for _, one in begun[:CARRIED_ON])
+            self.begin_at[reach.name] = begun[0].one.model.reach
+            best = (fit.one.model.reach for fit in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
-        return _best_fits(map(self._plain, starts), part, fresh=2)[0]
+        best_fit = _best_fits([self._plain(start) for start in starts], part, fresh=1)[0]
+        return best_fit.likely, best_fit.one
 
     def _bare(self, model: Model) -> Model:
         """A model with the effects known from the start alone."""
@@ -355,24 +382,22 @@ class _Search:
             self._with_recurring(parent, found)
         tried = _worth_trying(found)
         deepest = self._deepened(parent, library, tried)
-        for one in tried:
-            if one not in deepest or parent.names:  # beside another effect the near fit may hold better
-                grow = partial(with_effect, candidate=one, record=record)
-                self._grow(parent, library, one.effect.name, grow, one.columns)
+        # beside another effect the near fit may hold better
+        wanted = [_near(one, record) for one in tried if one not in deepest or parent.names]
+        gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
                 continue
             if effect.found_as in LEVEL_NOISES:
-                gauge = [one for one in latent if one.unknown == "gauge"]
-                noise = partial(with_noise, effect=effect, record=record, latent=gauge)
-                windy = self._grow(parent, library, name, noise)
-                if windy is not None and effect.found_as == "level noise":
-                    # An unknown gauge that is hardly likelier errs as wind makes it err.
-                    least = self.score(windy) + LEAST
-                    self.pool = [one for one in self.pool if one not in gauge or self.score(one) > least]
+                wanted.append(Way(name, partial(with_noise, effect=effect, record=record, latent=gauge)))
             else:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
-                self._grow(parent, library, name, events)
+                wanted.append(Way(name, events))
+        for way, made in zip(wanted, self._grow(parent, library, wanted), strict=True):
+            if made is not None and self.classes[way.name].found_as == "level noise":
+                # An unknown gauge that is hardly likelier errs as wind makes it err.
+                least = self.score(made) + LEAST
+                self.pool = [one for one in self.pool if one not in gauge or self.score(one) > least]
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add an unknown flow that returns every day, in the season and in the best candidates' windows, and
@@ -390,7 +415,9 @@ class _Search:
         if slow is not None and not any(abs(slow.period - DAY / k) <= slow.resolution for k in (1, 2, 3)):
             flows.append((replace(daily, period=slow.period / HOUR), -float(np.log(slow.many))))
         prior = parent.log_prior + self.log_prior(2) - self.log_prior(0)  # the flow, and its shape
-        for effect, price in flows:
+
+        def fit(flow: tuple[Effect, float]) -> Explanation | None:
+            effect, price = flow
             model = replace(
                 parent.model, noise_kind="flow", effects=(*parent.model.effects, effect),
                 free=(*parent.model.free, ("waves",)),
@@ -401,27 +428,32 @@ class _Search:
                     log_prior=prior + price, others=parent.others, events=parent.events,
                 )  # fmt: skip
             except RividError:  # the reach cannot carry it
-                continue
-            self.add(one)
+                return None
+            return self._scored(one)
+
+        self.pool += [one for one in side_by_side(fit, flows) if one is not None]
 
     def _grow(
-        self, parent: Explanation, library: Library, name: str, grow: Grow, columns: Floats | None = None,
-        again: Grow | None = None,
-    ) -> Explanation | None:  # fmt: skip
-        """An explanation with one more effect than `parent`; None where the reach cannot carry the flows.
+        self, parent: Explanation, library: Library, wanted: Sequence["Way"]
+    ) -> list[Explanation | None]:
+        """Explanations with one more effect than `parent`; None where the reach cannot carry the flows."""
+        if wanted:
+            self.report(0.2, "refitting with " + ", ".join(dict.fromkeys(way.name for way in wanted)))
 
-        `again` extends another explanation in the same way, where `grow` holds the model of this one.
-        """
-        self.report(0.06, f"refitting with {name}")
-        try:
-            more = grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
-            more = None if more is None else swung(more, self.record)
-        except RividError:
-            return None
-        if more is not None:
-            more = self.add(self._inflated(more, library, columns))
-            self.grown[id(more)] = library, name, again or grow, columns
-        return more
+        def grown(way: Way) -> Explanation | None:
+            try:
+                more = way.grow(parent, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0))
+                more = None if more is None else swung(more, self.record)
+            except RividError:
+                return None
+            return None if more is None else self._scored(self._inflated(more, library, way.columns))
+
+        made = side_by_side(grown, wanted)
+        for way, more in zip(wanted, made, strict=True):
+            if more is not None:
+                self.pool.append(more)
+                self.grown[id(more)] = library, way
+        return made
 
     def _inflated(self, one: Explanation, library: Library, columns: Floats | None = None) -> Explanation:
         """With the scatter of what it leaves, about the library's columns and about its own."""
@@ -448,11 +480,10 @@ class _Search:
             if name not in found or likely > found[name][0]:
                 found[name] = likely, one, model
         best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
-        for _, one, model in best:
-            near = partial(with_effect, candidate=one, record=self.record)
-            self._grow(
-                parent, library, one.effect.name, partial(self._from, one, model), one.columns, again=near
-            )
+        wanted = [
+            _near(one, self.record)._replace(grow=partial(self._from, one, model)) for _, one, model in best
+        ]
+        self._grow(parent, library, wanted)
         return [one for _, one, _ in best]
 
     def _nominal(self, model: Model) -> Response:
@@ -474,34 +505,38 @@ class _Search:
         self.report(0.1, "every effect with its own response")
         few, nominal = self._some_days(parent), self._nominal(parent.model)
         rough = self.begin_at.get(nominal.name, nominal)
-        found: dict[str, tuple[float, Candidate, Response]] = {}
         plain = replace(parent.model, reach=rough, noise=None)
         try:
             start = fitted(plain, few, np.ones(few.days, bool), steps=0)
         except RividError:  # with so few cells, or with what was found before
             return []
+        tried: list[Candidate] = []
+        models: list[Model] = []
         for one in whole_season(library, self.record):
             model = replace(
                 start.model, effects=(*parent.model.effects, one.effect),
                 free=(*parent.model.free, one.free),
             )  # fmt: skip
-            try:
-                if not one.effect.stepwise:
-                    likely, fit = _best_fits([model], few, fresh=1, start=start)[0]
-                elif one.effect.name in found:  # its steps are the same whatever it begins with
-                    continue
-                else:
-                    likely, fit = _best_fits(self._in_steps(model), few, fresh=1)[0]
-            except RividError:
-                continue
-            if one.effect.name not in found or likely > found[one.effect.name][0]:
-                reach = fit.model.reach
-                if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
-                    reach = replace(reach, cells=nominal.cells)
-                effect = fit.model.effects[-1]
-                found[one.effect.name] = likely, replace(one, effect=effect), reach
-        best = sorted(found.values(), key=lambda each: -each[0])[:DEEP]
-        return [(one, reach) for _, one, reach in best]
+            if not one.effect.stepwise:
+                more = [model]
+            elif any(other.effect.name == one.effect.name for other in tried):
+                continue  # its steps are the same whatever it begins with
+            else:
+                more = self._in_steps(model)
+            models += more
+            tried += [one] * len(more)
+        best: dict[str, _Fit] = {}
+        for fit in _fits(models, few, [start] * len(models), steps=BRIEF):
+            best.setdefault(tried[fit.number].effect.name, fit)
+        begun = list(best.values())[: 2 * DEEP]
+        found = []
+        for fit in _fits([fit.one.model for fit in begun], few, [fit.one for fit in begun], fresh=1)[:DEEP]:
+            model = fit.one.model
+            reach = model.reach
+            if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
+                reach = replace(reach, cells=nominal.cells)
+            found.append((replace(tried[begun[fit.number].number], effect=model.effects[-1]), reach))
+        return found
 
     def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
         """`parent` with a candidate, fitted to all open days from a model."""
@@ -528,11 +563,11 @@ class _Search:
         few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
         if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
             rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
-            starts.append(replace(_best_fits(rough, few, fresh=1)[0][1].model, reach=reach))
+            starts.append(replace(_best_fits(rough, few, fresh=1)[0].one.model, reach=reach))
         best = _best_fits(starts, few, fresh=2)[0]
-        if effect.stepwise and (near := self._in_steps(best[1].model, NEARBY)):
-            best = max(best, _best_fits(near, few, fresh=1)[0], key=lambda pair: pair[0])
-        return best[0], best[1].model
+        if effect.stepwise and (near := self._in_steps(best.one.model, NEARBY)):
+            best = max(best, _best_fits(near, few, fresh=1)[0])
+        return best.likely, best.one.model
 
     def _in_steps(self, model: Model, within: float = np.inf) -> list[Model]:
         """Models with other values of parameters of the last effect that no step of a fit changes.
@@ -548,17 +583,20 @@ class _Search:
         return found
 
     def _refitted(self, one: Explanation, near: Explanation) -> Explanation | None:
-        """An explanation fitted again from the response of one near by; None where it carries no flows."""
+        """An explanation fitted again from the response of one near by; None where it carries no flows.
+
+        It is scored, and not yet in the pool.
+        """
         model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
                 model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                fresh=2,
+                fresh=1,
             )  # fmt: skip
         except RividError:
             return None
-        return self.add(again)
+        return self._scored(again)
 
     def add_rivals(self, lead: Explanation) -> None:
         """Add what is easily mistaken for what `lead` adds, with its dates.
@@ -569,9 +607,8 @@ class _Search:
         if effect is None or parent is None or effect.dates is None or effect.found_as:
             return
         library = self._library(parent)
-        for one in _firsts(screened(parent, library, self.record, beside=effect)):
-            grow = partial(with_effect, candidate=one, record=self.record)
-            self._grow(parent, library, one.effect.name, grow, one.columns)
+        found = _firsts(screened(parent, library, self.record, beside=effect))
+        self._grow(parent, library, [_near(one, self.record) for one in found])
 
     def polished(self, lead: Explanation) -> Explanation:
         """The lead after `lead` and its rivals were fitted on, with columns about their own responses.
@@ -582,8 +619,8 @@ class _Search:
         """
         if lead.added is None or lead.parent is None or not lead.count[0] > lead.parent.count[0]:
             return lead
-        self.report(0.05, f"refitting with {lead.added.name}")
-        best = self._polished(lead, lead)
+        self.report(0.1, f"{lead.added.name} and its rivals from its response")
+        (best,) = self._polished([lead], lead)
         least = 2.0 * self.score(lead) - self.score(best) - LEAST
         rivals: dict[tuple[str, ...], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
@@ -591,20 +628,24 @@ class _Search:
             same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
             if same and one.names != lead.names and id(one) in self.grown:
                 rivals[one.names] = one
-        for one in rivals.values():
-            one = self._polished(one, best)
-            if self.score(one) > least or _alike(one, lead, self.classes):
-                self._polished(one, one)
+        better = self._polished(list(rivals.values()), best)
+        self._polished([o for o in better if self.score(o) > least or _alike(o, lead, self.classes)])
         return self.lead()
 
-    def _polished(self, one: Explanation, near: Explanation) -> Explanation:
-        """An explanation fitted on from the response of one near by, where that is better."""
-        more = self._refitted(one, near)
-        if more is None or self.score(more) <= self.score(one):
-            return one
-        if id(one) in self.grown:
-            self.grown[id(more)] = self.grown[id(one)]
-        return more
+    def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
+        """Explanations fitted on from the response of one near by, or their own, where that is better."""
+        made = side_by_side(lambda one: self._refitted(one, near or one), many)
+        best = []
+        for one, more in zip(many, made, strict=True):
+            if more is not None:
+                self.pool.append(more)
+            if more is None or self.score(more) <= self.score(one):
+                best.append(one)
+                continue
+            if id(one) in self.grown:
+                self.grown[id(more)] = self.grown[id(one)]
+            best.append(more)
+        return best
 
     def again(self, parent: Explanation) -> Explanation:
         """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
@@ -617,7 +658,10 @@ class _Search:
             return parent
         self.report(0.05, "refitting without the effect that leads")
         one = self._refitted(parent, lead)
-        if one is None or self.score(one) < self.score(parent) + LEAST:
+        if one is None:
+            return parent
+        self.pool.append(one)
+        if self.score(one) < self.score(parent) + LEAST:
             return parent
         for i, child in enumerate(self.pool):
             if child.parent is parent:
@@ -648,9 +692,9 @@ class _Search:
                 continue
             if latent and not rival.unknown:
                 self._latent(rival, latent)
-            elif not latent and self.grown[id(lead)][1] not in others:
-                library, name, grow, columns = self.grown[id(lead)]
-                self._grow(rival, library, name, grow, columns)
+            elif not latent and self.grown[id(lead)][1].name not in others:
+                library, way = self.grown[id(lead)]
+                self._grow(rival, library, [way._replace(grow=way.again or way.grow)])
 
     def varied(self, lead: Explanation) -> Explanation:
         """The same with a size of its last effect that varies with the date, where it predicts better."""
@@ -705,9 +749,9 @@ class _Search:
         if not parent.names:
             few, nominal = self._some_days(parent), self._nominal(model)
             rough = [replace(model, noise=None, reach=reach) for reach in (model.reach, nominal)]
-            near, away = (_best_fits([one], few, fresh=2)[0] for one in rough)
-            if bent := away[0] > near[0]:
-                model = replace(model, noise=None, reach=away[1].model.reach)
+            best = _best_fits(rough, few, fresh=2)[0]
+            if bent := best.number == 1:
+                model = replace(model, noise=None, reach=best.one.model.reach)
         one = fitted(
             model, self.record, self.opened, start=None if bent else parent, fresh=int(bent),
             unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
@@ -736,29 +780,74 @@ UNKNOWNS = 2
 """Unknown flows and unknown gauges, beside the names."""
 
 
-def _best_fits(
-    models: Iterable[Model], record: Record, *, fresh: int, start: Explanation | None = None
-) -> list[tuple[float, Explanation]]:
-    """Fits of models to all days of a record, with their likelihoods [nats a day], the best one first.
+class _Fit(NamedTuple):
+    """A fit to some days, its likelihood [nats a day] and the place of its model among those tried."""
+
+    likely: float
+    number: int
+    one: Explanation
+
+
+def _best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[_Fit]:
+    """Fits of models to all days of a record, the best one first.
+
+    Of many the likeliest third after a few steps is fitted on, and of these again (successive halving:
+    Jamieson and Talwalkar 2016).
 
     Raises
     ------
     RividError
         Where none of them carries the flows.
     """
-    found, refused = [], []
-    for model in models:
+    if len(models) <= FINALISTS:
+        return _fits(models, record, fresh=fresh)
+    begun = _fits(models, record, steps=BRIEF)
+    while (kept := max(len(begun) // 3, FINALISTS)) > FINALISTS:
+        begun = _fitted_on(begun[:kept], record, fresh=1, steps=2 * BRIEF)
+    return _fitted_on(begun[:kept], record, fresh=fresh)
+
+
+def _fitted_on(begun: Sequence[_Fit], record: Record, *, fresh: int, steps: int = STEPS) -> list[_Fit]:
+    models, starts = [fit.one.model for fit in begun], [fit.one for fit in begun]
+    found = _fits(models, record, starts, fresh=fresh, steps=steps)
+    return [fit._replace(number=begun[fit.number].number) for fit in found]
+
+
+def _fits(
+    models: Sequence[Model],
+    record: Record,
+    starts: Sequence[Explanation | None] | None = None,
+    *,
+    fresh: int = 0,
+    steps: int = STEPS,
+) -> list[_Fit]:
+    """Fits of models that carry the flows to all days of a record, each from a fit near by, the best first.
+
+    Raises
+    ------
+    RividError
+        Where none of them carries the flows.
+    """
+    every = np.ones(record.days, bool)
+    near: list[NoiseModel | None] = [None]  # the noise of the first fit starts those of the others
+
+    def fit(number: int) -> _Fit | RividError:
+        start, model = None if starts is None else starts[number], models[number]
+        model = replace(model, noise=model.noise or near[0])
         try:
-            every = np.ones(record.days, bool)
-            one = fitted(model, record, every, start=start, fresh=fresh, rough=True)
+            one = fitted(model, record, every, start=start, fresh=fresh, steps=steps, rough=True)
         except RividError as error:
-            refused.append(error)
-            continue
+            return error
         seen = np.where(record.used, one.residual, np.nan)
-        found.append((float(one.noise.log_likelihood(seen, record.activity).mean()), one))
+        return _Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), number, one)
+
+    first = fit(0)
+    near[0] = None if isinstance(first, RividError) else first.one.noise
+    made = [first, *side_by_side(fit, range(1, len(models)))]
+    found = [one for one in made if isinstance(one, _Fit)]
     if not found:
-        raise refused[0]
-    return sorted(found, key=lambda pair: -pair[0])
+        raise next(one for one in made if isinstance(one, RividError))
+    return sorted(found, key=lambda one: -one.likely)
 
 
 def _coarse(reach: Response) -> Response:

@@ -8,7 +8,7 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.search import with_effect
-from rivid.diagnosis.workflow import _alike, _Search, diagnose, find_effects
+from rivid.diagnosis.workflow import Way, _alike, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import RecurringFlow
 from rivid.errors import RividError
@@ -229,7 +229,7 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     grown = []
     search = SimpleNamespace(
         pool=[nothing, leak, rival, lead], opened=OPEN, dealt=SPLIT, classes=CATALOGUE,
-        grown={id(lead): (None, "rain_inflow", None, None)}, _grow=lambda one, *_: grown.append(one),
+        grown={id(lead): (None, Way("rain_inflow", print))}, _grow=lambda one, *_: grown.append(one),
     )  # fmt: skip
     _Search.level_rivals(search, lead)
     assert grown == [rival] * levelled
@@ -257,18 +257,19 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     search = SimpleNamespace(
         _nominal=lambda model: None, _scanned=lambda *_: [], report=lambda *_: None, record="record",
         _joint=lambda *_: (1.0, "model of the lead"), _from=print,
-        _grow=lambda parent, library, name, grow, columns, again: given.append((grow, again)),
+        _grow=lambda parent, library, wanted: given.extend(wanted),
     )  # fmt: skip
     _Search._deepened(search, explained(), None, [candidate])
-    ((grow, again),) = given
-    assert "model of the lead" in grow.args
-    assert again.func is with_effect and again.keywords == {"candidate": candidate, "record": "record"}
+    (way,) = given
+    assert "model of the lead" in way.grow.args
+    assert way.again.func is with_effect and way.again.keywords == {"candidate": candidate, "record": "record"}
     made = explained("leakage", 9.0, 0.5, parent=explained())
     kept = SimpleNamespace(
-        report=lambda *_: None, log_prior=lambda n: 0.0, add=lambda one: one, _inflated=lambda one, *_: one,
-        record=None, grown={},
+        report=lambda *_: None, log_prior=lambda n: 0.0, _scored=lambda one: one, pool=[], record=None,
+        _inflated=lambda one, *_: one, grown={},
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rivid.diagnosis.workflow.swung", lambda one, record: one)
-        _Search._grow(kept, explained(), None, "leakage", lambda *_, **__: made, again=again)
-    assert kept.grown[id(made)][2] is again
+        _Search._grow(kept, explained(), None, [way._replace(grow=lambda *_, **__: made)])
+    assert kept.pool == [made]
+    assert kept.grown[id(made)][1].again is way.again

@@ -110,7 +110,7 @@ FACTORS = 8
 """Innovation variances multiplied before a logarithm is taken: each may be 1e38 times the gauge's."""
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"}, nogil=True)
 def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: bool) -> Floats:
     """Log-likelihood of each system and day, shape (q, days), without the sample that sets a day's start.
 
@@ -168,7 +168,7 @@ def log_likelihoods(values: Floats, activity: Floats, systems: Floats, diffuse: 
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def innovations(columns: Floats, there: Bools, activity: Floats, m: System) -> tuple[Floats, bool]:
     """Innovations over their standard deviation, 0 where a sample is missing or only sets the start.
 

@@ -475,8 +475,8 @@ def fit_noise(
     starts : tuple of NoiseModel
         Further starts.
     alone : bool
-        Start at `starts` only, and end where a step gains less than some 0.1 nats in 100,000 samples, not
-        1e-3: faster, where they are near.
+        Start at `starts` only, and end after :data:`NEAR_STEPS` steps, or where one gains less than some 0.1
+        nats in 100,000 samples, not 1e-3: faster, where they are near.
 
     Raises
     ------
@@ -494,17 +494,20 @@ def fit_noise(
     )
     moved = _moved(activity, there.shape)
     usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
-    tolerance = 1e-6 if alone and starts else 1e-8
+    near = bool(alone and starts)
     if weights is not None:
         given = np.asarray(weights, float)
         if given.shape != (len(values),) or not (given >= 0.0).all() or not given.any():
             raise RividError(f"weights of days are {given}: expected one a day, 0 or more, and not all 0")
-        return _climb(values, there, moved, given, usual + starts, limits, tolerance)
-    model = _climb(values, there, moved, np.ones(len(values)), usual + starts, limits, tolerance)
+        return _climb(values, there, moved, given, usual + starts, limits, near)
+    model = _climb(values, there, moved, np.ones(len(values)), usual + starts, limits, near)
     w = day_weights(model.whiten(residual, activity=activity))
-    return model if (w == 1.0).all() else _climb(values, there, moved, w, (model,), limits, tolerance)
+    return model if (w == 1.0).all() else _climb(values, there, moved, w, (model,), limits, near)
 
 
+NEAR_STEPS = 8
+"""Steps from a start near by, after which the response is fitted again; and from each of several starts, of
+which the best one goes on."""
 LANES, FEWEST_LANES = 8, 24
 """Days of a likelihood are filled up to a multiple of a vector's length, and to where the compiled loop has
 vectors at all: 13 days take 0.48 ms, and 24 take 0.22 ms."""
@@ -517,9 +520,9 @@ def _climb(
     weights: Floats,
     starts: tuple[NoiseModel, ...],
     limits: Limits,
-    tolerance: float,
+    near: bool,
 ) -> NoiseModel:
-    """The model of greatest likelihood from all starts."""
+    """The model of greatest likelihood from all starts, which are near or not."""
     from scipy.optimize import minimize
 
     from rivid.diagnosis.noise.kalman import log_likelihoods
@@ -540,14 +543,14 @@ def _climb(
         return float(at), (np.array(near) - at) / STEP
 
     low, high = np.log(limits.low), np.log(limits.high)
-    found = []
-    for start in starts:
-        given = np.array([max(getattr(start, name), 1e-300) for name in limits.free])
-        found.append(
-            minimize(
-                cost, np.clip(np.log(given), low, high), jac=True, method="L-BFGS-B",
-                bounds=list(zip(low, high, strict=True)),
-                options={"maxiter": 200, "ftol": tolerance, "gtol": 1e-6},
-            )
+
+    def climb(start: Floats, most: int, least: float) -> Any:
+        return minimize(
+            cost, start, jac=True, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)),
+            options={"maxiter": most, "ftol": least, "gtol": 1e-6},
         )  # fmt: skip
-    return limits.at(min(found, key=lambda end: float(end.fun)).x)
+
+    given = [np.array([max(getattr(start, name), 1e-300) for name in limits.free]) for start in starts]
+    begun = [climb(np.clip(np.log(start), low, high), NEAR_STEPS, 1e-6) for start in given]
+    best = min(begun, key=lambda end: float(end.fun)).x
+    return limits.at(best if near else climb(best, 200, 1e-8).x)

@@ -1,12 +1,12 @@
 """Levels from commands, for a season or for many independent days; travel time of a small wave."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
 from multiprocessing import parent_process
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,8 @@ from rivid.reach.gate import NO_OPERATORS, OperatorArrays, exchange_arrays, gate
 from rivid.reach.saint_venant.channel import COURANT_LIMIT, MAX_CELLS, Channel
 from rivid.types import Floats
 
+_Given = TypeVar("_Given")
+_Made = TypeVar("_Made")
 NUDGE_TIME = 1800.0
 """Time in which a nudge would close the gap between the observed level and the water's [s]."""
 ENOUGH = 200_000
@@ -279,13 +281,27 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _threads(rows: int, row: int) -> int:
-    """Threads for rows of a size [cells times samples]; one in a worker process: the others use the cores."""
-    if rows * row < ENOUGH or parent_process() is not None:
+    """Threads for rows of a size [cells times samples]."""
+    return 1 if rows * row < ENOUGH else min(rows, _cores())
+
+
+def _cores() -> int:
+    """Threads that may work at once; one in a worker process: the others use the cores."""
+    if parent_process() is not None:
         return 1
     import numba
 
     config: Any = numba.config
-    return min(rows, int(config.NUMBA_NUM_THREADS))
+    return int(config.NUMBA_NUM_THREADS)
+
+
+def side_by_side(function: Callable[[_Given], _Made], many: Sequence[_Given]) -> list[_Made]:
+    """What a function makes of each of many, computed on all cores; simulations release the GIL."""
+    threads = min(len(many), _cores())
+    if threads <= 1:
+        return [function(one) for one in many]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(function, many))
 
 
 def _check_settings(
