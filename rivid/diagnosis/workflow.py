@@ -564,7 +564,7 @@ class _Search:
         if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
             rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
             starts.append(replace(_best_fits(rough, few, fresh=1)[0].one.model, reach=reach))
-        best = _best_fits(starts, few, fresh=2)[0]
+        best = _best_fits(starts, few, fresh=1)[0]
         if effect.stepwise and (near := self._in_steps(best.one.model, NEARBY)):
             best = max(best, _best_fits(near, few, fresh=1)[0])
         return best.likely, best.one.model
@@ -582,17 +582,17 @@ class _Search:
                 found.append(replace(model, effects=(*model.effects[:-1], other)))
         return found
 
-    def _refitted(self, one: Explanation, near: Explanation) -> Explanation | None:
+    def _refitted(self, one: Explanation, near: Explanation, columns: bool = True) -> Explanation | None:
         """An explanation fitted again from the response of one near by; None where it carries no flows.
 
-        It is scored, and not yet in the pool.
+        With `columns` of its own in the end. It is scored, and not yet in the pool.
         """
         model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
                 model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                fresh=1,
+                fresh=int(columns), steps=STEPS if columns else 2 * BRIEF,
             )  # fmt: skip
         except RividError:
             return None
@@ -633,8 +633,11 @@ class _Search:
         return self.lead()
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
-        """Explanations fitted on from the response of one near by, or their own, where that is better."""
-        made = side_by_side(lambda one: self._refitted(one, near or one), many)
+        """Explanations fitted on from the response of one near by, or their own, where that is better.
+
+        Near by with the columns of that one: most are far behind it.
+        """
+        made = side_by_side(lambda one: self._refitted(one, near or one, near in (None, one)), many)
         best = []
         for one, more in zip(many, made, strict=True):
             if more is not None:
