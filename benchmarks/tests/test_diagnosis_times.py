@@ -1,6 +1,7 @@
 """What the benchmark of the diagnosis counts and times."""
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -27,9 +28,20 @@ def test_time_counts_for_the_part_at_work_and_simulations_by_their_days(monkeypa
     Reach().fit()
     Reach().baseline(np.zeros((7, 5)))
     watch.turn()
-    assert (watch.simulations, watch.days) == (2, 10)
+    assert watch.runs == [3, 7]
     assert 0.02 <= watch.seconds["water"] and 0.01 <= watch.seconds["noise"] and watch.seconds["rest"] > 0.0
     assert sum(watch.seconds.values()) == pytest.approx(time.perf_counter() - began, abs=5e-3)
+
+
+def test_threads_count_their_own_time(monkeypatch):
+    monkeypatch.setattr(Reach, "baseline", Reach.baseline)
+    monkeypatch.setattr(diagnosis, "PARTS", {"water": ((Reach, "baseline"),)})
+    monkeypatch.setattr(diagnosis, "RUNS", ())
+    watch = diagnosis.Watch()
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(Reach().baseline, [None, None]))
+    watch.turn()
+    assert watch.seconds["water"] >= 0.02 and watch.seconds["rest"] >= 0.01
 
 
 def test_functions_that_are_wrapped_are_there():

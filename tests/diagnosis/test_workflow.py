@@ -262,7 +262,10 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     _Search._deepened(search, explained(), None, [candidate])
     (way,) = given
     assert "model of the lead" in way.grow.args
-    assert way.again.func is with_effect and way.again.keywords == {"candidate": candidate, "record": "record"}
+    assert way.again.func is with_effect and way.again.keywords == {
+        "candidate": candidate,
+        "record": "record",
+    }
     made = explained("leakage", 9.0, 0.5, parent=explained())
     kept = SimpleNamespace(
         report=lambda *_: None, log_prior=lambda n: 0.0, _scored=lambda one: one, pool=[], record=None,
