@@ -3,8 +3,8 @@
 The dense linear algebra of many days is elementwise over the last axis ("lanes", one day each), in an order
 that depends on the sizes M and N only. So a day's bits do not depend on its neighbours, which batched LAPACK
 and FFT calls do not promise, and one numpy call does a step for all days. The number of lanes is padded to a
-multiple of :data:`LANE_MULTIPLE`, whole SIMD registers, so that no lane is the ragged end of a vector. All
-arrays are C-contiguous: einsum picks its loops, and with them its roundings, by the layout.
+multiple of :data:`LANE_MULTIPLE`, whole SIMD registers, so that no lane is the ragged end of a vector. Lanes
+are next to each other in memory: einsum picks its loops, and with them its roundings, by the layout.
 
 The joint estimate searches all delays. For one day and one alpha the penalties of all candidates differ from
 ``P0 = D_0' D_0`` (D_0: D with rows 0, 1, 2 zero) by two rows of D_0, since d frees the stencils d + 1 and
@@ -18,12 +18,12 @@ residual. In :func:`jmap` lags run backwards, from M - 1 to 0: the rows e sit at
 substitution then has little left to do.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.settings import ALPHA_CAP, DEFAULT_ALPHA, MAX_CONDITION, JmapSettings
@@ -33,8 +33,13 @@ from rivid.types import Floats, Ints, Strings
 LANE_MULTIPLE = 16
 """Lanes come in multiples of this: two registers of eight doubles."""
 
-BLOCK = 176
-"""Most lanes in one block: its Gram matrices (1.3 MB at M = 30) stay in the second-level cache."""
+BLOCK = 368
+"""Most lanes in one block: a year of days. The calls of numpy take as long as the arithmetic of 130 lanes, so
+that a year in two blocks takes a quarter longer."""
+
+TOGETHER = 112
+"""Lanes for which :func:`gram` sums at once, a multiple of :data:`LANE_MULTIPLE`: M inflows and M sums, which
+are at work, stay in the cache (54 kB at M = 30). With fewer, numpy's loops are short."""
 
 
 def as_days(
@@ -83,14 +88,14 @@ def as_days(
     return [np.atleast_2d(values) for values in arrays.values()], len(shape) == 1
 
 
-def blocks(n_days: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
-    """Cut days into blocks of lanes.
+def blocks(n_days: int, most: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
+    """Cut days into blocks of `most` lanes.
 
     Yields the days of each block, and which day each of its lanes holds, shape (lanes,); padding lanes repeat
     the block's last day.
     """
-    for first in range(0, n_days, BLOCK):
-        last = min(first + BLOCK, n_days)
+    for first in range(0, n_days, most):
+        last = min(first + most, n_days)
         yield slice(first, last), padded(np.arange(first, last))
 
 
@@ -100,88 +105,90 @@ def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.concatenate([take, np.full(missing, take[-1])])
 
 
-def gram(u: Floats, y: Floats, order: int, free_start: bool = False) -> tuple[Floats, Floats, Floats, int]:
-    """U'U (M, M, lanes), U'y (M, lanes) and y'y (lanes,) of the Toeplitz matrix U of (16), and its rows.
+def gram(
+    u: Floats, y: Floats, take: NDArray[np.intp], G: Floats, b: Floats, free_start: bool = False
+) -> tuple[Floats, int]:
+    """U'U (M, M, lanes) and U'y (M, lanes) of the Toeplitz matrix U of (16), into G and b.
 
-    u and y have shape (N, lanes), M = `order` <= N. U'U is Toeplitz up to a low-rank correction: ``G[i+1,
-    j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only its first row is a sum over the samples.
+    u and y have shape (days, N), M <= N; lane l is day ``take[l]``. U'U is Toeplitz up to a low-rank
+    correction: ``G[i+1, j+1] = G[i, j] - u[N-1-i] u[N-1-j]``, so only its first row is a sum over samples.
 
     With `free_start` False, u is zero before the first sample, as in (16), and N rows count. True: it is
     unknown. Then only the N - M + 1 rows with all M samples of u count, and a constant is fitted as well
     (rows and output less their means).
+
+    Returns y'y (lanes,), and how many rows U has.
     """
-    N, lanes = u.shape
-    M = order
+    N, M = u.shape[1], len(b)
     first = M - 1 if free_start else 0
-    G = np.empty((M, M, lanes))
-    b = np.empty((M, lanes))
-    for k in range(M):
-        row = max(k, first)
-        np.einsum("nb,nb->b", u[row:], u[row - k : N - k], out=G[0, k])
-        np.einsum("nb,nb->b", y[row:], u[row - k : N - k], out=b[k])
+    sums, total, yy = np.empty(b.shape), np.empty(len(take)), np.empty(len(take))
+    for begin in range(0, len(take), TOGETHER):
+        some = slice(begin, begin + TOGETHER)
+        rows = np.zeros((M - 1 + N, len(take[some])))
+        rows[M - 1 :] = u[take[some]].T
+        late = sliding_window_view(rows, N - first, axis=0)[::-1][:M].swapaxes(1, 2)  # u[n-k], n >= first
+        z = y[take[some]].T[first:].copy()
+        G[0, :, some] = np.einsum("knb,nb->kb", late, late[0])
+        b[:, some] = np.einsum("knb,nb->kb", late, z)
+        yy[some] = np.einsum("nb,nb->b", z, z)
+        if free_start:
+            sums[:, some], total[some] = np.einsum("knb->kb", late), np.einsum("nb->b", z)
     G[1:, 0] = G[0, 1:]
-    tail = u[N - M :][::-1]  # u[N-1-i], i = 0..M-1
+    tail = u[take, N - M :].T[::-1].copy()  # u[N-1-i], i = 0..M-1
+    head = u[take, : M - 1].T[::-1].copy()  # u[M-2-i], i = 0..M-2
     for i in range(M - 1):
         np.multiply(tail[i], tail[: M - 1], out=G[i + 1, 1:])
         np.subtract(G[i, :-1], G[i + 1, 1:], out=G[i + 1, 1:])
         if free_start:  # the row that enters above as the last one leaves below
-            G[i + 1, 1:] += u[M - 2 - i] * u[M - 2 :: -1]
-    yy = np.einsum("nb,nb->b", y, y)
+            G[i + 1, 1:] += head[i] * head
     n_rows = N - first
     if free_start:
-        y = y[first:]
-        sums = np.stack([np.einsum("nb->b", u[first - i : N - i]) for i in range(M)])
-        total = np.einsum("nb->b", y)
         G -= sums[:, None] * sums / n_rows
         b -= sums * total / n_rows
-        raw = np.einsum("nb,nb->b", y, y)
+        raw = yy
         yy = raw - total * total / n_rows
         yy[yy <= 1e-14 * raw] = 0.0  # a constant, to rounding
-    return G, b, yy, n_rows
+    return yy, n_rows
 
 
-def cholesky(A: Floats, rhs: Floats, unit: Floats | None = None) -> tuple[Floats, Floats, Floats]:
-    """Cholesky factor of A and the forward-substituted right-hand sides, in one sweep.
+def cholesky(A: Floats, R: Floats, E: Floats | None = None, V: Floats | None = None) -> None:
+    """Cholesky factor and forward-substituted right-hand sides, in one sweep, into R and V.
 
-    Of A (M, M, lanes) the upper triangle is read; `rhs` has shape (M, lanes). `unit` (R, M) holds right-hand
-    sides that all lanes share, as rows, with no fewer leading zeros from row to row: what stays zero is not
-    worked on.
-
-    Returns R (M, M, lanes) with ``A = R'R``, meaningless below the diagonal; ``R'^-1 rhs`` (M, lanes); and
-    ``R'^-1 unit'`` (M, R, lanes). A lane that is not positive definite becomes NaN.
+    Parameters
+    ----------
+    A : ndarray, shape (M, M + 1, lanes)
+        The matrix, of which the upper triangle is read, and as its last column a right-hand side b.
+    R : ndarray, shape (M, M + 1, lanes)
+        Becomes R with ``A = R'R``, meaningless below the diagonal, and as its last column ``R'^-1 b``. A lane
+        that is not positive definite becomes NaN.
+    E : ndarray, shape (K, M)
+        Right-hand sides that all lanes share, as rows: M - L leading zeros, and one more from row to row.
+    V : ndarray, shape (L, K, lanes)
+        Becomes the last L rows of ``R'^-1 E'``, the others are zero. Where these stay zero, V must be.
     """
-    M, _, lanes = A.shape
-    shared = np.empty((0, M)) if unit is None else unit
-    starts = [int(np.flatnonzero(row)[0]) if row.any() else M for row in shared]
-    first = starts[0] if starts else M
-    W = np.empty((M, M + 1, lanes))  # row j: R[j, j:], then z[j]
-    V = np.zeros((M, len(shared), lanes))
+    M = len(A)
+    first = M if V is None else M - len(V)
     with np.errstate(invalid="ignore", divide="ignore"):
         for j in range(M):
-            row = W[j, j:]
-            row[:-1], row[-1] = A[j, j:], rhs[j]
-            if j:
-                row -= np.einsum("kib,kb->ib", W[:j, j:], W[:j, j])
+            row = R[j, j:]
+            np.subtract(A[j, j:], np.einsum("kib,kb->ib", R[:j, j:], R[:j, j]), out=row)
             root = np.sqrt(row[0])
             row /= root
-            if j >= first:
-                begun = V[j, : bisect_right(starts, j)]
-                begun[:] = shared[: len(begun), j, None]
-                if j > first:
-                    begun -= np.einsum("kib,kb->ib", V[first:j, : len(begun)], W[first:j, j])
+            if E is not None and V is not None and j >= first:
+                begun = V[j - first, : j - first + 1]
+                done = np.einsum("kib,kb->ib", V[: j - first, : len(begun)], R[first:j, j])
+                np.subtract(E[: len(begun), j, None], done, out=begun)
                 begun /= root
-    return W[:, :M], W[:, M], V
 
 
 def back_substitute(R: Floats, v: Floats) -> Floats:
-    """Solve ``R h = v`` with R (M, M, lanes) of :func:`cholesky` and v (M, lanes)."""
+    """Solve ``R h = v`` with R of :func:`cholesky`, its last column aside, and v (M, lanes)."""
     M = len(v)
-    h = np.empty(v.shape)  # C order for any v: einsum's order of summation follows the layout
+    h = v.copy()  # C order for any v: einsum's order of summation follows the layout
     for j in range(M - 1, -1, -1):
-        h[j] = v[j]
-        if j < M - 1:
-            h[j] -= np.einsum("ib,ib->b", R[j, j + 1 :], h[j + 1 :])
-        h[j] /= R[j, j]
+        x = h[j]
+        x -= np.einsum("ib,ib->b", R[j, j + 1 : M], h[j + 1 :])
+        x /= R[j, j]
     return h
 
 
@@ -191,7 +198,7 @@ def condition_numbers(G: Floats) -> Floats:
     Infinite where the smallest eigenvalue is not positive. LAPACK works one matrix after another here, so a
     lane does not depend on its neighbours.
     """
-    eigenvalues = np.linalg.eigvalsh(np.ascontiguousarray(np.moveaxis(G, -1, 0)))
+    eigenvalues = np.linalg.eigvalsh(np.moveaxis(G, -1, 0))
     low, high = eigenvalues[:, 0], eigenvalues[:, -1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(low > 0, high / low, np.inf)
@@ -322,15 +329,18 @@ def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_star
     P = (alpha * (D.T @ D))[:, :, None]
     fir = np.empty((n, order))
     noise, condition = np.empty(n), np.empty(n)
-    for days, take in blocks(n):
-        G, b, yy, n_rows = gram(inputs[take].T.copy(), outputs[take].T.copy(), order, free_start)
-        R, z, _ = cholesky(G + P, b)
-        h = back_substitute(R, z)
+    for days, take in blocks(n, BLOCK):
+        A, R = np.empty((2, order, order + 1, len(take)))
+        G, b = A[:, :-1], A[:, -1]
+        yy, n_rows = gram(inputs, outputs, take, G, b, free_start)
+        here = slice(0, days.stop - days.start)
+        still, condition[days] = motionless(yy, G), condition_numbers(G[..., here])
+        G += P
+        cholesky(A, R)
+        h = back_substitute(R, R[:, -1])
         # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
         rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
-        here = slice(0, days.stop - days.start)
-        condition[days] = condition_numbers(G[..., here])
-        fir[days] = np.where(motionless(yy, G), np.nan, h)[:, here].T
+        fir[days] = np.where(still, np.nan, h)[:, here].T
         noise[days] = np.maximum(rss, 0.0)[here] / n_rows
     bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
     fir[bad], noise[bad] = np.nan, np.nan
@@ -435,9 +445,9 @@ def jmap(
         {"u": u, "y": y}, settings.order + 1, f"an FIR of order {settings.order}"
     )
     parts = []
-    for days, take in blocks(len(inputs)):
+    for days, take in blocks(len(inputs), BLOCK):
         with np.errstate(invalid="ignore", divide="ignore"):  # lanes that cannot be identified
-            block = _Block(inputs[take].T.copy(), outputs[take].T.copy(), settings)
+            block = _Block(inputs, outputs, take, settings)
             parts.append(block.result(days.stop - days.start))
     merged: dict[str, Any] = {
         name: np.concatenate([part[name] for part in parts]) if parts else _nothing(name, settings)
@@ -462,49 +472,63 @@ def _nothing(name: str, settings: JmapSettings) -> NDArray[Any]:
 
 
 class _Candidates:
-    """All candidate delays of one block at one alpha: the 2 x 2 solves of the module's heading."""
+    """All candidate delays of one block: the 2 x 2 solves of the module's heading."""
 
-    def __init__(self, G: Floats, b: Floats, yy: Floats, alpha: Floats, settings: JmapSettings) -> None:
+    def __init__(self, A: Floats, R: Floats, yy: Floats, settings: JmapSettings) -> None:
+        self.A, self.R, self.yy = A, R, yy
         D_0 = second_difference(settings.order)
         if settings.jumps == "both":
             D_0[:3] = 0.0
         D_0 = D_0[:, ::-1]
-        E = D_0[settings.d_max + 2 : settings.d_min : -1]  # every d + 1 and d + 2, the longest first
-        A = G.copy()
-        P_0 = D_0.T @ D_0
-        for k in range(3):  # P_0 is banded; the upper triangle will do
-            band = A.reshape(-1, A.shape[-1])[k :: len(A) + 1][: len(A) - k]
-            band += alpha * np.diag(P_0, k)[:, None]
-        self.R, self.z, self.V = cholesky(A, b, E)
+        self.E = D_0[settings.d_max + 2 : settings.d_min : -1]  # every d + 1 and d + 2, the longest first
+        self.P_0 = [np.diag(D_0.T @ D_0, k)[:, None] for k in range(3)]  # the others are zero
+        self.bands = [A.reshape(-1, A.shape[-1])[k :: len(A) + 2][: len(A) - k] for k in range(3)]
+        self.of_G = [band.copy() for band in self.bands]
+        self.V = np.zeros((settings.d_max + 3, len(self.E), A.shape[-1]))
+
+    def ml(self) -> tuple[Floats, Floats]:
+        """The FIR of (17), backwards, and ``||y - U h||^2``."""
+        cholesky(self.A, self.R)
+        z = self.R[:, -1]
+        return back_substitute(self.R, z), self.yy - np.einsum("kb,kb->b", z, z)
+
+    def solve(self, alpha: Floats) -> None:
+        """Find the cost of each candidate at these alpha, shape (lanes,)."""
+        for band, of_G, of_P_0 in zip(self.bands, self.of_G, self.P_0, strict=True):
+            np.add(of_G, alpha * of_P_0, out=band)
+        cholesky(self.A, self.R, self.E, self.V)
+        for band, of_G in zip(self.bands, self.of_G, strict=True):
+            band[:] = of_G
         # inner products of A^-1: with itself, with its neighbour, and with U'y; the shortest delay first
-        first = int(np.flatnonzero(E[0])[0])
-        V, z = self.V[first:], self.z[first:]
+        V, z = self.V, self.R[:, -1]
         own = np.einsum("krb,krb->rb", V, V)[::-1]
         next_ = np.einsum("krb,krb->rb", V[:, :-1], V[:, 1:])[::-1]
-        on_y = np.einsum("krb,kb->rb", V, z)[::-1]
+        on_y = np.einsum("krb,kb->rb", V, z[-len(V) :])[::-1]
         a11, a22 = 1 / alpha - own[:-1], 1 / alpha - own[1:]
         det = a11 * a22 - next_ * next_
         self.c1 = (a22 * on_y[:-1] + next_ * on_y[1:]) / det
         self.c2 = (a11 * on_y[1:] + next_ * on_y[:-1]) / det
         # min over h of ||y - U h||^2 + alpha ||D_d h||^2, shape (K, lanes)
-        self.cost = yy - np.einsum("kb,kb->b", self.z, self.z) - (self.c1 * on_y[:-1] + self.c2 * on_y[1:])
+        self.cost = self.yy - np.einsum("kb,kb->b", z, z) - (self.c1 * on_y[:-1] + self.c2 * on_y[1:])
 
     def fir(self, index: Ints) -> Floats:
         """The FIR, backwards, of candidate number `index` of each lane, shape (M, lanes)."""
-        lane, last = np.arange(len(index)), self.V.shape[1] - 1
-        v = self.z + self.c1[index, lane] * self.V[:, last - index, lane]
-        v += self.c2[index, lane] * self.V[:, last - index - 1, lane]
+        V, lane, v = self.V[:, ::-1], np.arange(len(index)), self.R[:, -1].copy()
+        v[-len(V) :] += self.c1[index, lane] * V[:, index, lane]
+        v[-len(V) :] += self.c2[index, lane] * V[:, index + 1, lane]
         return back_substitute(self.R, v)
 
 
 class _Block:
     """Up to :data:`BLOCK` days at work."""
 
-    def __init__(self, u: Floats, y: Floats, settings: JmapSettings) -> None:
+    def __init__(self, u: Floats, y: Floats, take: NDArray[np.intp], settings: JmapSettings) -> None:
         self.settings = s = settings
-        self.n = u.shape[1]
-        G, b, self.yy, self.N = gram(u, y, s.order, s.free_start)
-        self.G, self.b = np.ascontiguousarray(G[::-1, ::-1]), np.ascontiguousarray(b[::-1])
+        self.n = len(take)
+        # in one piece, of a few MB: malloc would return two to the system at the end of each call, and their
+        # pages, new again each time, would take a fifth of the time
+        self.A, self.R = np.empty((2, s.order, s.order + 1, self.n))
+        self.yy, self.N = gram(u, y, take, self.A[::-1, -2::-1], self.A[::-1, -1], s.free_start)
         self.rounds: list[Floats] = []  # sigma_w2 and sigma_hD2 of each iteration, shape (lanes, 2)
         self.dof = self.N + 2 * (s.alpha_w + 1)
         self.settled = np.zeros(self.n, bool)
@@ -521,7 +545,7 @@ class _Block:
     def result(self, n_days: int) -> dict[str, NDArray[Any]]:
         """Estimate, and give the columns of the first `n_days` lanes."""
         s, here = self.settings, slice(0, n_days)
-        condition = condition_numbers(self.G[..., here])
+        condition = condition_numbers(self.A[:, :-1, here])
         if s.alpha is not None:
             self._table_v(s.alpha)
             criterion, data_only = self.cost, self.cost / self.s_w
@@ -529,7 +553,7 @@ class _Block:
             terms = self._table_vi()
             data_only = self.cost / self.s_w
             criterion = data_only + self.penalty[:, None] + terms
-        bad = motionless(self.yy, self.G)[here] | ~(condition <= MAX_CONDITION)
+        bad = motionless(self.yy, self.A)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
         alpha = self.s_w / self.s_h
         astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
@@ -558,7 +582,8 @@ class _Block:
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""
-        search = _Candidates(self.G, self.b, self.yy, np.full(self.n, alpha), self.settings)
+        search = _Candidates(self.A, self.R, self.yy, self.settings)
+        search.solve(np.full(self.n, alpha))
         self.cost = search.cost
         self.index = np.argmin(self.cost, axis=0)
         self.fir = search.fir(self.index)
@@ -571,9 +596,8 @@ class _Block:
     def _table_vi(self) -> Floats:
         """Both variances estimated in turn with d and h; returns the terms of (35) without d."""
         s, M = self.settings, self.settings.order
-        R, z, _ = cholesky(self.G, self.b)
-        h = back_substitute(R, z)  # (17)
-        fidelity = self.yy - np.einsum("kb,kb->b", z, z)
+        search = _Candidates(self.A, self.R, self.yy, s)
+        h, fidelity = search.ml()
         if s.inverse_gamma:
             Dh = _second_differences(h)
             alpha_h, beta_h = M / 2, np.einsum("ib,ib->b", Dh, Dh) / 2
@@ -584,17 +608,18 @@ class _Block:
         shape = M + 2 * (alpha_h + 1)
 
         index = np.full(self.n, int(np.clip(s.d_init, s.d_min, s.d_max)) - s.d_min)
+        rough = self._roughness(h, index)
         take = np.arange(self.n)  # which lanes the working arrays hold
-        G, b, yy = self.G, self.b, self.yy
-        working = np.isfinite(h).all(axis=0) & ~motionless(yy, G)
+        working = np.isfinite(h).all(axis=0) & ~motionless(self.yy, self.A)
         for iteration in range(1, s.max_iterations + 1):
             s_w = self._noise(fidelity, take)  # (38)
-            s_h = (self._roughness(h, index) + 2 * beta_h[take]) / shape  # (37)
+            s_h = (rough + 2 * beta_h[take]) / shape  # (37)
             s_h = np.maximum(s_h, s_w / ALPHA_CAP)
-            search = _Candidates(G, b, yy, s_w / s_h, s)
+            search.solve(s_w / s_h)
             index = np.argmin(search.cost / s_w + self.penalty[:, None], axis=0)
             h = search.fir(index)
-            fidelity = search.cost[index, np.arange(len(take))] - s_w / s_h * self._roughness(h, index)
+            rough = self._roughness(h, index)
+            fidelity = search.cost[index, np.arange(len(take))] - s_w / s_h * rough
 
             settled = (abs(s_h / self.s_h[take] - 1) < s.tolerance) & (
                 abs(s_w / self.s_w[take] - 1) < s.tolerance
@@ -610,11 +635,10 @@ class _Block:
                 break
             if len(left) <= len(take) // 2:  # drop the settled lanes, keep whole registers
                 keep = padded(left)
-                G, b, yy, take, h, fidelity, index = (
-                    # np.take, unlike G[..., keep], gives C order: lanes stay next to each other
-                    np.take(array, keep, axis=-1)
-                    for array in (G, b, yy, take, h, fidelity, index)
-                )
+                A, R = np.empty((2, M, M + 1, len(keep)))
+                np.take(search.A, keep, axis=-1, out=A, mode="clip")  # "raise" would make a copy
+                search = _Candidates(A, R, search.yy[keep], s)
+                take, rough, fidelity = take[keep], rough[keep], fidelity[keep]
                 working = np.arange(len(keep)) < len(left)
         terms = 2 * beta_h / self.s_h + self.dof * np.log(self.s_w) + shape * np.log(self.s_h)
         return np.asarray(terms + 2 * s.beta_w / self.s_w)

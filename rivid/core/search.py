@@ -22,6 +22,9 @@ from rivid.types import Floats, Ints, Strings
 __all__ = ["DIRECT_PARAMETERS", "INDIRECT_PARAMETERS", "SearchResult", "SearchSettings", "direct", "indirect"]
 
 
+BLOCK = 176
+"""Most lanes in one block: with more, the signals (0.9 MB each at N = 649) leave the cache."""
+
 MIN_INDEPENDENCE = 1e-16
 """A column of which the others leave no larger part (of its squared length) counts as their combination: at
 1e-16 its coefficient keeps eight digits, at 1e-32 none. Days of the sample year leave 3e-7 or more."""
@@ -197,7 +200,7 @@ def _search(
     J, theta = np.empty((n, len(candidates))), np.empty((n, len(candidates), len(names)))
     least = np.empty(n)
     signals = [target, *shared, np.cumsum(u, axis=1)]  # x^f = x / (1 - q^-1)
-    for days, take in blocks(n):
+    for days, take in blocks(n, BLOCK):
         of_block = _fit([x[take].T.copy() for x in signals], candidates)
         J[days], theta[days], least[days] = (x[..., : days.stop - days.start].T for x in of_block)
     last = settings.d_max + 1

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rivid.core.fir import BLOCK
-from rivid.core.search import direct, indirect
+from rivid.core.search import BLOCK, direct, indirect
 from rivid.reach.integrator import theoretical_fir
 from rivid.simulation import simulate
 from rivid.simulation.scenario import Scenario
