@@ -116,12 +116,16 @@ def fit_seiche(
         return float((seen / S + np.log(S)).sum())
 
     base, _ = _lowest(lambda p: cost(white(p)), np.array([np.log(seen.mean()), 0.0]))
-    found = [
-        _lowest(lambda q: cost(spectra(q)), np.array([np.log(period), np.log(damping), np.log(size), *base]))
+    begun = [
+        _lowest(
+            lambda q: cost(spectra(q)),
+            np.array([np.log(period), np.log(damping), np.log(size), *base]),
+            BRIEF,
+        )
         for damping in (SLOWEST, 3e-5, 2e-4)
         for size in (0.003, 0.03)
     ]
-    p = min(found, key=lambda f: f[1])[0]
+    p, _ = _lowest(lambda q: cost(spectra(q)), min(begun, key=lambda f: f[1])[0])
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
     days = int(fit.sum())
@@ -129,9 +133,13 @@ def fit_seiche(
     return at(p), spreads, gains, tried, float((S / white(p[3:])).max())
 
 
-def _lowest(cost: Callable[[Floats], float], start: Floats) -> tuple[Floats, float]:
+BRIEF = 100
+"""Steps after which starts are compared: a search takes some 300."""
+
+
+def _lowest(cost: Callable[[Floats], float], start: Floats, most: int = 3000) -> tuple[Floats, float]:
     """The minimum of a cost, by Nelder and Mead, and its value."""
-    end = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 3000, "fatol": 1e-6})
+    end = minimize(cost, start, method="Nelder-Mead", options={"maxiter": most, "fatol": 1e-6})
     return np.asarray(end.x, float), float(end.fun)
 
 

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import ALONE, Study, harmless, leading, ranked
+from rivid.diagnosis.decision import ALONE, Cores, Study, alike, harmless, leading, ranked
 from rivid.diagnosis.explanation import STEPS, Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.noise.model import NoiseModel
@@ -180,12 +180,14 @@ def find_effects(
             search.extend(parent)
         search.add_rivals(search.lead())
         lead = search.polished(search.lead())
-        search.level_rivals(lead)
+        for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
+            search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
         if turn == most - 1 or lead.names == parent.names and lead.unknown in ("", parent.unknown):
             break
         parent = lead
+    report(1.0, "the sealed days")
     return search.study()
 
 
@@ -220,6 +222,7 @@ class _Search:
         """The likeliest coarse response of each kind on some days, from all its starts."""
         self.grown: dict[int, tuple[Library, Way]] = {}
         """How each explanation extends its parent, by its identity."""
+        self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done = report, 0.0
 
@@ -361,13 +364,29 @@ class _Search:
         plain = (one for one in self.pool if one.parent is None and one.unknown != "dynamics")
         return max(plain, key=self.score)
 
-    def lead(self) -> Explanation:
-        """The most probable explanation; unknown dynamics are no ground for more."""
+    def ordered(self) -> list[Explanation]:
+        """The best explanation of each kind, the most probable first.
+
+        Without unknown dynamics, which are no ground for more.
+        """
         first, block = self.first, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
         able = [one for one in known if harmless(one, first, self.opened, block)]
         pool = leading(able, self.opened)
-        return pool[int(np.argmax(ranked(pool, self.opened, self.dealt.block)))]
+        chances = ranked(pool, self.opened, self.dealt.block)
+        return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
+
+    def lead(self) -> Explanation:
+        """The most probable explanation whose last effect, or unknown, is material.
+
+        Others gain likelihood, many nats where the response misses fronts, and none of the error: they would
+        take the place of what acts.
+        """
+        study = self.study()
+        counts = (
+            one for one in self.ordered() if one.parent is None or study.core(one) != study.core(one.parent)
+        )
+        return next(counts, self.first)
 
     def extend(self, parent: Explanation) -> None:
         """Explanations with one more effect, or something unknown, than `parent`."""
@@ -629,7 +648,7 @@ class _Search:
             if same and one.names != lead.names and id(one) in self.grown:
                 rivals[one.names] = one
         better = self._polished(list(rivals.values()), best)
-        self._polished([o for o in better if self.score(o) > least or _alike(o, lead, self.classes)])
+        self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
         return self.lead()
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
@@ -691,7 +710,7 @@ class _Search:
                 continue
             if len(others) != count or others == set(lead.parent.names):
                 continue
-            if p < 1.0 - ALONE and not _alike(rival, lead.parent, self.classes):
+            if p < 1.0 - ALONE and not alike(rival, lead.parent):
                 continue
             if latent and not rival.unknown:
                 self._latent(rival, latent)
@@ -764,19 +783,7 @@ class _Search:
 
     def study(self) -> Study:
         """What was found."""
-        self._report(1.0, "the sealed days")
-        first = self.first
-        kernels = kernels_of(first.model.reach, self.record)
-        return Study(self.record, self.dealt, tuple(self.pool), first, kernels, tuple(self.notes), self.start)
-
-
-def _alike(one: Explanation, other: Explanation, classes: dict[str, type[Effect]]) -> bool:
-    """Whether two explanations differ by one effect each, of which one is confounded with the other."""
-    only, its = set(one.names) - set(other.names), set(other.names) - set(one.names)
-    if len(only) != 1 or len(its) != 1:
-        return False
-    (a,), (b,) = only, its
-    return b in classes[a].confounded_with or a in classes[b].confounded_with
+        return Study(self.record, self.dealt, tuple(self.pool), self.first, tuple(self.notes), self.start)
 
 
 UNKNOWNS = 2

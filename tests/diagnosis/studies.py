@@ -73,4 +73,4 @@ def explained(added="", nats=0.0, removes=0.0, *, parent=None, unknown="", seale
 
 
 def study_of(*pool, first=None):
-    return Study(RECORD, SPLIT, pool, first or pool[0], {}, ())
+    return Study(RECORD, SPLIT, pool, first or pool[0], ())

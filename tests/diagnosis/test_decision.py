@@ -212,6 +212,21 @@ def test_unknown_dynamics_count_only_where_they_simulate_materially_better():
         assert study.unknown == pytest.approx(1.0 if counts else 0.0)
 
 
+@pytest.mark.parametrize(("flexible", "tied"), [(100.0, True), (70.0, False), (20.0, False)])
+def test_twins_are_tied_where_no_response_tells_what_is_between_them(flexible, tied):
+    """The equations miss 40, 10 and no nats; a leak is ahead of the gate's head by 20, and of rain by 30."""
+    nothing = explained()
+    leak, head, rain = (
+        explained(name, nats, 0.5, parent=nothing)
+        for name, nats in (("leakage", 60.0), ("gate_head_effect", 40.0), ("rain_inflow", 30.0))
+    )
+    study = study_of(nothing, leak, head, rain, explained(nats=flexible, unknown="dynamics"))
+    assert study.chance_of("leakage") == pytest.approx(0.5 if tied else 1.0, abs=1e-3)
+    assert study.chance_of("gate_head_effect") == pytest.approx(0.5 if tied else 0.0, abs=1e-3)
+    assert study.sure == (() if tied else ("leakage",))
+    assert study.group == (("leakage", "gate_head_effect") if tied else ("leakage",))
+
+
 def test_an_unknown_that_changes_nothing_material_is_none():
     nothing = explained()
     assert study_of(nothing, explained("", 9.0, 0.01, parent=nothing, unknown="flow")).unknown == 0.0

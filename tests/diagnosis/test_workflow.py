@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
+from rivid.diagnosis.decision import alike
 from rivid.diagnosis.search import with_effect
-from rivid.diagnosis.workflow import Way, _alike, _Search, diagnose, find_effects
+from rivid.diagnosis.workflow import Way, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
 from rivid.effects.flow import RecurringFlow
 from rivid.errors import RividError
 from tests.diagnosis import pools
-from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained
+from tests.diagnosis.studies import MODEL, OPEN, SPLIT, explained, study_of
 
 DAYS, T_S = 20, 600.0
 
@@ -199,7 +200,7 @@ def test_tied_effects_have_a_measurement_that_separates_them():
 
 
 @pytest.mark.parametrize(
-    "one, other, alike",
+    "one, other, mistaken",
     [
         (("inflow_gain_error",), ("outflow_gain_error",), True),
         (("outflow_gain_error",), ("inflow_gain_error",), True),
@@ -210,12 +211,12 @@ def test_tied_effects_have_a_measurement_that_separates_them():
         (("inflow_gain_error", "leakage"), ("outflow_gain_error", "wave_attenuation"), False),
     ],
 )
-def test_rivals_that_are_easily_mistaken_differ_by_one_confounded_effect(one, other, alike):
-    assert _alike(explained_by(*one), explained_by(*other), CATALOGUE) == alike
+def test_rivals_that_are_easily_mistaken_differ_by_one_confounded_effect(one, other, mistaken):
+    assert alike(explained_by(*one), explained_by(*other)) == mistaken
 
 
 def explained_by(*names):
-    return SimpleNamespace(names=names)
+    return SimpleNamespace(names=names, effects=[CATALOGUE[name] for name in names])
 
 
 @pytest.mark.parametrize(("response", "levelled"), [("linear", 1), ("another", 0)])
@@ -233,6 +234,20 @@ def test_what_the_lead_adds_is_added_to_rivals_of_the_same_response(response, le
     )  # fmt: skip
     _Search.level_rivals(search, lead)
     assert grown == [rival] * levelled
+
+
+def test_the_lead_takes_a_share_of_the_error():
+    """Ponds gained 600 nats at fronts and no error, and a gain, which took half of it, was not extended."""
+    nothing = explained()
+    pond = explained("side_storage", 60.0, 0.0, parent=nothing)
+    gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
+    search = SimpleNamespace(
+        cores={}, first=nothing, ordered=lambda: [pond, gain, nothing],
+        study=lambda: study_of(nothing, pond, gain),
+    )  # fmt: skip
+    assert _Search.lead(search) is gain
+    search.ordered = lambda: [pond, nothing, gain]
+    assert _Search.lead(search) is nothing
 
 
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
