@@ -224,7 +224,7 @@ class Study:
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     def _levelled(self, one: Explanation, lead: Explanation) -> Explanation:
-        """A twin of the lead a hair behind it, where unknown dynamics are further ahead of the lead than it is.
+        """A twin of the lead a hair behind it, where unknown dynamics are ahead of the lead by more.
 
         What the equations miss has a part along what separates two effects that are easily mistaken for each
         other, of the same sign on all days: no scatter shows it. Unknown dynamics show how much they miss.
