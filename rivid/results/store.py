@@ -38,10 +38,8 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.config import Config
 from rivid.errors import LockedError, RividError
+from rivid.results.read import SCHEMA_VERSION, Results, refuse_newer, results_of
 from rivid.types import Bools, Floats
-
-SCHEMA_VERSION = 1
-"""Version of the results contract; a reader refuses a newer one."""
 
 
 def described(
@@ -53,15 +51,6 @@ def described(
 
 
 DATE, TEXT, NUMBER, WHOLE, FLAG = pa.date32(), pa.string(), pa.float64(), pa.int64(), pa.bool_()
-
-
-def refuse_newer(record: dict[str, Any], out: Path) -> None:
-    """Raise RividError where a newer rivid wrote this run.json of OUT: its tables may differ."""
-    if record["schema_version"] > SCHEMA_VERSION:
-        raise RividError(
-            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
-            f"{SCHEMA_VERSION}): upgrade rivid, or give another OUT"
-        )
 
 
 DELAYS, MEANINGS = described(
@@ -485,6 +474,27 @@ class Rows:
         back = np.empty(len(order), np.int64)
         back[order] = np.arange(len(order))
         return pa.concat_tables(tables).take(whole_numbers(back)).combine_chunks()
+
+
+def brief_results(rows: pa.Table, config: Config) -> Results:
+    """Return the results of the rows that a run keeps in memory (columns :data:`SHORT`).
+
+    Responses, curves and other columns are NaN or empty.
+    """
+    for field in DELAYS:
+        if field.name not in rows.column_names:
+            rows = rows.append_column(field, pa.nulls(len(rows), field.type))
+    columns = {"date": pa.date32(), "estimator": pa.string()}
+    columns |= dict.fromkeys(("lag", "value", "delay_samples", "criterion"), pa.float64())
+    nothing = pa.schema(list(columns.items())).empty_table()
+    run = {
+        "reach": config.reach.name,
+        "sample_time": config.reach.sample_time,
+        "output_unit": "m3/s" if config.reach.kind == "river" else "m",
+        "delay_scale": np.nan,
+        "estimators": config.run.estimators,
+    }
+    return results_of(run, rows, nothing, nothing)
 
 
 def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows, list[tuple[Path, str]]]:

@@ -44,9 +44,9 @@ from rivid.logs.days import (
     unread,
 )
 from rivid.logs.spec import MICRO, is_day_file
+from rivid.results.read import SCHEMA_VERSION
 from rivid.results.store import (
     METHOD_VERSION,
-    SCHEMA_VERSION,
     SEGMENT,
     TABLES,
     UNFINISHED,
