@@ -21,12 +21,12 @@ import numpy as np
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError
+from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.log import Log, load
 from rivid.logs.spec import (
     DAY,
     LAST_ZONE,
     MICRO,
-    SUFFIXES,
     CutError,
     Signal,
     Spec,
@@ -36,7 +36,6 @@ from rivid.logs.spec import (
     local,
     shown,
     spec_of,
-    suffix_of,
 )
 from rivid.logs.text import ColumnError
 from rivid.types import ONE_DAY, Bools, Floats, Ints
