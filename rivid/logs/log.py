@@ -7,7 +7,7 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 
 import datetime as dt
 import re
-from collections import Counter, OrderedDict
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -383,7 +383,7 @@ _POSITIVE = frozenset(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
 _LONGEST_DAY = 26 * _HOUR
 
-_kept: OrderedDict[tuple[object, ...], "Log"] = OrderedDict()
+_kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
 """Files and rows that a process keeps in memory, as windows share days; two files are kept in any case."""
 
@@ -509,9 +509,9 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
         while len(_kept) > KEPT_FILES or (
             len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
         ):
-            _kept.popitem(last=False)
+            del _kept[next(iter(_kept))]
     else:
-        _kept.move_to_end(key)
+        _kept[key] = _kept.pop(key)
     return log
 
 
