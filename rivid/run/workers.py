@@ -6,7 +6,7 @@ here: worker processes can be started before this process imports what it needs 
 Four measures are specific to worker processes:
 
 - They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this process
-  imports (0.2 s) and estimates (:func:`warm`).
+  imports (0.4 s) and estimates (:func:`warm`).
 - A worker ends with the command, also where the command is killed (:func:`_end_with_parent`). Without it, all
   workers of a killed command still ran after 20 s.
 - pyarrow does not import pandas (:func:`without_pandas`), which takes 0.3 s of processor time (median of 9
