@@ -13,8 +13,8 @@ from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
 from rivid.estimators import ESTIMATORS
 from rivid.report.summary import SPREAD_OUT, facts
-from rivid.results.read import FEW, EstimatorResults, Results, brief_results, has_t50, passage
-from rivid.results.store import finite
+from rivid.results.read import FEW, EstimatorResults, Results, has_t50, passage
+from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rivid.errors import ConfigError, NoDataError, RividError
-from rivid.logs.spec import shown, suffix_of
+from rivid.logs import suffix_of
 
 if TYPE_CHECKING:
     from rivid.config import Config
@@ -164,6 +164,8 @@ def _reach(
 
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:
+    from rivid.logs.spec import shown
+
     if not NAME.fullmatch(name):
         return f"{shown(name)!r} cannot name a reach: expected at most 80 letters, digits, . _ -: rename it"
     if name in OWN:

@@ -117,7 +117,8 @@ def worst(codes: Iterable[int]) -> int:
 def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -> Outcome:
     """Summarise the run of a reach."""
     from rivid.report.summary import last_week, leading
-    from rivid.results.read import brief_results, day_numbers
+    from rivid.results.read import day_numbers
+    from rivid.results.store import brief_results
 
     results = brief_results(summary.rows, config)
     recent, lead = last_week(results), leading(results)

@@ -21,12 +21,12 @@ import numpy as np
 
 from rivid.config import Config
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError
+from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.log import Log, load
 from rivid.logs.spec import (
     DAY,
     LAST_ZONE,
     MICRO,
-    SUFFIXES,
     CutError,
     Signal,
     Spec,
@@ -36,7 +36,6 @@ from rivid.logs.spec import (
     local,
     shown,
     spec_of,
-    suffix_of,
 )
 from rivid.logs.text import ColumnError
 from rivid.types import ONE_DAY, Bools, Floats, Ints
@@ -537,7 +536,7 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
         Where the log of the day cannot be read, or is too short.
     """
     spec, length = spec_of(config), round(config.run.window_s * MICRO)
-    series, zone = _day(root if root.is_dir() else root.parent, source, spec, Counter())
+    series, zone = _day(_folder(root), source, spec, Counter())
     if not all(len(times) for times, _ in series.values()):
         raise DataError(f"the log of {source.date} has an empty column")
     times, begin = series["u_Qi"][0], max(int(times[0]) for times, _ in series.values())
@@ -586,7 +585,7 @@ def read_window(
     PendingError
         Where the last day is `today` or later and its log is not finished.
     """
-    spec, folder, last = spec_of(config), root if root.is_dir() else root.parent, sources[-1]
+    spec, folder, last = spec_of(config), _folder(root), sources[-1]
     try:
         return _read(folder, sources, spec, span)
     except TrailingGap as error:
@@ -598,6 +597,11 @@ def read_window(
         if torn and _may_grow(folder, last, spec, today):
             raise PendingError(f"the log of {last.date} is being written: {error}") from None
         raise DataError(str(error)) from None
+
+
+def _folder(root: Path) -> Path:
+    """The directory of the logs: DATA_DIR, or that of the one file that was given for it."""
+    return root.parent if suffix_of(root.name) and root.is_file() else root
 
 
 def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.datetime | None) -> bool:
@@ -630,7 +634,7 @@ def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> Non
     ConfigError
         Where a column is missing or doubled in each of these; one odd log among others fails its day only.
     """
-    folder, spec = root if root.is_dir() else root.parent, spec_of(config)
+    folder, spec = _folder(root), spec_of(config)
     reasons = []
     for at in {0, len(days) // 2, len(days) - 1}:
         path, *_ = days[at].parts[0]
@@ -756,6 +760,8 @@ def _closed(series: TimedValues, log: Log, end: int) -> TimedValues:
 def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
     """A listed log. Results are stored under the digest of what was listed: refuse anything else."""
     path, digest, of_file = part
+    if not is_day_file(path) and (same := _same(root, path, of_file, spec)):
+        return same
     for fresh in (False, True):
         log = load(root / path, shown(path), spec, fresh=fresh)
         if log.digest == of_file:
@@ -763,6 +769,13 @@ def _as_listed(root: Path, part: Part, date: dt.date, spec: Spec) -> Log:
         if not is_day_file(path) and log.digest_of(date) == digest:
             return log  # other days of the file have changed
     raise ChangedError(f"{log.name} is not what it was when it was listed: run again, with --verify")
+
+
+@lru_cache(maxsize=2)  # a data set may begin in one file and end in the next
+def _same(root: Path, path: str, digest: str, spec: Spec) -> Log | None:
+    """A file of many days that has this digest, looked at once for all of them; None where it has another."""
+    log = load(root / path, shown(path), spec)
+    return log if log.digest == digest else None
 
 
 def _count_outside(log: Log, date: dt.date, notes: Counter[str]) -> None:
@@ -805,7 +818,7 @@ def read_series(
     list of str
         Reasons of the days that were left out.
     """
-    spec, folder = spec_of(config), root if root.is_dir() else root.parent
+    spec, folder = spec_of(config), _folder(root)
     parts: list[TimedValues] = []
     zone, refused = None, []
     for source in sources:

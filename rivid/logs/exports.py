@@ -23,6 +23,7 @@ from rivid.config import Config, parse
 from rivid.database import queried
 from rivid.errors import ConfigError, DataError, NoDataError
 from rivid.input_config import InputConfig
+from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
 from rivid.logs.log import (
     LARGEST,
@@ -39,14 +40,12 @@ from rivid.logs.sniff.columns import looks_like_flags, stated_unit
 from rivid.logs.spec import (
     MANY,
     MICRO,
-    SUFFIXES,
     Signal,
     Spec,
     day_bounds,
     is_day_file,
     shown,
     spec_of,
-    suffix_of,
 )
 from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes

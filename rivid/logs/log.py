@@ -7,7 +7,7 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 
 import datetime as dt
 import re
-from collections import Counter, OrderedDict
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -263,23 +263,26 @@ def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
     bad: dict[int, str] = {}
     times, offsets, aware, zone = _times(table, spec, good, bad, name)
     numbers = {column: _numbers(table[column], spec, column, good, bad) for column in spec.sources}
-    empty = np.all([np.asarray(table[c].is_null().to_numpy()) for c in (*spec.time, *spec.sources)], axis=0)
+    read = [table[column] for column in (*spec.time, *spec.sources)]
+    empty = np.full(len(good), all(column.null_count for column in read))
+    for column in read if empty.any() else ():
+        empty &= column.is_null().to_numpy()
     for i in np.flatnonzero(empty):
         bad.pop(int(i), None)
-    rows, all_good = np.flatnonzero(good), bool(good.all())
-    before = np.cumsum(good)
-    own, same = offsets[rows] if aware and offsets is not None else rows[:0], None
-    if len(own) and own.min() == own.max():
-        same = int(own[0])
+    all_good = bool(good.all())  # then no row is bad or empty
+    rows, before = (slice(None), good) if all_good else (np.flatnonzero(good), np.cumsum(good))
     faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)]
-    if not len(rows):
+    if not good.any():
         return Table([], faults[0].text if faults else "a header and no rows")
+    same = None
+    if aware and offsets is not None and (own := offsets[rows]).min() == own.max():
+        same = int(own[0])
     columns = Columns(
-        times if all_good else times[rows],
+        times[rows],
         aware,
         same,
-        numbers if all_good else {column: values[rows] for column, values in numbers.items()},
-        lines=rows + 1,
+        {column: values[rows] for column, values in numbers.items()},
+        lines=None if all_good else np.flatnonzero(good) + 1,
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
         zone=zone,
@@ -303,7 +306,7 @@ def _times(
         offset = _fixed_offset(zone)
         if offset is None:
             return times, None, zone is not None, zone
-        return times, np.full(len(times), offset, np.int64), True, None
+        return times, np.broadcast_to(offset, len(times)), True, None
     if _is_count(columns[0].type, spec):
         counts = np.asarray(columns[0].cast(_FLOAT, safe=False).to_numpy(), np.float64)
         micros = np.rint(counts * UNIX[given or ""])  # exact: below 2^53 until 2200
@@ -336,7 +339,7 @@ def _fixed_offset(zone: str | None) -> int | None:
 def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: Bools, bad: dict[int, str]) -> Floats:
     if not _is_text(column.type):
         # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
-        values: Floats = np.array(column.cast(_FLOAT, safe=False).to_numpy(), np.float64)
+        values: Floats = np.asarray(column.cast(_FLOAT, safe=False).to_numpy(), np.float64)
         _mark(np.isinf(values), good, bad, f"column {name!r} holds an infinite number")
         return values
     given = spec.input
@@ -353,9 +356,10 @@ def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: Bools, bad: d
 
 
 def _mark(rows: Bools, good: Bools, bad: dict[int, str], reason: str) -> None:
-    for i in np.flatnonzero(rows):
-        bad.setdefault(int(i), reason)
-    good &= ~rows
+    if rows.any():
+        for i in np.flatnonzero(rows):
+            bad.setdefault(int(i), reason)
+        good &= ~rows
 
 
 LARGEST = 1e6
@@ -379,7 +383,7 @@ _POSITIVE = frozenset(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
 _LONGEST_DAY = 26 * _HOUR
 
-_kept: OrderedDict[tuple[object, ...], "Log"] = OrderedDict()
+_kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
 """Files and rows that a process keeps in memory, as windows share days; two files are kept in any case."""
 
@@ -471,7 +475,7 @@ class Log:
 
     def dates(self) -> list[dt.date]:
         """Local days of which the log has values or faults, ascending."""
-        parts = [times for times, _ in self.series.values()]
+        parts = list({id(times): times for times, _ in self.series.values()}.values())  # mostly shared
         parts.append(np.array([fault.at for fault in self.faults], np.int64))
         return days_of(np.concatenate(parts), self.zone, self.spec.tolerance)
 
@@ -505,9 +509,9 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
         while len(_kept) > KEPT_FILES or (
             len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
         ):
-            _kept.popitem(last=False)
+            del _kept[next(iter(_kept))]
     else:
-        _kept.move_to_end(key)
+        _kept[key] = _kept.pop(key)
     return log
 
 
@@ -648,7 +652,7 @@ def _total(
     assert total is not None
     if signal.factor != 1.0:
         total = total * signal.factor
-    if np.nanmax(np.abs(total), initial=0.0) > LARGEST:
+    if max(np.fmax.reduce(total, initial=0.0), -np.fmin.reduce(total, initial=0.0)) > LARGEST:
         total = total.copy()
         for row in np.flatnonzero(np.abs(total) > LARGEST).tolist():
             faults.append(Fault(row, too_large(signal.name, signal, columns, row, float(total[row]))))

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rivid.config import FLOWS, UNITS, Config, InputConfig
 from rivid.errors import ConfigError, DataError
+from rivid.logs import suffix_of
 from rivid.types import Ints
 
 MICRO = 1_000_000
@@ -328,7 +329,6 @@ def _moment(text: str, time_format: str | None) -> dt.datetime | None:
         return None
 
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet")
 _DAY_NAME = re.compile(r"\d{4}-\d\d-\d\d")
 CHUNK = 1 << 20
 """Bytes that are read at a time where the size is not known: small next to any limit of memory."""
@@ -342,12 +342,6 @@ DAY = 64 << 20, 2_000_000
 """Most bytes, unpacked, and rows of a file of one day: a day logged every 0.1 s is about half of it."""
 MANY = 512 << 20, 20_000_000
 """Most bytes and rows of a file of many days: some thirty years at T_s = 133 s."""
-
-
-def suffix_of(name: str) -> str | None:
-    """The suffix of a log's name, in small letters; None for a name that is no log's."""
-    lower = name.lower()
-    return next((s for s in SUFFIXES[::-1] if lower.endswith(s)), None)
 
 
 def stem_of(name: str) -> str:

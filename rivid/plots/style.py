@@ -503,16 +503,24 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG of at most 256 colours atomically, without dates or software names in it.
 
     The palette halves the size of the file. The method of maximum coverage changes no colour of these
-    figures by more than 8 of 255; a median cut changes rare ones by up to 60. RividError where the file
-    cannot be written.
+    figures by more than 8 of 255; a median cut changes rare ones by up to 60. The palette is sought among
+    the distinct colours, about a thousand, of stretches of equal pixels: in a quarter of the time that all
+    pixels take. RividError where the file cannot be written.
     """
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     with replacing(path) as scratch:
         canvas.draw()  # type: ignore[no-untyped-call]
-        pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-        whole = Image.fromarray(np.ascontiguousarray(pixels))
-        whole.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(scratch, "PNG")
+        pixels = np.asarray(canvas.buffer_rgba()).view(np.uint32)[..., 0]  # type: ignore[no-untyped-call]
+        flat = pixels.ravel()
+        starts = np.flatnonzero(np.diff(flat, prepend=~flat[:1]))
+        colours, of_stretch = np.unique(flat[starts], return_inverse=True)
+        row = Image.frombytes("RGBA", (len(colours), 1), colours.tobytes()).convert("RGB")
+        row = row.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        index = np.repeat(np.asarray(row)[0][of_stretch], np.diff(starts, append=len(flat)))
+        image = Image.fromarray(index.reshape(pixels.shape), "P")
+        image.putpalette(row.getpalette() or ())
+        image.save(scratch, "PNG")
 
 
 def save_vector(figure: Figure, path: Path) -> None:

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-    from rivid.config import Config
+
+SCHEMA_VERSION = 1
+"""Version of the results contract; a reader refuses a newer one."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ def load_results(out: Path | str) -> Results:
     RividError
         If its files are damaged, or of a newer rivid.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     out = Path(out)
@@ -106,10 +109,11 @@ def load_results(out: Path | str) -> Results:
         run = _record(out)
         refuse_parts(run, out)
         delays, fir, criterion = (
-            pq.read_table(out / f"{name}.parquet", page_checksum_verification=True)
-            for name in ("delays", "fir", "criterion")
+            # not read_table: it imports pyarrow.dataset, which takes as long as reading a year
+            pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True).read()
+            for data in [(out / f"{name}.parquet").read_bytes() for name in ("delays", "fir", "criterion")]
         )
-        return _results(run, delays, fir, criterion)
+        return results_of(run, delays, fir, criterion)
     except FileNotFoundError as error:
         raise NoDataError(
             f"{out} holds no finished run ({Path(error.filename).name} is missing): "
@@ -130,36 +134,18 @@ def refuse_parts(run: Mapping[str, Any], out: Path) -> None:
         )
 
 
-def brief_results(rows: "pa.Table", config: "Config") -> Results:
-    """Return the results of the rows that a run keeps in memory (columns :data:`rivid.results.store.SHORT`).
-
-    Responses, curves and other columns are NaN or empty.
-    """
-    import pyarrow as pa
-
-    from rivid.results.store import DELAYS
-
-    for field in DELAYS:
-        if field.name not in rows.column_names:
-            rows = rows.append_column(field, pa.nulls(len(rows), field.type))
-    columns = {"date": pa.date32(), "estimator": pa.string()}
-    columns |= dict.fromkeys(("lag", "value", "delay_samples", "criterion"), pa.float64())
-    nothing = pa.schema(list(columns.items())).empty_table()
-    run = {
-        "reach": config.reach.name,
-        "sample_time": config.reach.sample_time,
-        "output_unit": "m3/s" if config.reach.kind == "river" else "m",
-        "delay_scale": np.nan,
-        "estimators": config.run.estimators,
-    }
-    return _results(run, rows, nothing, nothing)
+def refuse_newer(record: dict[str, Any], out: Path) -> None:
+    """Raise RividError where a newer rivid wrote this run.json of OUT: its tables may differ."""
+    if record["schema_version"] > SCHEMA_VERSION:
+        raise RividError(
+            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
+            f"{SCHEMA_VERSION}): upgrade rivid, or give another OUT"
+        )
 
 
 def _record(out: Path) -> dict[str, Any]:
     """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
     import json
-
-    from rivid.results.store import refuse_newer
 
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     if not isinstance(run, dict):
@@ -172,7 +158,8 @@ SAME_NAME = ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s"
 """Attributes of :class:`EstimatorResults` that have the name of their column."""
 
 
-def _results(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
+def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
+    """The results in tables with the columns of a run's, and in keys of its record."""
     import pyarrow as pa
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)

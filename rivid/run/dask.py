@@ -6,6 +6,7 @@ the same version of rivid.
 """
 
 import importlib.util
+import pickle
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,7 +19,7 @@ from typing import Any
 from rivid import __version__
 from rivid.errors import ConfigError, RividError
 from rivid.results.store import METHOD_VERSION
-from rivid.run.workers import Engine, without_pandas
+from rivid.run.workers import ESTIMATING, Engine, without_pandas
 
 PATIENCE = 10
 """Time in which a scheduler must answer [s]."""
@@ -38,6 +39,7 @@ AT_LEAST = 16
 OURS = {
     "distributed.scheduler.allowed-failures": 0,  # a task that killed a worker is reported at once
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.preload": list(ESTIMATING),
     # one thread of BLAS; and not Dask's MALLOC_TRIM_THRESHOLD_, which gives memory back after every array
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(
         ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
@@ -111,9 +113,9 @@ class Dask:
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Execute the task in a worker."""
         self._begin()
-        future: Future[Any] = self._executor.submit(
-            _execute, VERSION, not self.scheduler, task, *(_everywhere(value) for value in arguments)
-        )
+        # as bytes: the scheduler, often a thread of this process, would unpickle and pickle anything else
+        call = pickle.dumps((task, [_everywhere(value) for value in arguments]))
+        future: Future[Any] = self._executor.submit(_execute, VERSION, not self.scheduler, call)
         return future
 
     def renew(self) -> None:
@@ -181,8 +183,8 @@ def _everywhere(value: Any) -> Any:
     return value.absolute() if isinstance(value, Path) else value
 
 
-def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any) -> Any:
-    """Execute a task in a Dask worker, one at a time: drawing is not safe with threads.
+def _execute(version: str, own: bool, call: bytes) -> Any:
+    """Execute a pickled task in a Dask worker, one at a time: drawing is not safe with threads.
 
     The worker of a standing scheduler may execute tasks of other users: its state is not changed.
     """
@@ -194,4 +196,5 @@ def _execute(version: str, own: bool, task: Callable[..., Any], *arguments: Any)
     if own:
         without_pandas()
     with _one_at_a_time:
+        task, arguments = pickle.loads(call)
         return task(*arguments)

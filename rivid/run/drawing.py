@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from rivid.plots.style import FigureFile
     from rivid.results.read import Results
 
+MOST_PAINTERS = 4
+"""Most processes that draw: there are a few figures only, and each process reads the results itself."""
+
 _read: "tuple[Path, Results] | None" = None
 """Results that this worker has read, for the next figure of the same run."""
 
@@ -30,7 +33,8 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
     """
     global _read
     try:
-        wanted = engine.submit(_wanted, out).result()
+        # once for each worker, so that all read the results now
+        wanted = [engine.submit(_wanted, out) for _ in range(min(engine.slots, MOST_PAINTERS))][0].result()
         # the responses of one day take longest: first, so that they end with the others
         under_way = {job: engine.submit(_paint, out, job) for job in sorted(wanted, key=_is_quick)}
         drawn = [under_way[job].result() for job in wanted]

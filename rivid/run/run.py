@@ -44,9 +44,9 @@ from rivid.logs.days import (
     unread,
 )
 from rivid.logs.spec import MICRO, is_day_file
+from rivid.results.read import SCHEMA_VERSION
 from rivid.results.store import (
     METHOD_VERSION,
-    SCHEMA_VERSION,
     SEGMENT,
     TABLES,
     UNFINISHED,
@@ -65,7 +65,7 @@ from rivid.results.store import (
     write_segment,
     write_tables,
 )
-from rivid.run.drawing import draw_with
+from rivid.run.drawing import MOST_PAINTERS, draw_with
 from rivid.run.workers import (
     DRAWING,
     ESTIMATING,
@@ -571,9 +571,6 @@ ONE_PROCESS_BELOW = 1000
 
 LISTED_HERE = 10 << 20
 """Bytes of new files of many days that one process reads: workers take as long to start."""
-
-MOST_PAINTERS = 4
-"""Most processes that draw: there are a few figures only, and each process reads the results itself."""
 
 
 class TooManyError(RividError):

@@ -10,8 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rivid.errors import RividError
-from rivid.results.read import load_delays, load_results
-from rivid.results.store import SCHEMA_VERSION
+from rivid.results.read import SCHEMA_VERSION, load_delays, load_results
 from tests.daily import write_days
 from tests.run.test_run import TABLES, bytes_of, command, rivid
 

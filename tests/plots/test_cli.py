@@ -8,7 +8,8 @@ from click.testing import CliRunner
 
 from rivid.cli.figures import command
 from rivid.errors import LockedError, NoDataError
-from rivid.results.store import SCHEMA_VERSION, SEGMENT, Store, to_table, write_tables
+from rivid.results.read import SCHEMA_VERSION
+from rivid.results.store import SEGMENT, Store, to_table, write_tables
 from tests.plots.synthetic import dates_of, results
 
 SAME = (

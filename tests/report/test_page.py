@@ -18,7 +18,7 @@ from rivid.errors import RividError
 from rivid.plots.draw import draw, draw_all
 from rivid.report.build import write_report
 from rivid.report.page import caption
-from rivid.results.read import _results
+from rivid.results.read import results_of
 from tests.plots.synthetic import cases, dates_of, probable, results, river, searched, without_answers
 from tests.report.runs import STEADY, SUMMARY, among, combined, passing, simple, with_travel, write
 
@@ -296,7 +296,7 @@ def test_results_are_read_without_bounds_where_the_geometry_was_assumed(keys):
     for axis, value in (("lag", "value"), ("delay_samples", "criterion")):
         long = {"date": row["date"], "estimator": "posterior", axis: 5, value: 0.9}
         tables.append(pa.Table.from_pylist([long]))
-    got = _results(run, *tables)
+    got = results_of(run, *tables)
     (e,) = got.estimators
     assert got.assumed == tuple(keys or ()) and e.travel_s.tolist() == [1650.0]
     assert np.isnan([e.bound_gravity_s[0], e.bound_kinematic_s[0]]).tolist() == [bool(keys)] * 2

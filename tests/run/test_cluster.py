@@ -196,7 +196,7 @@ def test_a_worker_that_does_not_see_the_logs_fails_no_day(season, scheduler, tmp
 
 def test_clusters_that_cannot_be_used_are_refused(season, tmp_path, monkeypatch):
     with pytest.raises(RividError, match=r"worker has rivid .*this command is rivid 9.9"):
-        cluster._execute("9.9", False, abs, 1)
+        cluster._execute("9.9", False, b"")
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     with pytest.raises(RividError, match="no Dask scheduler answers at tcp://127.0.0.1:1 "):
         with Dask("tcp://127.0.0.1:1") as engine:
