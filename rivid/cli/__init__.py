@@ -3,7 +3,6 @@
 One file per command, imported only when its command is called, so that ``rivid --help`` answers at once.
 """
 
-import gc
 import importlib
 import os
 import signal
@@ -188,7 +187,6 @@ def main() -> None:
     if _received:
         code = 128 + _received[0]
         _report_interruption()
-    gc.freeze()  # what ends with the process needs no last pass of the collector: 30 ms
     sys.exit(code)
 
 

@@ -3,7 +3,7 @@
 An :class:`Engine` executes so many tasks at a time and reports a worker that died. Nothing heavy is imported
 here: worker processes can be started before this process imports what it needs itself.
 
-Four measures are specific to worker processes:
+Three measures are specific to worker processes:
 
 - They are forks of one process, which imports what workers need (0.6 s with matplotlib) while this process
   imports (0.4 s) and estimates (:func:`warm`).
@@ -11,11 +11,8 @@ Four measures are specific to worker processes:
   workers of a killed command still ran after 20 s.
 - pyarrow does not import pandas (:func:`without_pandas`), which takes 0.3 s of processor time (median of 9
   runs on a week of logs).
-- The garbage collector leaves alone what a worker was forked with (``gc.freeze``): a pass over all of
-  matplotlib takes as long as half a figure.
 """
 
-import gc
 import os
 import signal
 import sys
@@ -237,7 +234,6 @@ def _begin() -> None:
     if hasattr(signal, "SIGALRM"):
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
     without_pandas()
-    gc.freeze()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
