@@ -641,12 +641,12 @@ class _Search:
         self.report(0.1, f"{lead.added.name} and its rivals from its response")
         (best,) = self._polished([lead], lead)
         least = 2.0 * self.score(lead) - self.score(best) - LEAST
-        rivals: dict[tuple[str, ...], Explanation] = {}
+        rivals: dict[tuple[tuple[str, ...], bool], Explanation] = {}
         for one in sorted(self.pool, key=self.score):
             same = one.count == lead.count and one.unknown == lead.unknown and one.others == lead.others
             same = same and one.model.reach.name == lead.model.reach.name  # its columns are the same
-            if same and one.names != lead.names and id(one) in self.grown:
-                rivals[one.names] = one
+            if same and one.names != lead.names and id(one) in self.grown and one.added is not None:
+                rivals[one.names, one.added.dates is None] = one  # dates gain, and cost a prior
         better = self._polished(list(rivals.values()), best)
         self._polished([o for o in better if self.score(o) > least or alike(o, lead)])
         return self.lead()
