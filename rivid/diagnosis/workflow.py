@@ -171,6 +171,7 @@ def find_effects(
     search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report)
     parent, *promising = search.begun()
     for turn in range(most):
+        search.begin_round(turn, most)
         for other in promising if turn == 0 else ():
             search.extend(other)
         search.extend(parent)
@@ -224,7 +225,7 @@ class _Search:
         """How each explanation extends its parent, by its identity."""
         self.cores: Cores = {}
         self.tails: float | None = None
-        self._report, self._done = report, 0.0
+        self._report, self._done, self._until, self._round = report, 0.0, 0.3, ""
 
     def _carried(
         self, responses: tuple[Response, ...], record: Record
@@ -253,9 +254,14 @@ class _Search:
         return tuple(able), record.take(days)
 
     def report(self, work: float, what: str) -> None:
-        """Report a piece of work that begins now; `work` is its share of what is left, as a rule."""
-        self._report(self._done, what)
-        self._done += work * (1.0 - self._done)
+        """Report a piece of work that begins now; `work` is its share of what is left of the round."""
+        self._report(self._done, what + self._round)
+        self._done += work * (self._until - self._done)
+
+    def begin_round(self, turn: int, most: int) -> None:
+        """A round of explanations with one more effect begins: the calibration is a round, too."""
+        self._done, self._round = self._until, f", round {turn + 1} of {most} at most"
+        self._until += (1.0 - self._until) / (most - turn)
 
     def add(self, one: Explanation) -> Explanation:
         """An explanation with its score, in the pool."""
