@@ -610,14 +610,14 @@ class _Search:
     def _refitted(self, one: Explanation, near: Explanation, columns: bool = True) -> Explanation | None:
         """An explanation fitted again from the response of one near by; None where it carries no flows.
 
-        With `columns` of its own in the end. It is scored, and not yet in the pool.
+        With `columns` these are computed anew twice. It is scored, and not yet in the pool.
         """
         model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
                 model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                fresh=int(columns), steps=STEPS if columns else 2 * BRIEF,
+                fresh=2 if columns else 1,
             )  # fmt: skip
         except RividError:
             return None
@@ -658,10 +658,7 @@ class _Search:
         return self.lead()
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
-        """Explanations fitted on from the response of one near by, or their own, where that is better.
-
-        Near by with the columns of that one: most are far behind it.
-        """
+        """Explanations fitted on from the response of one near by, or their own, where that is better."""
         made = side_by_side(lambda one: self._refitted(one, near or one, near in (None, one)), many)
         best = []
         for one, more in zip(many, made, strict=True):
