@@ -37,7 +37,7 @@ BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. Half of it, where the effect takes away half of its square from that of the misfit."""
 HAIR = 1e-3
-"""Score by which twins that cannot be told apart differ, so that the likelier one is named first [nats]."""
+"""Score by which twins that cannot be separated differ, so that the likelier one is named first [nats]."""
 DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000

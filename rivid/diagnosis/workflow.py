@@ -383,7 +383,7 @@ class _Search:
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """The most probable explanation whose last effect, or unknown, is material.
+        """The most probable explanation with a material last effect or unknown.
 
         Others gain likelihood, many nats where the response misses fronts, and none of the error: they would
         take the place of what acts.

@@ -213,7 +213,7 @@ def test_unknown_dynamics_count_only_where_they_simulate_materially_better():
 
 
 @pytest.mark.parametrize(("flexible", "tied"), [(100.0, True), (70.0, False), (20.0, False)])
-def test_twins_are_tied_where_no_response_tells_what_is_between_them(flexible, tied):
+def test_twins_are_tied_where_unknown_dynamics_gain_more_than_what_separates_them(flexible, tied):
     """The equations miss 40, 10 and no nats; a leak is ahead of the gate's head by 20, and of rain by 30."""
     nothing = explained()
     leak, head, rain = (
