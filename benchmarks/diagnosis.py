@@ -66,7 +66,7 @@ def case(name: str) -> Logs:
     scenario = scenario.model_copy(update=changed)
     kind = "river" if place.startswith("exam/river") else "saint_venant"
     world = World(1, kind, "crew", "peaking", scenario, dict.fromkeys(("length", "width", "depth"), 0.0))
-    return logs_of(world, season_of(world, scenario.planted()))
+    return logs_of(world, season_of(world))  # the scenario has its effects
 
 
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
