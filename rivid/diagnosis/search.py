@@ -318,6 +318,33 @@ def _dates(record: Record, open_days: Ints, first: int, end: int) -> tuple[dt.da
     return record.dates[a], record.dates[b]
 
 
+Window = tuple[tuple[dt.date, dt.date] | None, tuple[float, float] | None]
+"""Dates and hours of an effect."""
+
+
+def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window]:
+    """Windows with one end of the dates moved by an open day, or of the hours by an hour.
+
+    An end of the season stays one, and an end inside it stays inside.
+    """
+    (dates, hours), found = window, list[Window]()
+    moves = ((-1, 0), (1, 0), (0, -1), (0, 1))
+    if hours is not None:
+        for by, to in moves:
+            start, stop = (hours[0] + by) % HOURS_A_DAY, (hours[1] + to) % HOURS_A_DAY
+            if start != stop:
+                found.append((dates, (start, stop or float(HOURS_A_DAY))))
+    if dates is not None:
+        inside = [i for i, day in enumerate(open_days) if dates[0] <= record.dates[day] <= dates[1]]
+        first, end = inside[0], inside[-1] + 1
+        for by, to in moves:
+            a, b = first + by, end + to
+            moved = 0 < a if by else b < len(open_days)
+            if moved and b - a >= FEWEST and (first if by else len(open_days) - end) > 0:
+                found.append((_dates(record, open_days, a, b), hours))
+    return found
+
+
 def _hourly(
     trial: Trial,
     columns: Floats,

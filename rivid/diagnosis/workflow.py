@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
-from rivid.diagnosis.decision import ALONE, Cores, Study, alike, harmless, leading, ranked
+from rivid.diagnosis.decision import ALONE, HAIR, Cores, Study, alike, harmless, leading, ranked
 from rivid.diagnosis.explanation import STEPS, Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.noise.model import NoiseModel
@@ -26,11 +26,13 @@ from rivid.diagnosis.result import Diagnosis
 from rivid.diagnosis.search import (
     Candidate,
     Library,
+    Window,
     scatter_of,
     screened,
     stepped,
     swung,
     whole_season,
+    windows_near,
     with_effect,
     with_events,
     with_noise,
@@ -180,7 +182,7 @@ def find_effects(
             parent = again
             search.extend(parent)
         search.add_rivals(search.lead())
-        lead = search.polished(search.lead())
+        lead = search.shifted(search.polished(search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
@@ -607,17 +609,17 @@ class _Search:
                 found.append(replace(model, effects=(*model.effects[:-1], other)))
         return found
 
-    def _refitted(self, one: Explanation, near: Explanation, columns: bool = True) -> Explanation | None:
+    def _refitted(self, one: Explanation, near: Explanation, fresh: int = 2) -> Explanation | None:
         """An explanation fitted again from the response of one near by; None where it carries no flows.
 
-        With `columns` these are computed anew twice. It is scored, and not yet in the pool.
+        It is scored, and not yet in the pool.
         """
         model = replace(one.model, reach=near.model.reach)
         try:
             again = fitted(
                 model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
                 parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                fresh=2 if columns else 1,
+                fresh=fresh,
             )  # fmt: skip
         except RividError:
             return None
@@ -659,7 +661,9 @@ class _Search:
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
         """Explanations fitted on from the response of one near by, or their own, where that is better."""
-        made = side_by_side(lambda one: self._refitted(one, near or one, near in (None, one)), many)
+        made = side_by_side(
+            lambda one: self._refitted(one, near or one, 2 if near in (None, one) else 1), many
+        )
         best = []
         for one, more in zip(many, made, strict=True):
             if more is not None:
@@ -671,6 +675,34 @@ class _Search:
                 self.grown[id(more)] = self.grown[id(one)]
             best.append(more)
         return best
+
+    def shifted(self, lead: Explanation) -> Explanation:
+        """The lead with the dates and hours of its last effect moved to where they are likelier.
+
+        They were sought by columns, which hold near by and near the response of what it extends.
+        """
+        effect = lead.added
+        if effect is None or effect.found_as or not (effect.dates or effect.hours):
+            return lead
+        self.report(0.05, f"dates and hours of {effect.name}")
+        open_days, tried = np.flatnonzero(self.opened), set[Window]()
+        while True:
+            model, effect = lead.model, lead.model.effects[-1]
+            at = effect.dates, effect.hours
+            near = [one for one in windows_near(at, self.record, open_days) if one not in tried]
+            tried |= {at, *near}
+            moved = [replace(effect, dates=dates, hours=hours) for dates, hours in near]
+            others = [
+                replace(lead, model=replace(model, effects=(*model.effects[:-1], one))) for one in moved
+            ]
+            found = side_by_side(partial(self._refitted, near=lead, fresh=0), others)
+            best = max((one for one in found if one is not None), key=self.score, default=lead)
+            if self.score(best) <= self.score(lead) + HAIR:
+                return lead
+            self.pool.append(best)
+            if id(lead) in self.grown:
+                self.grown[id(best)] = self.grown[id(lead)]
+            lead = best
 
     def again(self, parent: Explanation) -> Explanation:
         """`parent` fitted again from the response of its likeliest extension; itself where that is no better.

@@ -17,6 +17,7 @@ from rivid.diagnosis.search import (
     hour_columns,
     inflation_of,
     screened,
+    windows_near,
     with_effect,
     with_events,
     with_noise,
@@ -129,6 +130,25 @@ def test_beside_an_effect_only_those_mistaken_for_it_are_candidates_in_its_dates
     assert one.effect.inflow == pytest.approx(c[0], rel=1e-5)
     assert screened(base, library(columns, 1), RECORD, beside=CATALOGUE["outflow_lag"](dates=dates)) == []
     assert screened(base, library(columns, 1, dates="all"), RECORD, beside=rival) == []
+
+
+def test_windows_near_by_are_those_that_differ_at_one_end_by_an_open_day_or_an_hour():
+    record = record_of(days=30, n=24)
+    days, open_days = record.dates, np.array([d for d in range(30) if d % 7 != 3])
+    counted = lambda window: tuple(d for d in open_days if window[0] <= days[d] <= window[1])  # noqa: E731
+    at = (days[9], days[19])
+    near = windows_near((at, (22.0, 6.0)), record, open_days)
+    assert {hours for dates, hours in near if dates == at} == {
+        (21.0, 6.0), (23.0, 6.0), (22.0, 5.0), (22.0, 7.0),
+    }  # fmt: skip
+    before = counted(at)
+    moved = [counted(dates) for dates, hours in near if dates != at]
+    assert sorted(moved) == sorted([before[1:], (8, *before), before[:-1], (*before, 20)])
+    season = (days[0], days[19])  # its first day is the season's, and stays
+    assert all(dates[0] == days[0] for dates, _ in windows_near((season, None), record, open_days))
+    assert windows_near((None, (0.0, 23.0)), record, open_days) == [
+        (None, (1.0, 23.0)), (None, (0.0, 22.0)),
+    ]  # fmt: skip
 
 
 def test_scores_scatter_as_the_noise_has_it_or_more():
