@@ -32,8 +32,8 @@ from rivid.effects import Effect
 from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
-"""Share of a squared error beyond the noise from which nothing is called complete: of 18 development seasons
-with nothing hidden two had more, and seven more than :data:`rivid.diagnosis.decision.MATERIAL`."""
+"""Share of a squared error beyond the noise from which nothing is called complete: of 26 development seasons
+with nothing hidden four had more, and twelve more than :data:`rivid.diagnosis.decision.MATERIAL`."""
 LEAST_RATIO = 3.0
 """Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
 LEAST_P = 0.01
@@ -143,7 +143,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 f"Something is missing that no known effect explains, with a probability of "
                 f"{study.unknown:.2f}{what}."
             )
-        if study.excess(study.ranking[0][0], MOST):
+        if any(study.excess(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
             return "unknown", (
                 "Something is missing: most of the error of the simulation is beyond plausible weather, the "
                 f"gauge and the response, and no name is probable enough{first}."

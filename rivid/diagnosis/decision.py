@@ -42,6 +42,8 @@ DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
 """Of the bootstrap: a chance of 5 % to half a percent."""
+SEASONS = 24
+"""Seasons drawn from a noise: their variance to 30 %."""
 
 
 def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
@@ -281,7 +283,9 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
-        if one.added is None and (self.excess(parent) or self.large(one) or self._returns(one, parent)):
+        if one.added is None and (
+            self.excess(parent, self.opened) or self.large(one) or self._returns(one, parent)
+        ):
             return names, one.unknown
         if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
@@ -354,12 +358,21 @@ class Study:
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
-    def excess(self, one: Explanation, least: float = MATERIAL) -> bool:
+    def excess(self, one: Explanation, days: Bools, least: float = MATERIAL) -> bool:
         """Whether a share of an explanation's squared error is beyond its own weather, gauge and misfit.
 
-        Their error is that of as many days drawn from its noise.
+        Their error is that of seasons drawn from its noise. The squares of one scatter as a gamma variable of
+        their mean and variance; the horizons are tests of their own, each with its part of the chance.
         """
-        return self._removes(replace(one, errors=self._drawn(one, one.noise)), one, least)
+        from scipy.stats import gamma
+
+        assert one.errors is not None
+        seen = one.errors.squares[:, days].sum(axis=1)
+        drawn = self._drawn(one, one.noise, SEASONS).squares.reshape(len(seen), SEASONS, -1)
+        sums = drawn[:, :, days].sum(axis=2)
+        mean, variance = sums.mean(axis=1), np.maximum(sums.var(axis=1, ddof=1), 1e-300)
+        chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
+        return bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / len(seen))).any())
 
     def large(self, one: Explanation) -> bool:
         """Whether what is unknown makes a share of the error that counts, by days drawn without it."""
@@ -370,18 +383,16 @@ class Study:
         elif one.unknown == "flow":
             plain = replace(noise, inflow_sd=min(noise.inflow_sd, WEATHER * flow))
         without, with_ = (replace(one, errors=self._drawn(one, drawn)) for drawn in (plain, noise))
-        return self._removes(without, with_)
+        share, draws = shares(without, with_, self.opened, self.split.block)
+        return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
-    def _removes(self, one: Explanation, other: Explanation, least: float = MATERIAL) -> bool:
-        share, draws = shares(one, other, self.opened, self.split.block)
-        return bool(((share >= least) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
-
-    def _drawn(self, one: Explanation, noise: NoiseModel) -> DayErrors:
-        """Errors of an explanation's forecasts of days that are drawn from a noise."""
-        record = self.record
+    def _drawn(self, one: Explanation, noise: NoiseModel, seasons: int = 1) -> DayErrors:
+        """Errors of an explanation's forecasts of seasons drawn from a noise, one after the other."""
+        record = self.record.take(np.tile(np.arange(self.record.days), seasons))
         rng = np.random.default_rng(0)
         drawn = noise.simulate(record.days, record.time.shape[1], rng, record.activity)
-        return day_errors(record, np.where(np.isfinite(one.residual), drawn, np.nan), one.noise, HORIZONS)
+        there = np.tile(np.isfinite(one.residual), (seasons, 1))
+        return day_errors(record, np.where(there, drawn, np.nan), one.noise, HORIZONS)
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
         """Probability of the explanations with material names, and an unknown, that `holds` accepts."""
