@@ -68,18 +68,35 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     """Probability of each explanation, shape (explanations,).
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. So what is gained over the best explanation by
-    something unknown is divided by the inflation of the likeliest one. An unknown has none, for there the
-    scatter is what is unknown: what predicts worse than it is compared with it as it is.
+    times the variance the gain of chance is c times as large. So what an effect gains over the best
+    explanation by something unknown, or over what it extends, is divided by the inflation of the likeliest
+    explanation with as many effects: those before it have a scatter of their own. An unknown has none, for
+    there the scatter is what is unknown: what predicts worse than it is compared with it as it is.
     """
     scores = scores_of(pool, chosen, blocks)
-    total = scores.sum(axis=1)
+    total = scores.sum(axis=1).tolist()
     bare = min(len(one.names) for one in pool)  # effects known from the start
     unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
-    best = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
-    doubt = np.where(total > total[best], pool[int(np.argmax(total))].inflation, 1.0)
+    least = scores[max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))]
+    doubt: dict[int, float] = {}  # of the likeliest, by the number of effects
+    for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
+        doubt[len(one.names)] = one.inflation
+
+    def worth(one: Explanation) -> Floats:
+        """Scores of the blocks, what each effect gains divided."""
+        score, count, before = block_sums(_density(one), chosen, blocks), len(one.names), one.parent
+        while before is not None and len(before.names) == count:
+            before = before.parent
+        known, reduced = least, least
+        if before is not None and len(before.names) > bare:
+            parent = block_sums(_density(before), chosen, blocks)
+            if parent.sum() > least.sum():
+                known, reduced = parent, worth(before)
+        gain = score - known
+        return np.asarray(reduced + (gain / doubt[count] if gain.sum() > 0.0 else gain))
+
     return probabilities(
-        scores[best] + (scores - scores[best]) / doubt[:, None], [one.log_prior for one in pool],
+        np.stack([worth(one) for one in pool]), [one.log_prior for one in pool],
         parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
 

@@ -280,11 +280,11 @@ def test_a_name_that_makes_forecasts_worse_does_not_compete():
         assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
 
 
-def test_all_scores_are_divided_by_the_inflation_of_the_likeliest():
+def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effects():
     nothing = explained()
     one = explained("leakage", 6.0, MUCH, parent=nothing, inflation=3.0)
     two = explained("seiche", 4.0, MUCH, parent=one, inflation=2.0)
-    expected = softmax([0.0, 3.0, 5.0])
+    expected = softmax([0.0, 2.0, 4.0])  # 6 / 3, and 4 / 2 more
     assert {names.names: p for names, p in study_of(nothing, one, two).ranking} == pytest.approx(
         dict(zip([(), ("leakage",), ("leakage", "seiche")], expected, strict=True))
     )
