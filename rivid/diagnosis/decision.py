@@ -155,11 +155,14 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     """Whether chosen days contradict an explanation: less likely, or a worse error, beyond the scatter.
 
     The density and the errors an hour or more ahead are tests of their own: each has its part of the chance.
+    A few blocks have hardly a scatter, but a density: with it alone the explanation must not be improbable.
     """
     from scipy.stats import t
 
     gain = block_sums(_density(one) - _density(other), chosen, blocks)
     many = len(gain)
+    if TEMPER * float(gain.sum()) / one.inflation < np.log(DOUBT / (1.0 - DOUBT)):
+        return True
     if many < 2:  # one block has no scatter
         return False
     share, draws = shares(as_volume(one, other), other, chosen, blocks)

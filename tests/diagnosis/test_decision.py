@@ -127,6 +127,14 @@ def test_days_contradict_by_density_or_by_error_beyond_their_scatter():
     assert not worse_on(mixed, nothing, SPLIT.sealed, BLOCK)
 
 
+def test_a_single_sealed_block_contradicts_by_its_density():
+    nothing, block = explained(), SPLIT.sealed & (BLOCK == BLOCK[SPLIT.sealed][0])
+    for nats, inflation, contradicts in ((-1.0, 1.0, False), (-4.0, 1.0, True), (-4.0, 3.0, False)):
+        share = nats * OPEN.sum() / block.sum()  # on the block alone
+        one = explained("leakage", share, 0.1, parent=nothing, inflation=inflation)
+        assert worse_on(one, nothing, block, BLOCK) == contradicts
+
+
 # Probabilities
 
 
