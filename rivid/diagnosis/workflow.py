@@ -181,8 +181,10 @@ def find_effects(
         if again is not parent:  # its extensions begin at a better response
             parent = again
             search.extend(parent)
-        search.add_rivals(search.lead())
-        lead = search.shifted(search.polished(search.lead()))
+        lead = search.lead()
+        if lead.names != parent.names:  # that one was fitted on in the round before
+            search.add_rivals(lead)
+            lead = search.shifted(search.polished(search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
