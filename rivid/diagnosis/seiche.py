@@ -7,6 +7,7 @@ the fitting days by Whittle's likelihood and confirmed on the selecting days.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -16,6 +17,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects import Effect
+from rivid.effects.level import covariance
 from rivid.types import Bools, Floats
 
 SHORTEST, LONGEST = 4, 0.25
@@ -64,11 +66,20 @@ def through_filter(noise: NoiseModel, n: int) -> Floats:
 
 
 def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
-    """Power of a seiche's level at the same frequencies [m2], 1 m2 for white noise of 1 m."""
-    (a1, a2), innovation = effect.autoregression(sample_time)  # type: ignore[attr-defined]
-    omega = 2.0 * np.pi * np.arange(1, (n - 1) // 2 + 1) / n
-    turn = np.exp(-1j * omega)
-    return np.asarray(innovation**2 / np.abs(1.0 - a1 * turn - a2 * turn**2) ** 2)
+    """Expected periodogram of a seiche's level at the same frequencies [m2], 1 m2 for white noise of 1 m.
+
+    From its covariance, each lag as often as a row holds it (Sykulski, Olhede, Guillaumin, Lilly and Early
+    2019): the spectrum itself is that of an endless row, and with a line between two frequencies it takes
+    the width that a row gives to any line for that of a strong steady one.
+    """
+    (a1, a2), _ = law = effect.autoregression(sample_time)  # type: ignore[attr-defined]
+    variance, next_one = covariance(law)
+    r, k = np.sqrt(-a2), np.arange(n)
+    angle = np.arccos(0.5 * a1 / r)
+    phase = (next_one / (variance * r) - np.cos(angle)) / np.sin(angle)
+    lags = (1.0 - k / n) * variance * r**k * (np.cos(angle * k) + phase * np.sin(angle * k))
+    power = 2.0 * np.fft.rfft(lags).real - variance
+    return np.asarray(power[1 : (n - 1) // 2 + 1])
 
 
 def fit_seiche(
@@ -107,25 +118,23 @@ def fit_seiche(
         return np.asarray(white(p[3:]) + (gain * spectrum_of(at(p), n, T_s))[band])
 
     def at(p: Floats) -> Effect:
-        period = float(np.exp(np.clip(p[0], np.log(0.8 * n * T_s / peak), np.log(1.25 * n * T_s / peak))))
-        damping = float(np.exp(np.clip(p[1], np.log(SLOWEST), np.log(WIDEST / period))))
-        amplitude = float(np.exp(np.clip(p[2], -14.0, 1.0)))
+        period, damping, amplitude = np.exp(np.clip(p[:3], *limits[:, :3])).tolist()
         return effect.from_table({"period": period, "damping": damping, "amplitude": amplitude})
 
     def cost(S: Floats) -> float:
         return float((seen / S + np.log(S)).sum())
 
-    base, _ = _lowest(lambda p: cost(white(p)), np.array([np.log(seen.mean()), 0.0]))
-    begun = [
-        _lowest(
-            lambda q: cost(spectra(q)),
-            np.array([np.log(period), np.log(damping), np.log(size), *base]),
-            BRIEF,
-        )
-        for damping in (SLOWEST, 3e-5, 2e-4)
-        for size in (0.003, 0.03)
+    level = float(seen.mean())  # a line may have nearly all of it
+    low = np.log([0.8 * period, SLOWEST, 1e-6, 1e-6 * level, 1e-4])
+    limits = np.array([low, np.log([1.25 * period, WIDEST / period, 1.0, 10.0 * level, 1e4])])
+    base = _lowest(lambda p: cost(white(p)), np.array([np.log(level), 0.0]), limits[:, 3:]).x
+    over = np.maximum(seen - np.median(seen), 0.0) / gain[band]
+    size = 2.0 * np.sqrt(over[abs(away) < np.log(NEARBY)].sum() / n)  # its power is in the line
+    ends = [
+        _lowest(lambda p: cost(spectra(p)), np.array([*np.log([period, damping, size]), *base]), limits)
+        for damping in (3e-5, 1e-4, 3e-4)
     ]
-    p, _ = _lowest(lambda q: cost(spectra(q)), min(begun, key=lambda f: f[1])[0])
+    p = min(ends, key=lambda end: float(end.fun)).x
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
     days = int(fit.sum())
@@ -133,14 +142,9 @@ def fit_seiche(
     return at(p), spreads, gains, tried, float((S / white(p[3:])).max())
 
 
-BRIEF = 100
-"""Steps after which starts are compared: a search takes some 300."""
-
-
-def _lowest(cost: Callable[[Floats], float], start: Floats, most: int = 3000) -> tuple[Floats, float]:
-    """The minimum of a cost, by Nelder and Mead, and its value."""
-    end = minimize(cost, start, method="Nelder-Mead", options={"maxiter": most, "fatol": 1e-6})
-    return np.asarray(end.x, float), float(end.fun)
+def _lowest(cost: Callable[[Floats], float], start: Floats, limits: Floats) -> Any:
+    """The minimum of a cost within limits, shape (2, k)."""
+    return minimize(cost, np.clip(start, *limits), method="L-BFGS-B", bounds=list(limits.T), tol=1e-9)
 
 
 def _spreads(cost: Callable[[Floats], float], p: Floats) -> Floats:
