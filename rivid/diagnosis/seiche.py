@@ -41,8 +41,6 @@ PRESENT = 0.8
 STEADY = 4.0 / 3.0
 """Largest factor between the power of the swing in the third of the samples with the quietest flows and that
 in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that no response held."""
-SMALLEST = 0.002
-"""Amplitude [m]."""
 FITTED = ("period", "damping", "amplitude")
 
 
@@ -189,7 +187,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     """The seiche in what an explanation leaves, its gain on each day (days,) [nats], and the periods
     searched.
 
-    None where it is small, too wide, or too steady: an oscillation of the outflow looks the same where the
+    None where it is too wide, or too steady: an oscillation of the outflow looks the same where the
     gauge is at the dam, but that of a governor is either regular, or ends when the gates are held.
     """
     noise = base.model.noise
@@ -208,10 +206,10 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     if _highest(power[opened & whole].mean(axis=0), n, record.sample_time)[2] < LEAST_PEAK:
         return None
     made, _, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
-    period, damping, amplitude = (float(getattr(made, name)) for name in FITTED)
+    period, damping = float(getattr(made, "period")), float(getattr(made, "damping"))  # noqa: B009
     if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
         return None
-    if amplitude < SMALLEST or contrast < LEAST_CONTRAST:
+    if contrast < LEAST_CONTRAST:
         return None
     if abs(np.log(_in_quiet(record, seen, noise, period))) > np.log(STEADY):
         return None  # it depends on the flows: waves of the reach that the response does not hold
