@@ -390,9 +390,10 @@ class Study:
 
         assert one.errors is not None
         seen = one.errors.squares[:, days].sum(axis=1)
-        drawn = self._drawn(one, one.noise, SEASONS).squares.reshape(len(seen), SEASONS, -1)
-        sums = drawn[:, :, days].sum(axis=2)
-        mean, variance = sums.mean(axis=1), np.maximum(sums.var(axis=1, ddof=1), 1e-300)
+        rng = np.random.default_rng(0)
+        drawn = (self._drawn(one, one.noise, rng).squares[:, days].sum(axis=1) for _ in range(SEASONS))
+        sums = np.stack(list(drawn))
+        mean, variance = sums.mean(axis=0), np.maximum(sums.var(axis=0, ddof=1), 1e-300)
         chance = gamma.sf(seen, mean**2 / variance, scale=variance / np.maximum(mean, 1e-300))
         return bool(((mean <= (1.0 - least) * seen) & (chance < DOUBT / len(seen))).any())
 
@@ -404,17 +405,17 @@ class Study:
             plain = replace(noise, level_sd=min(noise.level_sd, WEATHER * flow))
         elif one.unknown == "flow":
             plain = replace(noise, inflow_sd=min(noise.inflow_sd, WEATHER * flow))
-        without, with_ = (replace(one, errors=self._drawn(one, drawn)) for drawn in (plain, noise))
+        without, with_ = (
+            replace(one, errors=self._drawn(one, drawn, np.random.default_rng(0))) for drawn in (plain, noise)
+        )
         share, draws = shares(without, with_, self.opened, self.split.block)
         return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
-    def _drawn(self, one: Explanation, noise: NoiseModel, seasons: int = 1) -> DayErrors:
-        """Errors of an explanation's forecasts of seasons drawn from a noise, one after the other."""
-        record = self.record.take(np.tile(np.arange(self.record.days), seasons))
-        rng = np.random.default_rng(0)
+    def _drawn(self, one: Explanation, noise: NoiseModel, rng: np.random.Generator) -> DayErrors:
+        """Errors of an explanation's forecasts of days that are drawn from a noise."""
+        record = self.record
         drawn = noise.simulate(record.days, record.time.shape[1], rng, record.activity)
-        there = np.tile(np.isfinite(one.residual), (seasons, 1))
-        return day_errors(record, np.where(there, drawn, np.nan), one.noise, HORIZONS)
+        return day_errors(record, np.where(np.isfinite(one.residual), drawn, np.nan), one.noise, HORIZONS)
 
     def chance(self, holds: Callable[[tuple[str, ...], Unknown], bool]) -> float:
         """Probability of the explanations with material names, and an unknown, that `holds` accepts."""
