@@ -354,7 +354,7 @@ def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
 
 def test_an_error_beyond_that_of_the_noise_is_unknown_without_any_explanation():
     one = explained(noise=QUIET)
-    drawn = study_of(one)._drawn(one, QUIET)
+    drawn = study_of(one)._drawn(one, QUIET, np.random.default_rng(0))
     for beyond, expected in ((-1.0, "no_gap"), (0.4, "no_gap"), (0.6, "unknown")):
         errors = drawn._replace(squares=drawn.squares / (1.0 - beyond))
         study = study_of(replace(one, errors=errors))
