@@ -3,6 +3,7 @@
 One file per command, imported only when its command is called, so that ``rivid --help`` answers at once.
 """
 
+import errno
 import importlib
 import os
 import signal
@@ -178,7 +179,10 @@ def main() -> None:
     except BrokenPipeError:
         code = _silence_stdout()
     except OSError as error:
-        print_error(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            print_error("too many files are open at once: expected a limit of 64 or more: see `ulimit -n`")
+        else:
+            print_error(f"{error.filename or 'standard output'}: {error.strerror or error}")
         code = _silence_stdout()
     except Exception:  # compiled code may replace the exception of the signal by its own
         if not _received:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -68,6 +69,13 @@ def test_closed_streams_change_neither_results_nor_exit_code(tmp_path, closed):
     words = [*REAL, "run", str(WEEK), "--out", str(tmp_path), "--no-figures", "--estimator", "ml"]
     done = subprocess.run(words, capture_output=True, text=True, preexec_fn=lambda: os.close(closed))
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "delays.csv").is_file()
+
+
+def test_a_low_limit_of_open_files_is_named(tmp_path):
+    words = [*REAL, "run", str(WEEK), "--out", str(tmp_path), "--quiet", "--workers", "2"]
+    few = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (16, 16))  # noqa: E731
+    done = subprocess.run(words, capture_output=True, text=True, preexec_fn=few)
+    assert done.returncode == 1 and "ulimit -n" in done.stderr and "standard output" not in done.stderr
 
 
 def test_the_backend_of_a_notebook_does_not_stop_the_figures(tmp_path):
