@@ -8,6 +8,7 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike
+from rivid.diagnosis.explanation import fitted
 from rivid.diagnosis.search import with_effect
 from rivid.diagnosis.workflow import Way, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
@@ -291,3 +292,21 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
         _Search._grow(kept, explained(), None, [way._replace(grow=lambda *_, **__: made)])
     assert kept.pool == [made]
     assert kept.grown[id(made)][1].again is way.again
+
+
+def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
+    start, end = (pools.season(5, DAYS, T_s=T_S).dates[i] for i in (5, 15))
+    hidden = CATALOGUE["unlogged_upstream_release"](size=40.0, dates=(start, end), hours=(6.0, 12.0))
+    record = pools.season(5, DAYS, effects=(hidden,), T_s=T_S)
+    search = _Search(
+        record, (pools.nominal(record),), {hidden.name: type(hidden)}, pools.GAUGE_FLOOR, (), lambda *_: None
+    )
+    parent, *_ = search.begun()
+    off = replace(hidden, dates=(record.dates[6], record.dates[13]), hours=(6.0, 10.0))
+    model = replace(parent.model, effects=(off,), free=(("size",),))
+    lead = search.add(fitted(model, search.record, search.opened, start=parent, parent=parent))
+    found = search.shifted(lead).added
+    opened = {day for day, there in zip(record.dates, search.opened, strict=True) if there}
+    days = [{day for day in opened if dates[0] <= day <= dates[1]} for dates in (found.dates, hidden.dates)]
+    assert found.hours == hidden.hours and days[0] == days[1]
+    assert found.size == pytest.approx(40.0, abs=3.0)
