@@ -143,7 +143,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 f"Something is missing that no known effect explains, with a probability of "
                 f"{study.unknown:.2f}{what}."
             )
-        if any(study.excess(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
+        if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
             return "unknown", (
                 "Something is missing: most of the error of the simulation is beyond plausible weather, the "
                 f"gauge and the response, and no name is probable enough{first}."

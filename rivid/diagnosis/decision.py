@@ -78,17 +78,22 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     bare = min(len(one.names) for one in pool)  # effects known from the start
     unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
     least = scores[max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))]
-    doubt: dict[int, float] = {}  # of the likeliest, by the number of effects
+
+    def level(one: Explanation) -> int:
+        """Number of its effects; what is unknown beside some counts as another, whose rival it is."""
+        return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
+
+    doubt: dict[int, float] = {}  # of the likeliest, by level
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        doubt[len(one.names)] = one.inflation
+        doubt[level(one)] = one.inflation
 
     def worth(one: Explanation) -> Floats:
         """Scores of the blocks, what each effect gains divided."""
-        score, count, before = block_sums(_density(one), chosen, blocks), len(one.names), one.parent
-        while before is not None and len(before.names) == count:
+        score, count, before = block_sums(_density(one), chosen, blocks), level(one), one.parent
+        while before is not None and level(before) >= count:
             before = before.parent
         known, reduced = least, least
-        if before is not None and len(before.names) > bare:
+        if before is not None and level(before) > bare:
             parent = block_sums(_density(before), chosen, blocks)
             if parent.sum() > least.sum():
                 known, reduced = parent, worth(before)
@@ -303,9 +308,7 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
-        if one.added is None and (
-            self.excess(parent, self.opened) or self.large(one) or self._returns(one, parent)
-        ):
+        if one.added is None and (self.excess(parent) or self.large(one) or self._returns(one, parent)):
             return names, one.unknown
         if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
@@ -380,10 +383,18 @@ class Study:
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 
-    def excess(self, one: Explanation, days: Bools, least: float = MATERIAL) -> bool:
+    def excess(self, one: Explanation) -> bool:
         """Whether a share of an explanation's squared error is beyond its own weather, gauge and misfit.
 
-        Their error is that of seasons drawn from its noise. The squares of one scatter as a gamma variable of
+        Their error is that of as many days drawn from its noise.
+        """
+        drawn = replace(one, errors=self._drawn(one, one.noise, np.random.default_rng(0)))
+        return self._removes(drawn, one)
+
+    def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
+        """Whether a share of the squared error on some days is beyond that of seasons drawn from its noise.
+
+        The squares of one scatter as a gamma variable of
         their mean and variance; the horizons are tests of their own, each with its part of the chance.
         """
         from scipy.stats import gamma
@@ -408,7 +419,10 @@ class Study:
         without, with_ = (
             replace(one, errors=self._drawn(one, drawn, np.random.default_rng(0))) for drawn in (plain, noise)
         )
-        share, draws = shares(without, with_, self.opened, self.split.block)
+        return self._removes(without, with_)
+
+    def _removes(self, one: Explanation, other: Explanation) -> bool:
+        share, draws = shares(one, other, self.opened, self.split.block)
         return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
     def _drawn(self, one: Explanation, noise: NoiseModel, rng: np.random.Generator) -> DayErrors:
