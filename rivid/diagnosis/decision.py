@@ -31,8 +31,8 @@ MATERIAL = 0.10
 """Least share of the squared error, at one horizon, that an effect removes to be named."""
 TEMPER = 0.5
 """Exponent of the scores, over their inflation. Over 93 development seasons of 30 to 120 days the log loss of
-names is 0.94 at 0.05, 0.92 at 0.1, 0.2 and 0.5, and 0.96 at 1: too flat to choose by. At 0.2 the bypass of
-Glen Canyon loses two of its three stretches."""
+names is 0.94 at 0.05, 0.92 at 0.1, 0.2 and 0.5, and 0.96 at 1: too flat to choose by. At 0.2 an earlier
+search lost two of three stretches of the bypass of Glen Canyon."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""
