@@ -33,7 +33,7 @@ from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
 """Share of a squared error beyond the noise from which nothing is called complete: of 26 development seasons
-with nothing hidden four had more, and twelve more than :data:`rivid.diagnosis.decision.MATERIAL`."""
+with nothing hidden four had more, and eleven more than :data:`rivid.diagnosis.decision.MATERIAL`."""
 LEAST_RATIO = 3.0
 """Least ratio of a spectral peak to its surroundings; no response is exact, and a low hump is no rhythm."""
 LEAST_P = 0.01

@@ -31,8 +31,8 @@ MATERIAL = 0.10
 """Least share of the squared error, at one horizon, that an effect removes to be named."""
 TEMPER = 0.5
 """Exponent of the scores, over their inflation. Over 93 development seasons of 30 to 120 days the log loss of
-names is 0.94 at 0.05, 0.92 at 0.1, 0.2 and 0.5, and 0.96 at 1: too flat to choose by. At 0.2 an earlier
-search lost two of three stretches of the bypass of Glen Canyon."""
+names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2 an
+earlier search lost two of three stretches of the bypass of Glen Canyon."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""
@@ -80,7 +80,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     least = scores[max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))]
 
     def level(one: Explanation) -> int:
-        """Number of its effects; what is unknown beside some counts as another, whose rival it is."""
+        """Number of its effects; what is unknown beside some is a rival of one more, and counts as it."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
     doubt: dict[int, float] = {}  # of the likeliest, by level
@@ -394,8 +394,8 @@ class Study:
     def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
         """Whether a share of the squared error on some days is beyond that of seasons drawn from its noise.
 
-        The squares of one scatter as a gamma variable of
-        their mean and variance; the horizons are tests of their own, each with its part of the chance.
+        Their sums of squares scatter as a gamma variable with the same mean and variance; each horizon is a
+        test of its own, with its part of the chance.
         """
         from scipy.stats import gamma
 

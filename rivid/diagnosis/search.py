@@ -339,8 +339,8 @@ def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window
         first, end = inside[0], inside[-1] + 1
         for by, to in moves:
             a, b = first + by, end + to
-            moved = 0 < a if by else b < len(open_days)
-            if moved and b - a >= FEWEST and (first if by else len(open_days) - end) > 0:
+            inner = min(first, a) > 0 if by else max(end, b) < len(open_days)
+            if inner and b - a >= FEWEST:
                 found.append((_dates(record, open_days, a, b), hours))
     return found
 
