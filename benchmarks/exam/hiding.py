@@ -64,7 +64,6 @@ CHANNELED = ("storage_area_slope", "seiche")
 and its weather makes it swing in its own period, in one season by 7 mm."""
 OUTSIDERS: dict[str, tuple[str, ...]] = {
     "hunting_governor": (), "bent_rating": (), "siphon": (), "silting_well": ("stilling_well",),
-    "ice_cover": (),
 }  # fmt: skip
 """Outsiders, with effects of the catalogue that would be right."""
 
@@ -372,6 +371,8 @@ LARGEST: dict[str, Largest] = {
     "seiche": lambda _: 0.3,
     "bent_rating": lambda _: 0.6,
     "ice_cover": lambda w: 3.0 * w.travel,
+    "rating_shift": lambda _: 0.1,
+    "stilling_well": lambda _: 14_400.0,
     "silting_well": lambda _: 14_400.0,
 }
 """Of each effect's size: more is not found at such reaches."""
@@ -480,6 +481,12 @@ DRAWN: dict[str, Maker] = {
     "seiche": lambda w, r: {
         "amplitude": 0.005, "period": log_uniform(r, 4.0, 30.0) * w.scenario.reach.sample_time,
     },
+    "ice_cover": lambda w, r: {
+        "late": 0.5 * w.travel, "spread": float(r.uniform(0.3, 0.9)), "growth": float(r.uniform(2.0, 10.0)),
+        "breakup": float(r.uniform(1.0, 4.0)),
+    } | _dates(w, r, 0.0, 20),
+    "rating_shift": lambda w, r: {"error": 0.01 * _sign(r)} | _dates(w, r, 0.3),
+    "stilling_well": lambda w, r: {"lag": 300.0} | _from_a_date(w, r),
 }  # fmt: skip
 """Effects of the catalogue that may be hidden."""
 FOREIGN: dict[str, Maker] = {
@@ -488,7 +495,6 @@ FOREIGN: dict[str, Maker] = {
     "siphon": lambda w, r: _place(r) | {
         "size": _flow(w, 0.03), "period": log_uniform(r, 2.0, 20.0), "part": float(r.uniform(0.2, 0.6)),
     },
-    "ice_cover": lambda w, r: {"late": 0.5 * w.travel, "spread": 0.3 * w.travel} | _dates(w, r, 0.0, 20),
     "silting_well": lambda w, r: {"lag": 300.0} | _from_a_date(w, r),
 }  # fmt: skip
 """The same of outsiders."""

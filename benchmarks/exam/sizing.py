@@ -78,7 +78,7 @@ SIZE_OF: dict[str, tuple[str, ...]] = {
     "clock_offset": ("offset",), "gate_deadband": ("band",), "gate_rate_limit": ("rate",),
     "sensor_drift": ("drift",), "sensor_step": ("step",), "wind_setup": ("deviation",),
     "seiche": ("amplitude",), "hunting_governor": ("amplitude",), "bent_rating": ("bend",),
-    "siphon": ("size",), "ice_cover": ("late", "spread"),
+    "siphon": ("size",), "ice_cover": ("late",), "rating_shift": ("error",), "stilling_well": ("lag",),
     "silting_well": ("lag",),
 }  # fmt: skip
 """The parameters that make each effect larger, all by the same factor; the first one is its size."""

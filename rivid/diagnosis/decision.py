@@ -14,6 +14,7 @@ import numpy as np
 
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
+from rivid.diagnosis.events import find_events
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
@@ -178,6 +179,26 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
+def without_mirrored(one: Explanation, record: Record) -> Explanation:
+    """An explanation less what events of the other sign gain in what it leaves.
+
+    A noise with heavy tails has events, too, but of both signs: rain does not take water away. What those of
+    the impossible sign gain is what its own events gain of the noise, and each pays its part of it.
+    """
+    seen = np.where(record.used, one.residual, np.nan)
+    follows = np.append(False, np.diff(record.day_number) == 1)
+    density = one.density
+    for events in one.events:
+        if events.kind.sign and density is not None:
+            other = replace(events.kind, sign=-events.kind.sign)
+            found = find_events(
+                seen, one.noise.whiten, other, record.sample_time, lead=record.lead, follows=follows
+            )
+            days = np.bincount([event.day for event in events.events], minlength=record.days)
+            density = density - max(found.gain, 0.0) * days / len(events.events)
+    return replace(one, density=density)
+
+
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
     """Output that an effect makes and nothing else in the explanation could, shape (days, n).
 
@@ -245,8 +266,9 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        lead = pool[int(np.argmax(ranked(pool, self.opened, self.split.block)))]
-        levelled = [self._levelled(one, lead) for one in pool]
+        paid = [without_mirrored(one, self.record) for one in pool]
+        lead = paid[int(np.argmax(ranked(paid, self.opened, self.split.block)))]
+        levelled = [self._levelled(one, lead) for one in paid]
         chances = ranked(levelled, self.opened, self.split.block).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 

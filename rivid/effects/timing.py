@@ -7,7 +7,7 @@ import numpy as np
 from rivid.effects.base import Effect, Trial, World, quantity
 from rivid.reach.changes import Changes, Gate
 from rivid.reach.transport import arrived_volume, delayed_flow, held_volume, spread_flow
-from rivid.types import DAY
+from rivid.types import DAY, Floats
 
 LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
@@ -137,6 +137,65 @@ class ClockOffset(Effect):
             at = edges + self.offset + self.drift * np.maximum(edges - start, 0.0) / DAY
             volume = arrived_volume(at, edges, held_volume(edges, flow), flow[..., 0], flow[..., -1])
             late = np.diff(volume, axis=-1) / np.diff(edges, axis=-1)
+        return Changes(inflow=np.where(self.active(world) > 0, late, world.inflow))
+
+
+@dataclass(frozen=True, kw_only=True)
+class IceCover(Effect):
+    """``real inflow(t) = spread of logged inflow(t - late cover(t))``, `cover` from 0 to 1 and back to 0.
+
+    The cover grows with the root of time over the first `growth` days of the dates, as the ice of a constant
+    frost does (Stefan 1891), and goes in a straight line over the last `breakup` days.
+    """
+
+    name = "ice_cover"
+    needs_dates = True
+    family = "timing"
+    confounded_with = {
+        "clock_offset": (
+            "Compare the clock of the upstream log with a reference while the waves are late, or look at the "
+            "water: ice or weed is seen."
+        ),
+    }
+    sentence = "Ice or weed roughens the reach for some weeks: waves come later and flatter."
+    looks = (
+        "For some weeks each wave is late, the later the thicker the cover, and flatter than before; a "
+        "clock_offset makes it late by the same time from one sample to the next, and as steep as before."
+    )
+
+    late: float = quantity(600.0, "s", 0.0, 86_400.0, "delay under the full cover")
+    spread: float = quantity(
+        0.5, "-", 0.0, 1.0, "standard deviation of the times of arrival, over their delay"
+    )
+    growth: float = quantity(7.0, "days", 1.0, 366.0, "time in which the cover grows")
+    breakup: float = quantity(2.0, "days", 1.0, 366.0, "time in which it goes")
+
+    @classmethod
+    def trials(cls, world: World) -> list[Trial]:
+        also = ("spread", "growth")
+        return [
+            cls.trial_at("late", samples * world.sample_time, dates="between", also=also)
+            for samples in (1.0, 4.0)
+        ]
+
+    def cover(self, time: Floats, world: World) -> Floats:
+        """Share of the full cover at times [s]; shape of `time`."""
+        if self.dates is None:
+            return np.ones(time.shape)
+        first, last = (world.day_of(date) / DAY for date in self.dates)
+        days = time / DAY
+        grown = np.sqrt(np.clip((days - first) / self.growth, 0.0, 1.0))
+        return np.asarray(grown * np.clip((last + 1.0 - days) / self.breakup, 0.0, 1.0))
+
+    def changes(self, world: World) -> Changes:
+        edges = world.edges
+        covered = self.cover(world.time, world) * world.inflow
+        flat = spread_flow(edges, covered, self.spread * self.late, world.sample_time)
+        inflow = world.inflow - covered + flat
+        # A wave that has overtaken another one arrives with it.
+        arrival = np.maximum.accumulate(edges + self.late * self.cover(edges, world), axis=-1)
+        volume = arrived_volume(edges, arrival, held_volume(edges, inflow), inflow[..., 0], inflow[..., -1])
+        late = np.diff(volume, axis=-1) / np.diff(edges, axis=-1)
         return Changes(inflow=np.where(self.active(world) > 0, late, world.inflow))
 
 

@@ -104,7 +104,7 @@ def test_a_front_is_moved_where_it_is_moved_by_more_than_the_misfit(moved, befor
 
 def test_effects_with_a_time_as_parameter_move_fronts():
     found = {name for name, effect in CATALOGUE.items() if _shifts(effect())}
-    assert found == {"flow_dependent_delay", "wave_attenuation", "outflow_lag", "clock_offset"}
+    assert found == {"flow_dependent_delay", "wave_attenuation", "outflow_lag", "clock_offset", "ice_cover"}
 
 
 def test_a_part_of_the_days_is_judged_alone():

@@ -11,12 +11,16 @@ from rivid.effects.timing import (
     FlowDependentDelay,
     GateDeadband,
     GateRateLimit,
+    IceCover,
     OutflowLag,
     WaveAttenuation,
 )
 from tests.effects.worlds import FIRST, samples_of, seconds_of, times, total, world
 
-MAPS = [ClockOffset(offset=-1234.5), WaveAttenuation(spread=777.0), FlowDependentDelay(delay=-3.0)]
+MAPS = [
+    ClockOffset(offset=-1234.5), WaveAttenuation(spread=777.0), FlowDependentDelay(delay=-3.0),
+    IceCover(late=777.0),
+]  # fmt: skip
 
 
 def pulse_world(sample_time=133.0, rows=False):
@@ -161,3 +165,33 @@ def test_a_clock_that_drifts_is_off_by_more_each_day():
         assert np.sqrt(np.mean(off**2)) < 0.15 * np.sqrt(np.mean(none**2))
     assert volume[-1] == pytest.approx(np.sum(here.inflow * np.diff(here.edges)), rel=0.01)
     assert ClockOffset(offset=300.0).to_table()["drift"] == 0.0
+
+
+def test_water_under_ice_comes_late_by_the_cover_and_none_is_lost():
+    """Each second's water is followed alone to its time of arrival."""
+    here = world(days=8, sample_time=300.0)
+    first = FIRST + dt.timedelta(days=1)
+    ice = IceCover(late=1500.0, spread=0.0, growth=4.0, breakup=1.0, dates=(first, first + dt.timedelta(5)))
+    t = np.arange(here.edges[0], here.edges[-1]) + 0.5
+    days = t / 86_400.0 - 1.0
+    thick = np.sqrt(np.clip(days / 4.0, 0.0, 1.0)) * np.clip(6.0 - days, 0.0, 1.0)
+    slow = seconds_of(here.time, here.inflow, 300.0)
+    late = np.maximum.accumulate(t + 1500.0 * thick)
+    expected = np.histogram(late, here.edges, weights=slow)[0] / 300.0
+    real = ice.changes(here).inflow
+    # A second of water may fall to either side of an edge; the root's beginning is a line within a sample.
+    inside = np.abs(here.time - 86_400.0) > 600.0
+    assert real[inside] == pytest.approx(expected[inside], abs=3.0 * here.inflow.max() / 300.0)
+    assert np.abs(real - here.inflow).max() > 20.0
+    assert total(here.time, real, 300.0) == pytest.approx(total(here.time, here.inflow, 300.0), rel=1e-6)
+    spread = replace(ice, spread=0.7).changes(here).inflow
+    assert total(here.time, spread, 300.0) == pytest.approx(total(here.time, here.inflow, 300.0), rel=1e-3)
+
+
+def test_ice_grows_with_the_root_of_time_and_breaks():
+    here = world(days=12)
+    dates = (FIRST + dt.timedelta(days=1), FIRST + dt.timedelta(days=9))
+    ice = IceCover(growth=4.0, breakup=2.0, dates=dates)
+    at = np.array([0.0, 1.0, 2.0, 5.0, 8.0, 9.0, 10.0, 11.0]) * 86_400.0
+    assert ice.cover(at, here) == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0])
+    assert IceCover().cover(at, here).tolist() == [1.0] * 8
