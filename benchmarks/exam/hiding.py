@@ -371,8 +371,6 @@ LARGEST: dict[str, Largest] = {
     "seiche": lambda _: 0.3,
     "bent_rating": lambda _: 0.6,
     "ice_cover": lambda w: 3.0 * w.travel,
-    "rating_shift": lambda _: 0.1,
-    "stilling_well": lambda _: 14_400.0,
     "silting_well": lambda _: 14_400.0,
 }
 """Of each effect's size: more is not found at such reaches."""
@@ -485,8 +483,6 @@ DRAWN: dict[str, Maker] = {
         "late": 0.5 * w.travel, "spread": float(r.uniform(0.3, 0.9)), "growth": float(r.uniform(2.0, 10.0)),
         "breakup": float(r.uniform(1.0, 4.0)),
     } | _dates(w, r, 0.0, 20),
-    "rating_shift": lambda w, r: {"error": 0.01 * _sign(r)} | _dates(w, r, 0.3),
-    "stilling_well": lambda w, r: {"lag": 300.0} | _from_a_date(w, r),
 }  # fmt: skip
 """Effects of the catalogue that may be hidden."""
 FOREIGN: dict[str, Maker] = {

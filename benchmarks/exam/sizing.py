@@ -24,6 +24,7 @@ from benchmarks.exam.river import RiverWater
 from benchmarks.exam.worlds import Table, World
 from rivid.effects import Effect, changes_of
 from rivid.effects.flow import InflowGainError, StorageAreaSlope
+from rivid.effects.level import RatingShift
 from rivid.effects.timing import ClockOffset, FlowDependentDelay, WaveAttenuation
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
@@ -78,7 +79,7 @@ SIZE_OF: dict[str, tuple[str, ...]] = {
     "clock_offset": ("offset",), "gate_deadband": ("band",), "gate_rate_limit": ("rate",),
     "sensor_drift": ("drift",), "sensor_step": ("step",), "wind_setup": ("deviation",),
     "seiche": ("amplitude",), "hunting_governor": ("amplitude",), "bent_rating": ("bend",),
-    "siphon": ("size",), "ice_cover": ("late",), "rating_shift": ("error",), "stilling_well": ("lag",),
+    "siphon": ("size",), "ice_cover": ("late",),
     "silting_well": ("lag",),
 }  # fmt: skip
 """The parameters that make each effect larger, all by the same factor; the first one is its size."""
@@ -353,7 +354,8 @@ def reference(world: World, season: Season) -> Reference:
 
 RIVER = {"delay": 0.3, "spread": 0.25, "held": 1.0, "exponent": 0.2, "gain": 0.03}
 """What a calibration of a river knows: shares of the travel time by which waves may be late, spread, or held,
-the exponent of the delay, and the gain; standard deviations as of the diagnosis's response."""
+the exponent of the delay, and the gain and the constant of two ratings; standard deviations as of the
+diagnosis's response."""
 
 
 def _of_river(world: World, season: Season, grid: Stretches) -> Reference:
@@ -367,6 +369,7 @@ def _of_river(world: World, season: Season, grid: Stretches) -> Reference:
         (WaveAttenuation(spread=RIVER["held"] * world.travel), 1.0),
         (FlowDependentDelay(delay=-moved * RIVER["exponent"] / world.scenario.flow.mean), NUDGED),
         (InflowGainError(error=RIVER["gain"]), 1.0),
+        (RatingShift(error=0.0, offset=RIVER["gain"]), 1.0),
     )
     columns = [bare.change(changes_of((effect,), season.world)) / size for effect, size in nudges]
     return replace(bare, columns=np.array(columns))

@@ -21,6 +21,7 @@ from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.diagnosis.response.base import kernels_of
 from rivid.effects import LEVEL_NOISES, Effect
+from rivid.effects.level import RatingShift
 from rivid.errors import RividError
 from rivid.types import Bools, Floats, Ints
 
@@ -281,9 +282,25 @@ class Study:
         flexible = [self.score(o) for o in self.pool if o.unknown == "dynamics"]
         behind = self.score(lead) - self.score(one)
         missed = max(flexible, default=-np.inf) - self.score(lead)
-        if not HAIR < behind < missed or one.unknown != lead.unknown or not alike(one, lead):
+        twin = HAIR < behind < missed and alike(one, lead) or behind > HAIR and self._balances(one, lead)
+        if one.unknown != lead.unknown or not twin:
             return one
         return replace(one, density=_density(one) + (behind - HAIR) / float(self.opened.sum()))
+
+    def _balances(self, one: Explanation, lead: Explanation) -> bool:
+        """Whether two explanations of a river differ by one shift of its balance each, as a rating may have.
+
+        The discharge is read from a rating, which may be off by any slow course of the stage: what a shift of
+        it by a constant and a share leaves is no evidence of water.
+        """
+        differing = difference(one, lead)
+        if self.record.kind != "river" or differing is None:
+            return False
+        shifts = {RatingShift.name, *RatingShift.confounded_with}
+        if any(effect.hours or effect.name not in shifts for effect in differing):
+            return False
+        ratings = [lead, *(o for o in self.pool if (two := difference(o, lead)) and two[1] is differing[1])]
+        return any(_within_limits(e) for o in ratings for e in o.effects if isinstance(e, RatingShift))
 
     @cached_property
     def _counting(self) -> tuple[Explanation, ...]:
@@ -551,14 +568,29 @@ def _shifts(effect: Effect) -> bool:
     return effect.family == "timing" and "s" in units
 
 
-def alike(one: Explanation, other: Explanation) -> bool:
-    """Whether two explanations differ by one effect each, of which one is confounded with the other."""
+def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | None:
+    """The effect of each of two explanations that the other one lacks, where it is one of each."""
     only = {effect.name: effect for effect in one.effects if effect.name not in ("", *other.names)}
     its = {effect.name: effect for effect in other.effects if effect.name not in ("", *one.names)}
     if len(only) != 1 or len(its) != 1:
-        return False
-    (a,), (b,) = only.values(), its.values()
-    return b.name in a.confounded_with or a.name in b.confounded_with
+        return None
+    return only.popitem()[1], its.popitem()[1]
+
+
+def alike(one: Explanation, other: Explanation) -> bool:
+    """Whether two explanations differ by one effect each, of which one is confounded with the other."""
+    found = difference(one, other)
+    return found is not None and (
+        found[1].name in found[0].confounded_with or found[0].name in found[1].confounded_with
+    )
+
+
+def _within_limits(effect: Effect) -> bool:
+    """Whether all parameters of an effect are within their limits, and none at one."""
+    return all(
+        spec.low < float(np.min(getattr(effect, key))) <= float(np.max(getattr(effect, key))) < spec.high
+        for key, spec in effect.parameters().items()
+    )
 
 
 def leading(pool: Sequence[Explanation], opened: Bools) -> list[Explanation]:

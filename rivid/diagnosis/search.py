@@ -140,7 +140,7 @@ def screened(
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
     found: list[Candidate] = []
     for trial, columns in zip(library.trials, library.columns, strict=True):
-        if beside is not None and (trial.dates == "all" or not _mistaken(trial, beside)):
+        if beside is not None and not _mistaken(trial, beside):
             continue
         w = white(columns[:, open_days])
         if not w.any():
@@ -149,8 +149,7 @@ def screened(
         q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
         c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
         inverse = np.asarray(G, float)
-        dates = None if beside is None else beside.dates
-        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days, dates)
+        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days, beside)
     by_name: dict[str, list[Candidate]] = {}
     for one in sorted(found, key=lambda one: -one.worth):
         kept = by_name.setdefault(one.effect.name, [])
@@ -176,9 +175,9 @@ def _windows(
     sd: Floats,
     record: Record,
     open_days: Ints,
-    dates: tuple[dt.date, dt.date] | None = None,
+    beside: Effect | None = None,
 ) -> list[Candidate]:
-    """A trial in the whole season and in its best window of dates (and hours), or in some dates alone."""
+    """A trial in the whole season and in its best window of dates (and hours), or in those of an effect."""
     days = s.shape[1]
     if trial.hourly:
         return _hourly(trial, columns, s, q, record, open_days, np.zeros(len(sd)))
@@ -200,9 +199,11 @@ def _windows(
         gain[trial.sign * b[:, 0] <= 0.0] = 0.0
     found = []
     windows = [np.arange(len(first)) == 0, np.arange(len(first)) > 0]
-    if dates is not None:
+    if beside is not None and beside.dates is None:
+        windows = windows[:1]
+    elif beside is not None:
         spans = zip(first.tolist(), end.tolist(), strict=True)
-        windows = [np.array([_dates(record, open_days, a, b) == dates for a, b in spans])]
+        windows = [np.array([_dates(record, open_days, a, b) == beside.dates for a, b in spans])]
     for rows in windows:
         able = np.flatnonzero(rows)
         if not len(able):

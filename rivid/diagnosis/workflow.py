@@ -633,7 +633,7 @@ class _Search:
         A response that has bent to a change hides from one of them when it was, and shows it to another.
         """
         effect, parent = lead.added, lead.parent
-        if effect is None or parent is None or effect.dates is None or effect.found_as:
+        if effect is None or parent is None or effect.found_as:
             return
         library = self._library(parent)
         found = _firsts(screened(parent, library, self.record, beside=effect))

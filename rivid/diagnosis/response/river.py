@@ -35,13 +35,14 @@ class RiverResponse:
 
     V_0 = delay flow / (N (1 - exponent)): a small wave on the flow Q takes delay (Q / flow)^-exponent, and is
     spread by diffusion as `spread` is to `delay`. A share of what arrives is held back in banks and pools for
-    a while, and all is times a gain near 1.
+    a while. The ratings of two gauges differ by a gain near 1 and by a constant share of the usual flow: a
+    lateral inflow that never changes is a part of this.
 
     Attributes
     ----------
     parameters : tuple of FreeParameter
         Logarithms of delay and spread of the wave's arrivals [s] at the usual flow, of the mean time [s] for
-        which water is held, and of the gain; the exponent and the share that is held, plain.
+        which water is held, and of the gain; the exponent, the share that is held and the constant, plain.
     flow : float
         Usual flow [m3/s], at which the delay is `delay`.
 
@@ -80,7 +81,7 @@ class RiverResponse:
         exponent : float
             By which the delay falls with the flow [-].
         delay_sd, spread_sd, gain_sd : float
-            How well delay, spread and the gain 1 are known, as shares.
+            How well delay, spread and the gain 1 are known, as shares; the constant is known as the gain is.
         exponent_sd : float
             [-].
 
@@ -99,6 +100,7 @@ class RiverResponse:
                 FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
                 FreeParameter.positive("held_time", "s", delay, 0.5, reach=2.0),
                 FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=3.0),
+                FreeParameter("rating_offset", "-", 0.0, 0.0, gain_sd, -3.0 * gain_sd, 3.0 * gain_sd),
             ),
             flow,
         )
@@ -120,7 +122,7 @@ class RiverResponse:
             Where losses leave no water in the reach.
         """
         flows = real_flows(record, changes)
-        delay, exponent, spread, held, hold, gain = (p.natural for p in self.parameters)
+        delay, exponent, spread, held, hold, gain, offset = (p.natural for p in self.parameters)
         kappa = 0.5 * (CELLS * max(spread / delay, NARROWEST) ** 2 - 1.0)
         inflow = np.ascontiguousarray(gain * flows.inflow)
         sides = np.zeros((CELLS + 1, *inflow.shape)) if flows.added else np.zeros((0, *inflow.shape))
@@ -139,7 +141,7 @@ class RiverResponse:
         if not route(inflow, sides, record.time, steps, flow_of, top, kappa, came):
             raise RividError("the river runs dry: expected losses smaller than its flow")
         behind = stilled(record.time, came, hold)
-        passed = (1.0 - held) * came + held * behind
+        passed = (1.0 - held) * came + held * behind + offset * self.flow
         return np.asarray((1.0 + changes.rating) * passed + flows.gauge)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
