@@ -182,6 +182,60 @@ class StillingWell(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tide(Effect):
+    """``output = output without it + two waves with periods of their own``, within dates.
+
+    Periods are below 20 h: an outside level that returns every day looks like a flow that does.
+    """
+
+    name = "tide"
+    family = "level"
+    confounded_with = {
+        "seiche": "Compare the times of high water with a tide table, or with the level below the gauge.",
+    }
+    sentence = "A tide, or another level outside the reach that returns, moves the water at the gauge."
+    looks = (
+        "The output swings with one or two fixed periods, 12.42 and 12 h of a tide, for as long as the record "
+        "runs and whatever flows; a seiche loses its phase after some swings."
+    )
+
+    waves: tuple[float, ...] = quantity(
+        (0.05, 0.0, 0.02, 0.0), "m or m3/s", -1e4, 1e4,
+        "cosine and sine of each wave over the time since the first midnight", many=True,
+    )  # fmt: skip
+    periods: tuple[float, ...] = quantity(
+        (12.4206, 12.0), "h", 1.0, 20.0, "of each wave; the usual ones are the moon's and the sun's", many=True
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if np.size(self.waves) != 2 * np.size(self.periods):
+            raise ConfigError(
+                f"{self.name}: waves has {np.size(self.waves)} values and periods {np.size(self.periods)}: "
+                "expected a cosine and a sine for each period"
+            )
+
+    @classmethod
+    def trials(cls, world: World) -> list[Trial]:
+        unit = 0.01
+        waves = [tuple(unit * (i == k) for i in range(4)) for k in range(4)]
+
+        def make(c: Floats) -> Effect:
+            return cls(waves=tuple(c.tolist()))
+
+        columns = tuple(cls(waves=one) for one in waves)
+        return [Trial(cls.name, "waves", columns, (unit,) * 4, make, ("waves", "periods"))]
+
+    def changes(self, world: World) -> Changes:
+        level = np.zeros(world.time.shape)
+        waves = np.reshape(self.waves, (-1, 2)).tolist()
+        for (a, b), period in zip(waves, np.ravel(self.periods).tolist(), strict=True):
+            angle = 2.0 * np.pi * world.time / (HOUR * period)
+            level += a * np.cos(angle) + b * np.sin(angle)
+        return Changes(gauge=level * self.active(world))
+
+
+@dataclass(frozen=True, kw_only=True)
 class WindSetup(Effect):
     """``gauge = level + x``, x an autoregression of first order with standard deviation `deviation`."""
 

@@ -16,8 +16,10 @@ from rivid.diagnosis.decision import (
     is_material,
     leading,
     shares,
+    without_mirrored,
     worse_on,
 )
+from rivid.diagnosis.events import Kind, find_events
 from rivid.diagnosis.explanation import HORIZONS
 from rivid.diagnosis.fit import day_errors
 from rivid.diagnosis.noise.model import NoiseModel
@@ -199,6 +201,58 @@ def test_an_effect_that_is_material_only_beside_another_is_named_with_it():
     assert set(study_of(nothing, clock, gain, both).sure) == {"clock_offset", "outflow_gain_error"}
     less = replace(both, errors=gain.errors)
     assert study_of(nothing, clock, gain, less).sure == ("outflow_gain_error",)
+
+
+def shocks(down):
+    """Rain on ten days, and as much of the same shape downwards on some: what is paid, and gained [nats]."""
+    rng = np.random.default_rng(11)
+    n, T = RECORD.time.shape[1], RECORD.sample_time
+    kernel = np.arange(n) * T / 6.7e5
+    noise = NoiseModel(0.002, 1e-4, 0.5, 7200.0, 0.0, 7200.0, T, 6.7e5)
+    z = noise.simulate(RECORD.days, n, rng)
+    kind = Kind("rain_inflow", "recession", 1, kernel, (10_800.0,))
+    fall = np.exp(-T * np.arange(n) / 10_800.0)
+    for day in range(0, RECORD.days, 3):
+        for sign, there in ((1.0, True), (-1.0, day in down)):
+            if there:
+                start = int(rng.integers(n // 4, n // 2))
+                z[day, start:] += sign * 15.0 * (np.cumsum(fall) * T / 6.7e5)[: n - start]
+    seen = np.where(RECORD.used, z, np.nan)
+    found = find_events(seen, noise.whiten, kind, T, lead=RECORD.lead, refine=False)
+    one = explained("rain_inflow", found.gain, noise=noise, events=(found,), residual=seen - found.coded)
+    return float((one.density - without_mirrored(one, RECORD).density).sum()), found.gain
+
+
+def test_events_pay_for_those_of_the_impossible_sign():
+    nothing, gained = shocks(())
+    assert nothing == 0.0 and gained > 100.0
+    paid, gained = shocks(range(RECORD.days))
+    assert 0.5 * gained < paid < 2.0 * gained
+    some, _ = shocks((0, 3))
+    assert 0.0 < some < 0.5 * paid
+
+
+def balances(offset, river=True, hours=None):
+    """A lateral inflow that is far ahead of a rating, and of an inflow gain: those named with 0.1 or more."""
+    nothing = explained()
+    pool = [nothing]
+    for name, nats, values in (
+        ("lateral_inflow", 60.0, {}), ("rating_shift", 30.0, {"error": 0.0, "offset": offset}),
+        ("inflow_gain_error", 20.0, {"hours": hours}), ("diurnal_inflow", 40.0, {}),
+    ):  # fmt: skip
+        one = explained(name, nats, MUCH, parent=nothing)
+        pool.append(replace(one, added=one.added.with_values(**values)))
+    study = study_of(*pool)
+    study = replace(study, record=replace(study.record, kind="river" if river else "pool"))
+    return {name for name in study.names if study.chance_of(name) > 0.1}
+
+
+def test_shifts_of_a_rivers_balance_are_tied_where_a_rating_can_make_them():
+    three = {"lateral_inflow", "rating_shift", "inflow_gain_error"}
+    assert balances(0.02) == three
+    assert balances(0.02, hours=(3.0, 9.0)) == three - {"inflow_gain_error"}
+    assert balances(0.1) == {"lateral_inflow"}  # no rating is so far off
+    assert balances(0.02, river=False) == {"lateral_inflow"}
 
 
 def test_a_group_is_the_fewest_names_that_are_sure_together():
