@@ -16,7 +16,9 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
@@ -132,12 +134,21 @@ def set_symbols(text: str) -> str:
     return SYMBOL.sub(lambda m: f"${SYMBOLS[m[1]]}{'^2' if m[2] else ''}$", text)
 
 
+def _texts(artist: Artist) -> Iterator[Text]:
+    """Texts in an artist, except those of ticks: drawing sets these, and to look for them makes ticks of
+    hidden axes too."""
+    if isinstance(artist, Text):
+        yield artist
+    for child in [artist.label] if isinstance(artist, Axis) else artist.get_children():
+        yield from _texts(child)
+
+
 class Picture(Figure):
     """A figure without pyplot's global state; a notebook displays it as the last value of a cell."""
 
     def draw(self, renderer: Any) -> None:
         """Draw with the paper's symbols as mathematics."""
-        for one in self.findobj(Text):
+        for one in _texts(self):
             if SYMBOL.search(words := one.get_text()) and "$" not in words:
                 one.set_parse_math(True)
                 one.set_text(set_symbols(words))
