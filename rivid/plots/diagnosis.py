@@ -18,7 +18,7 @@ from scipy.stats import t as student
 from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import LoopDay
 from rivid.plots import style
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.text import count, day_range, shorten
 from rivid.types import Bools, Floats
 

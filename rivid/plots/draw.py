@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.plots import estimates, style
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.results.read import (
     CLEAR,
     EstimatorResults,

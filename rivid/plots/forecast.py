@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from rivid.forecast import LEVELS, Forecast
 from rivid.plots import style
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.text import duration
 
 mdates: Any = matplotlib.dates  # it has no types

@@ -17,8 +17,8 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from rivid.errors import ConfigError
 from rivid.plots import estimates, style
 from rivid.plots.draw import typical_day
+from rivid.plots.files import FigureFile
 from rivid.plots.paper_data import CascadeReach, Year
-from rivid.plots.style import FigureFile
 from rivid.reach.integrator import theoretical_fir
 from rivid.results.read import Results, day_numbers, rayleigh
 from rivid.text import count, delays, listed, number, response_unit, share

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from rivid.core.law import DelayLaw
 from rivid.plots import style
 from rivid.plots.estimates import DASHED, flow_axis, probability_cells
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.results.read import day_numbers
 from rivid.results.season import Joined, SeasonDays
 from rivid.text import count, day_range, duration

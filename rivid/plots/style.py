@@ -9,7 +9,6 @@ import datetime as dt
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFor
 from PIL import Image
 
 from rivid.atomic import replacing
+from rivid.plots.files import FigureFile
 from rivid.results.read import day_numbers
 from rivid.text import NO_ANSWER, shorten, ten_to, time_unit
 from rivid.types import Floats
@@ -79,25 +79,6 @@ STYLE = {
     "figure.facecolor": "white",
     "hatch.linewidth": 0.8,
 }
-
-
-@dataclass(frozen=True)
-class FigureFile:
-    """A figure that has been written as `path`, a PNG of `width` and `height` [pixels].
-
-    `kind` is t50, t50_discharge, tdr, histogram, delay_map, delay_discharge, fir_day, season, delay_law or
-    one of :data:`rivid.plots.diagnosis.KINDS`; the number of a figure of the paper, "9" for example,
-    which has an SVG of the same name as well. `estimator` is empty where it shows all of them. `facts` are
-    numbers and codes of its caption, which the template ``captions.j2`` words.
-    """
-
-    kind: str
-    estimator: str
-    path: Path
-    title: str
-    facts: dict[str, Any]
-    width: int
-    height: int
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rivid.estimators import ESTIMATORS
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.report import strip
 from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page

@@ -19,7 +19,8 @@ from rivid.diagnosis.answer import Evidence
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect
 from rivid.effects import Effect, effect_classes
 from rivid.plots import diagnosis as plots
-from rivid.plots.style import FigureFile, drop_old, styled
+from rivid.plots.files import FigureFile
+from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
 from rivid.report.page import data_uri, write_page
 from rivid.text import count, day_range, number

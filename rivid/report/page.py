@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from jinja2.bccache import Bucket
     from markupsafe import Markup
 
-    from rivid.plots.style import FigureFile
+    from rivid.plots.files import FigureFile
 
 WORDS = (
     "count", "day_range", "delays", "duration", "flow", "listed", "minutes_first", "number",

@@ -11,7 +11,7 @@ from rivid.run.workers import Engine, Here
 
 if TYPE_CHECKING:
     from rivid.plots.draw import Job
-    from rivid.plots.style import FigureFile
+    from rivid.plots.files import FigureFile
     from rivid.results.read import Results
 
 MOST_PAINTERS = 4

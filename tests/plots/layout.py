@@ -7,6 +7,7 @@ from matplotlib.legend import Legend
 from matplotlib.text import Text
 
 from rivid.plots import style
+from rivid.plots.files import FigureFile
 
 
 @contextmanager
@@ -27,7 +28,7 @@ def saved(*, write=False):
 
 def as_file(path):
     """The record of a figure that is in `path`."""
-    return style.FigureFile(path.stem, "", path, "", {}, 1, 1)
+    return FigureFile(path.stem, "", path, "", {}, 1, 1)
 
 
 def labels(figure):

@@ -15,7 +15,7 @@ import pytest
 from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Ranked, Step, Unknown, Where
 from rivid.effects import effect_classes
 from rivid.errors import RividError
-from rivid.plots.style import FigureFile
+from rivid.plots.files import FigureFile
 from rivid.report.diagnosis import WIDTH, headline, summary, write_diagnosis, write_diagnosis_page
 from rivid.report.quantities import explanations
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
