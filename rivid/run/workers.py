@@ -13,6 +13,7 @@ Three measures are specific to worker processes:
   runs on a week of logs).
 """
 
+import gc
 import os
 import signal
 import sys
@@ -234,6 +235,7 @@ def _begin() -> None:
     if hasattr(signal, "SIGALRM"):
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
     without_pandas()
+    gc.freeze()  # the modules that the fork brought: collections need not look at them
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
