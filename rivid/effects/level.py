@@ -195,44 +195,38 @@ class Tide(Effect):
     }
     sentence = "A tide, or another level outside the reach that returns, moves the water at the gauge."
     looks = (
-        "The output swings with one or two fixed periods, 12.42 and 12 h of a tide, for as long as the record "
+        "The output swings with one or two fixed periods, of a tide 12.42 and 12 h, as long as the record "
         "runs and whatever flows; a seiche loses its phase after some swings."
     )
 
-    waves: tuple[float, ...] = quantity(
-        (0.05, 0.0, 0.02, 0.0), "m or m3/s", -1e4, 1e4,
-        "cosine and sine of each wave over the time since the first midnight", many=True,
-    )  # fmt: skip
-    periods: tuple[float, ...] = quantity(
-        (12.4206, 12.0), "h", 1.0, 20.0, "of each wave; the usual ones are the moon's and the sun's", many=True
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if np.size(self.waves) != 2 * np.size(self.periods):
-            raise ConfigError(
-                f"{self.name}: waves has {np.size(self.waves)} values and periods {np.size(self.periods)}: "
-                "expected a cosine and a sine for each period"
-            )
+    amplitude: float = quantity(0.05, "m or m3/s", 0.0, 1e4, "of the first wave")
+    high: float = quantity(6.0, "h", -48.0, 48.0, "a high water of it, hours since the first day's midnight")
+    period: float = quantity(12.4206, "h", 1.0, 20.0, "of it; usually half a lunar day")
+    amplitude2: float = quantity(0.02, "m or m3/s", 0.0, 1e4, "of the second wave")
+    high2: float = quantity(6.0, "h", -48.0, 48.0, "a high water of it, hours since the first day's midnight")
+    period2: float = quantity(12.0, "h", 1.0, 20.0, "of it; usually half a day")
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        unit = 0.01
-        waves = [tuple(unit * (i == k) for i in range(4)) for k in range(4)]
+        one, two = cls().period, cls().period2
 
         def make(c: Floats) -> Effect:
-            return cls(waves=tuple(c.tolist()))
+            (a, b), (a2, b2) = np.reshape(c, (2, 2)).tolist()
+            turn = 2.0 * math.pi
+            return cls(
+                amplitude=math.hypot(a, b), high=one * math.atan2(b, a) / turn,
+                amplitude2=math.hypot(a2, b2), high2=two * math.atan2(b2, a2) / turn,
+            )  # fmt: skip
 
-        columns = tuple(cls(waves=one) for one in waves)
-        return [Trial(cls.name, "waves", columns, (unit,) * 4, make, ("waves", "periods"))]
+        unit = 0.01
+        columns = tuple(make(np.where(np.arange(4) == k, unit, 0.0)) for k in range(4))
+        return [Trial(cls.name, "waves", columns, (unit,) * 4, make, tuple(cls.parameters()))]
 
     def changes(self, world: World) -> Changes:
-        level = np.zeros(world.time.shape)
-        waves = np.reshape(self.waves, (-1, 2)).tolist()
-        for (a, b), period in zip(waves, np.ravel(self.periods).tolist(), strict=True):
-            angle = 2.0 * np.pi * world.time / (HOUR * period)
-            level += a * np.cos(angle) + b * np.sin(angle)
-        return Changes(gauge=level * self.active(world))
+        hours = world.time / HOUR
+        made = self.amplitude * np.cos(2.0 * np.pi * (hours - self.high) / self.period)
+        made += self.amplitude2 * np.cos(2.0 * np.pi * (hours - self.high2) / self.period2)
+        return Changes(gauge=made * self.active(world))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rivid.effects.level import Seiche, SensorDrift, SensorStep, WindSetup, covariance
+from rivid.effects.level import Seiche, SensorDrift, SensorStep, Tide, WindSetup, covariance
 from rivid.errors import ConfigError
 from tests.effects.worlds import FIRST, world
 
@@ -140,3 +140,17 @@ def test_wind_and_seiche_act_in_their_hours_and_by_their_size(effect):
     assert (x[~night] == 0.0).all() and (x[night] != 0.0).all()
     size = "amplitude" if effect.name == "seiche" else "deviation"
     assert (gauge(replace(effect, **{size: 0.0}), here) == 0.0).all()
+
+
+@pytest.mark.parametrize("shares", [(0.03, -0.04, 0.0, 0.01), (0.0, 0.2, -0.1, 0.0)])
+def test_the_trial_of_a_tide_is_its_waves(shares):
+    """Columns times coefficients are the effect that is made of them."""
+    here = world(days=5)
+    (trial,) = Tide.trials(here)
+    columns = [e.changes(here).gauge / size for e, size in zip(trial.effects, trial.sizes, strict=True)]
+    made = trial.make(np.array(shares))
+    assert made.changes(here).gauge == pytest.approx(np.tensordot(shares, columns, 1), abs=1e-12)
+    hours = here.time / 3600.0
+    wave = shares[0] * np.cos(2 * np.pi * hours / 12.4206) + shares[1] * np.sin(2 * np.pi * hours / 12.4206)
+    wave += shares[2] * np.cos(2 * np.pi * hours / 12.0) + shares[3] * np.sin(2 * np.pi * hours / 12.0)
+    assert made.changes(here).gauge == pytest.approx(wave, abs=1e-12)

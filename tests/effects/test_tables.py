@@ -53,7 +53,8 @@ def test_the_catalogue_has_all_names_in_the_order_of_the_table():
         "unlogged_downstream_release", "leakage", "inflow_gain_error", "outflow_gain_error",
         "gate_head_effect", "storage_area_slope", "side_storage", "flow_dependent_delay",
         "wave_attenuation", "outflow_lag", "clock_offset", "ice_cover", "gate_deadband", "gate_rate_limit",
-        "sensor_drift", "sensor_step", "rating_shift", "stilling_well", "wind_setup", "seiche",
+        "sensor_drift", "sensor_step", "rating_shift", "stilling_well", "tide", "wind_setup",
+        "seiche",
     ]  # fmt: skip
 
 
