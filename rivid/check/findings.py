@@ -74,7 +74,7 @@ TEXTS = {
     "jump": "{output} jumps and no flow explains it: was the gauge moved, or its datum? On {example}",
     "spike": "{output} leaps away and back: is it a fault of the gauge? If a number means not measured: "
     "[input] sentinels. On {example}",
-    "copy.two": "{what} occur on {first} and {second}: is one a copy of the other?",
+    "copy.two": "{what} occur on both: is one a copy of the other?",
     "copy.many": "{what} occur on several dates, such as {first} and {second}: are some copies of others?",
     "constant.inflow": "the inflow is constant ({flow:interval} m3/s): no delay can be estimated",
     "constant.inflow_always": "the inflow is constant ({flow:interval} m3/s) on every day: no delay can be "
@@ -99,6 +99,8 @@ REMARKS = {
     "range", "constant.inflow", "constant.outflow", "negative.some", "moment", "interval.finer",
 }  # fmt: skip
 """Findings that need no action."""
+UNTRUE = {"copy", "dates", "spike", "stuck", "swapped", "unit"}
+"""Kinds of findings on values that are not those of their column and time, whatever acts on the reach."""
 DAYS = {
     "swapped": "inflow and outflow look swapped",
     "dates": "{column} looks dated a day too {sense}",

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +15,7 @@ from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_series
 from rivid.logs.spec import MICRO, day_bounds
 from rivid.results.store import TEXT, described, safe_for_spreadsheets, to_table, write_csv, write_parquet
+from rivid.types import Bools, Ints
 
 SCHEMA, MEANINGS = described(
     [
@@ -75,25 +75,25 @@ def flags(report: Report, root: Path, config: Config) -> pa.Table:
             for name in columns_of(finding, source.date, series):
                 times = series[name][0]
                 begin = day_bounds(source.date, zone)[0]
-                chosen = _chosen(finding, source.date, times - begin, config.reach.sample_time)
+                of_finding = chosen(finding, source.date, times - begin, config.reach.sample_time)
                 rows += [
                     (dt.datetime.fromtimestamp(t / MICRO, dt.UTC), name, level, finding.code, reason)
-                    for t in times[chosen].tolist()
+                    for t in times[of_finding].tolist()
                 ]
     columns = {name: [row[i] for row in rows] for i, name in enumerate(SCHEMA.names)}
     return safe_for_spreadsheets(to_table(columns, SCHEMA), ("reason",))
 
 
-def _chosen(finding: Finding, date: dt.date, since: Any, sample: float) -> Any:
+def chosen(finding: Finding, date: dt.date, since: Ints, sample: float) -> Bools:
     """Values of a day (n,) that a finding flags: those of its events, or all; `since` midnight [us]."""
     items = finding.days.get(date, {}).get("items")
     if not items:
         return np.ones(len(since), bool)
-    chosen = np.zeros(len(since), bool)
+    found = np.zeros(len(since), bool)
     for item in items:  # their times are in whole minutes
         first, last = (_seconds(item.get(key, item.get("time", ""))) for key in ("first", "last"))
-        chosen |= (since >= (first - 30.0) * MICRO) & (since < (last + 30.0 + sample) * MICRO)
-    return chosen
+        found |= (since >= (first - 30.0) * MICRO) & (since < (last + 30.0 + sample) * MICRO)
+    return found
 
 
 def _seconds(clock: str) -> float:

@@ -52,7 +52,7 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
     """Find spells without motion, jumps and spikes of the output, given the other findings.
 
     Where the balance does not close, a level without motion may be right; where a finding of some days begins
-    or ends, the output jumps at midnight.
+    or ends, or a spell ends, the output jumps at midnight.
     """
     open_days = {date for finding in others if finding.kind == "balance" for date in finding.days}
     seams = {
@@ -62,6 +62,7 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
         if (date in finding.days) != (date - ONE_DAY in finding.days)
     }
     spells = {date: found for date, found in _still(record, fits).items() if date not in open_days}
+    seams |= {date + ONE_DAY for date, found in spells.items() if found[-1][1] == len(record.days[date])}
     found = _jumps(record, spells, seams)
     days: dict[dt.date, dict[str, Any]] = {}
     for date, at in spells.items():
@@ -159,7 +160,8 @@ def _jump_items(
             until = back
             peak = values[here:back]
             height = float(peak[np.abs(peak - around[here + AROUND - 1]).argmax()])
-            spikes.append({"time": record.clock(here), "value": height, "unit": unit})
+            item = {"time": record.clock(here), "last": record.clock(back - 1), "value": height, "unit": unit}
+            spikes.append(item)
             continue
         before, after = around[here : here + AROUND], around[here + AROUND : here + 2 * AROUND]
         change = float(np.median(after) - np.median(before))
@@ -234,7 +236,7 @@ def _copies(record: Record) -> list[Finding]:
         two = len(groups) == 1 and len(groups[0]) == 2
         what = f"the same samples of {name}" if name else "the same samples"
         values = {"what": what, "first": str(first), "second": str(second)}
-        findings.append(Finding("copy.two" if two else "copy.many", values, days if len(days) > 2 else {}))
+        findings.append(Finding("copy.two" if two else "copy.many", values, days))
     return findings
 
 

@@ -29,6 +29,13 @@ def test_a_gauge_that_stands_still_for_hours_or_days():
     assert str(finding).startswith("2008-01-06 to 2008-01-12 (7 days): ")
 
 
+def test_a_gauge_that_is_freed_at_midnight_makes_no_jump():
+    days, config = sound(15)
+    freed = raised(days, 9, 0, 0.5)
+    the_one(freed, config, "jump", when=slice(9, 10))
+    the_one(held(freed, 8, 8, 24), config, "stuck", when=slice(8, 9))
+
+
 @pytest.mark.parametrize("n", [1, 5])
 def test_a_dead_gauge_on_every_day(n):
     days, config = sound(5)
@@ -54,7 +61,9 @@ def test_a_jump_that_stays(by, hour):
 def test_a_spike():
     days, config = sound(15)
     spike = only_item(the_one(raised(days, 12, 7, -100.0, samples=3), config, "spike", when=slice(12, 13)))
-    assert spike["time"] == "06:59" and spike["value"] == pytest.approx(29.5, abs=1)
+    assert (spike["time"], spike["last"]) == ("06:59", "07:03") and spike["value"] == pytest.approx(
+        29.5, abs=1
+    )
 
 
 def test_a_gate_that_moves_much_makes_no_jump():
@@ -67,7 +76,8 @@ def test_a_gate_that_moves_much_makes_no_jump():
 def test_copies_of_a_day_of_a_week_and_of_a_level():
     days, config = sound(22)
     copy = with_day(days, 7, inflow=days[3].inflow, outflow=days[3].outflow, output=days[3].output)
-    the_one(copy, config, "copy.two", first="2008-01-04", second="2008-01-08")
+    pair = the_one(copy, config, "copy.two", first="2008-01-04", second="2008-01-08")
+    assert [*pair.days] == [days[3].date, days[7].date] and str(pair).startswith("2008-01-04, 2008-01-08 (2")
     the_one(with_day(days, 7, output=days[3].output), config, "copy.two")
     week = [replace(days[k - 7], date=day.date) if 14 <= k < 21 else day for k, day in enumerate(days)]
     finding = the_one(week, config, "copy.many", when=slice(7, 21))
