@@ -19,6 +19,7 @@ from rivid.core.fir import jmap as core_jmap
 from rivid.diagnosis.result import VERDICTS
 from rivid.effects import effect_classes
 from rivid.errors import ConfigError, DataError, NoDataError, RividError
+from tests.daily import write_days
 from tests.diagnosis.answers import diagnosis, evidence_of
 
 ROOT = Path(__file__).parents[1]
@@ -194,6 +195,21 @@ def test_a_diagnosis_of_a_season_with_one_candidate_effect_writes_its_files(tmp_
     page = result.write(tmp_path / "out")
     there = {path.name for path in (tmp_path / "out").iterdir()}
     assert page.exists() and {"diagnosis.json", "diagnosis.html", "model.toml"} <= there
+
+
+def test_days_that_are_left_out_and_why_are_on_the_page_of_a_diagnosis(tmp_path):
+    first, *_, last = write_days(tmp_path / "logs", 4)
+    copy = (tmp_path / "logs" / f"{first}.csv").read_text().replace(str(first), str(last))
+    (tmp_path / "logs" / f"{last}.csv").write_text(copy)
+    result = rivid.diagnose(tmp_path / "logs")
+    assert result.reason.startswith("2 days can be used") and len(result.notes) == 1
+    assert result.notes[0].startswith(f"left out; rivid check finds: {first}, {last} (2 days): the same")
+    assert result.notes[0].split("(")[0] in result.write(tmp_path / "out").read_text()
+    for date in (first, last):
+        (tmp_path / "two").mkdir(exist_ok=True)
+        (tmp_path / "two" / f"{date}.csv").write_bytes((tmp_path / "logs" / f"{date}.csv").read_bytes())
+    with pytest.raises(NoDataError, match="no day is left; left out; rivid check finds"):
+        rivid.diagnose(tmp_path / "two")
 
 
 def test_too_few_days_give_a_result_and_no_days_an_error(season):

@@ -12,7 +12,7 @@ from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.data import Record, as_record
+from rivid.diagnosis.data import Known, Record, as_record
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Ranked, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import NoDataError
@@ -211,24 +211,21 @@ def diagnose(
     from rivid.diagnosis.data import read_record
 
     begin, end = as_date(first), as_date(last)
-    failed: tuple[tuple[dt.date | None, str], ...] = ()
+    known = Known()
     if isinstance(logs, SimulatedSeason):
         settings = logs.config if config is None else as_config(config)
         record = _record_of(logs, settings, begin, end)
     else:
         settings = as_config(config)
         today = dt.datetime.now(dt.UTC)
-        record, failed = read_record(Path(logs), settings, first=begin, last=end, today=today)
+        record, known = read_record(Path(logs), settings, first=begin, last=end, today=today)
     start = read_effects(Path(model), settings) if model is not None else ()
     answer, evidence = workflow.diagnose(
         record, responses_of(settings, record), library_of(settings),
         gauge_floor=gauge_floor_of(settings, record), start=start,
-        most=settings.diagnose.most_effects, report=report,
+        dated=known.dated, most=settings.diagnose.most_effects, report=report,
     )  # fmt: skip
-    if failed:
-        day, why = failed[0]
-        which = f"{len(failed)} days or files could not be used; the first, {day or 'a file'}: {why}"
-        answer = replace(answer, notes=(*answer.notes, which))
+    answer = replace(answer, notes=(*known.notes, *answer.notes))
     return DiagnosisResult(answer, evidence, settings, start)
 
 

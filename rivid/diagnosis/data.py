@@ -1,18 +1,25 @@
 """Records: days of logs as rows on one grid, each with the samples before it as lead time."""
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rivid.check import check_days
+from rivid.check.findings import UNTRUE
+from rivid.check.flags import chosen
 from rivid.config import Config
+from rivid.diagnosis.blocks import split
+from rivid.effects import Effect
 from rivid.effects.base import World
+from rivid.effects.timing import ClockOffset
 from rivid.errors import DataError, NoDataError, RividError
-from rivid.logs.days import find_days, read_window
+from rivid.logs.days import DataSet, find_days, read_window
 from rivid.types import DAY, Floats
 
 Kind = Literal["pool", "river"]
@@ -213,8 +220,8 @@ def read_record(
     first: dt.date | None = None,
     last: dt.date | None = None,
     today: dt.date | dt.datetime | None = None,
-) -> tuple[Record, tuple[tuple[dt.date | None, str], ...]]:
-    """Read the days of DATA_DIR that a diagnosis can use.
+) -> tuple[Record, "Known"]:
+    """Read the days of DATA_DIR that a diagnosis can use, without values that `rivid check` finds untrue.
 
     Parameters
     ----------
@@ -229,8 +236,7 @@ def read_record(
     Returns
     -------
     Record
-    tuple of (datetime.date or None, str)
-        Days that cannot be used and the reason; None for a file without a date.
+    Known
 
     Raises
     ------
@@ -251,6 +257,9 @@ def read_record(
             failed.append((source.date, f"cannot be read: {type(error).__name__}: {error}"))
     if not days:
         raise NoDataError(_no_day(root, failed, [source.date for source in catalog.days], first, last))
+    days, known = checked(days, config)
+    if not days:
+        raise NoDataError(f"{root}: no day is left; {known.notes[0]}")
     reach = config.reach
     proposal = reach.proposal()
     seconds = np.arange(0.0, DAY, reach.sample_time)
@@ -278,7 +287,66 @@ def read_record(
         np.array([day.output for day in whole]), sample_time=reach.sample_time, delay=proposal.d_max // 2,
         kind=reach.kind,
     )  # fmt: skip
-    return record, tuple(failed)
+    if failed:
+        day, why = failed[0]
+        which = f"{len(failed)} days or files could not be used; the first, {day or 'a file'}: {why}"
+        known = known._replace(notes=(*known.notes, which))
+    return record, known
+
+
+class Known(NamedTuple):
+    """What is known of logs before a diagnosis."""
+
+    notes: tuple[str, ...] = ()
+    """What was left out and why, and what else `rivid check` finds wrong."""
+    dated: tuple[Effect, ...] = ()
+    """Effects that it finds, with their dates."""
+
+
+def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Known]:
+    """Leave out what `rivid check` finds untrue: values of the output, or whole days.
+
+    A jump of the gauge and a shifted clock are effects, and left to the search. No search can find one that
+    is on sealed days alone: these days are left out.
+
+    Parameters
+    ----------
+    days : sequence of DataSet
+        In order of dates.
+    config : Config
+
+    Returns
+    -------
+    list of DataSet
+        What is left; an output that is left out is NaN.
+    Known
+    """
+    left, notes, dated = {day.date: day for day in days}, list[str](), list[Effect]()
+    findings = [finding for finding in check_days(days, config) if finding.wrong]
+    for finding in sorted(findings, key=lambda one: one.kind not in UNTRUE):
+        on = [date for date in finding.days if date in left]
+        if finding.days and not on:
+            continue
+        untrue = bool(on) and finding.kind in UNTRUE
+        hidden = bool(on) and finding.kind in ("clock", "jump") and set(on) <= _sealed(left)
+        out = untrue or hidden
+        notes.append(f"{'left out' if out else 'kept'}; rivid check finds: {finding}")
+        if not out and on and finding.kind == "clock" and finding.values["column"] == "u_Qi":
+            fast = 1.0 if finding.values["sense"] == "late" else -1.0
+            dated.append(ClockOffset(offset=fast * finding.values["off_s"], dates=(min(on), max(on))))
+        for date in on if out else ():
+            output, step = left[date].output, config.reach.sample_time
+            gone = chosen(finding, date, np.rint(1e6 * step * np.arange(len(output))).astype(int), step)
+            if untrue and not gone.all():
+                left[date] = replace(left[date], output=np.where(gone, np.nan, output))
+            else:
+                del left[date]
+    return [*left.values()], Known(tuple(notes), tuple(dated))
+
+
+def _sealed(dates: Iterable[dt.date]) -> set[dt.date]:
+    dealt = [*dates]
+    return set(compress(dealt, split(dealt).sealed))
 
 
 def _no_day(

@@ -31,6 +31,7 @@ from rivid.diagnosis.search import (
     screened,
     stepped,
     swung,
+    trial_size,
     whole_season,
     windows_near,
     with_effect,
@@ -106,6 +107,7 @@ def diagnose(
     *,
     gauge_floor: float = 0.0,
     start: Sequence[Effect] = (),
+    dated: Sequence[Effect] = (),
     floor: Sequence[float] | None = None,
     most: int = MOST_EFFECTS,
     report: Report = lambda done, what: None,
@@ -123,6 +125,8 @@ def diagnose(
         Lower limit of the gauge noise: the reading's step / sqrt(12) [m or m3/s].
     start : sequence of Effect
         Effects that are in the model from the start.
+    dated : sequence of Effect
+        Effects that are tried with these dates and sizes, too.
     floor : sequence of float, optional
         RMSE at 1, 4 and 24 h of the true model, where it is known.
     most : int
@@ -154,8 +158,9 @@ def diagnose(
         return Diagnosis("insufficient_data", lacking, "none"), None
     with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
         study = find_effects(
-            record, response, classes, gauge_floor=gauge_floor, start=start, most=most, report=report
-        )
+            record, response, classes, gauge_floor=gauge_floor, start=start, dated=dated, most=most,
+            report=report,
+        )  # fmt: skip
         return conclude(study, classes, floor)
 
 
@@ -166,11 +171,12 @@ def find_effects(
     *,
     gauge_floor: float = 0.0,
     start: Sequence[Effect] = (),
+    dated: Sequence[Effect] = (),
     most: int = MOST_EFFECTS,
     report: Report = lambda done, what: None,
 ) -> Study:
     """All steps but the report; see :func:`diagnose`."""
-    search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report)
+    search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), tuple(dated), report)
     parent, *promising = search.begun()
     for turn in range(most):
         search.begin_round(turn, most)
@@ -211,13 +217,14 @@ class _Search:
         classes: dict[str, type[Effect]],
         gauge_floor: float,
         start: tuple[Effect, ...],
+        dated: tuple[Effect, ...],
         report: Report,
     ) -> None:
         self.notes: list[str] = []
         responses, record = self._carried(responses, record)
         kernels = kernels_of(responses[0], record)
         self.record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
-        self.responses, self.gauge_floor, self.start = responses, gauge_floor, start
+        self.responses, self.gauge_floor, self.start, self.dated = responses, gauge_floor, start, dated
         self.classes = {name: one for name, one in classes.items() if one.acts_on(record.kind)}
         self.dealt = split(record.dates)
         self.opened = self.dealt.fit | self.dealt.select
@@ -413,6 +420,7 @@ class _Search:
         deepest = self._deepened(parent, library, tried)
         # beside another effect the near fit may hold better
         wanted = [_near(one, record) for one in tried if one not in deepest or parent.names]
+        wanted += [_near(one, record) for one in self._dated(parent, library) if one.effect.name not in taken]
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
             if name in taken or not effect.found_as:
@@ -427,6 +435,18 @@ class _Search:
                 # An unknown gauge that is hardly likelier errs as wind makes it err.
                 least = self.score(made) + LEAST
                 self.pool = [one for one in self.pool if one not in gauge or self.score(one) > least]
+
+    def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
+        """The effects that were dated, each as likely as with any other dates."""
+        found, days = [], self.record.days
+        prior = -float(np.log(days * (days + 1) / 2))
+        for effect in self.dated:
+            for trial, columns in zip(library.trials, library.columns, strict=True):
+                if trial.name == effect.name:
+                    make, shift = partial(_sized, effect, trial.free[0]), np.zeros(len(parent.sd))
+                    found.append(Candidate(effect, trial.free, 0.0, prior, shift, make, columns))
+                    break
+        return found
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add an unknown flow that returns every day, in the season and in the best candidates' windows, and
@@ -554,6 +574,8 @@ class _Search:
                 more = self._in_steps(model)
             models += more
             tried += [one] * len(more)
+        if not models:  # every effect needs dates, or is found otherwise
+            return []
         best: dict[str, _Fit] = {}
         for fit in _fits(models, few, [start] * len(models), steps=BRIEF):
             best.setdefault(tried[fit.number].effect.name, fit)
@@ -895,6 +917,11 @@ def _fits(
     if not found:
         raise next(one for one in made if isinstance(one, RividError))
     return sorted(found, key=lambda one: -one.likely)
+
+
+def _sized(effect: Effect, key: str, share: float) -> Effect:
+    """An effect at a share of its size."""
+    return effect.with_values(**{key: trial_size(effect, key, share)})
 
 
 def _coarse(reach: Response) -> Response:

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.data import NEAR, START_UP, activity, as_record
+from rivid.diagnosis.data import NEAR, START_UP, activity, as_record, checked
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
+from rivid.effects.timing import ClockOffset
 from rivid.errors import RividError
+from tests.check.season import held, late, raised, scaled, sound
 
 SECONDS = 900.0 * np.arange(96)
 DATES = [dt.date(2024, 3, d) for d in (1, 2, 3, 6, 7)]
@@ -135,3 +137,70 @@ def test_activity_is_that_of_a_plain_loop_and_grows_with_the_square_of_the_flows
         twice = replace(r, inflow=3.0 * r.inflow, outflow=3.0 * r.outflow)
         np.testing.assert_allclose(activity(twice, up, down), 9.0 * found, atol=1e-12)
         assert (found >= 0.0).all()
+
+
+def left_out(days, config):
+    """Numbers of the days that are left out, and what is known."""
+    left, known = checked(days, config)
+    there = [day.date for day in left]
+    assert there == sorted(there)
+    return [k for k, day in enumerate(days) if day.date not in there], known
+
+
+@pytest.mark.parametrize("names", [("output",), ("inflow", "outflow", "output")])
+def test_copied_days_are_left_out_with_a_note_and_sound_days_are_not(names):
+    days, config = sound(22)
+    assert left_out(days, config) == ([], ((), ()))
+    copy = [replace(day, **{n: getattr(days[3], n) for n in names}) if k == 7 else day
+            for k, day in enumerate(days)]  # fmt: skip
+    gone, known = left_out(copy, config)
+    assert gone == [3, 7] and not known.dated
+    (note,) = known.notes
+    assert note.startswith("left out; rivid check finds: 2008-01-04, 2008-01-08 (2 days): the same samples")
+
+
+def test_of_a_stuck_gauge_and_of_a_spike_these_values_are_left_out_alone():
+    days, config = sound(22)
+    hour = np.arange(len(days[0].output)) * 133 / 3600
+    days = raised(held(held(days, 5, 8, 13), 8, 0, 24), 10, 7, -100.0, samples=3)
+    left, known = checked(days, config)
+    by_date = {day.date: np.isnan(day.output) for day in left}
+    assert days[8].date not in by_date and len(left) == 21
+    stuck, spike = by_date.pop(days[5].date), by_date.pop(days[10].date)
+    assert stuck[(hour > 8.2) & (hour < 12.8)].all() and not stuck[(hour < 7) | (hour > 14)].any()
+    assert np.isnan(left[4].output).sum() == 0 and not any(gone.any() for gone in by_date.values())
+    assert (days[10].output[spike] < 50).sum() == 3 and spike.sum() <= 5
+    assert [note.split(":")[0] for note in known.notes] == ["left out; rivid check finds"] * 2
+
+
+def test_a_jump_is_left_to_the_search_unless_it_is_on_a_sealed_day():
+    days, config = sound(22)
+    for day, gone in ((16, []), (13, [13])):
+        out, known = left_out(raised(days, day, 10, 0.5), config)
+        assert out == gone and known.notes[0].startswith("left out" if gone else "kept")
+    copied = [replace(day, output=days[3].output) if k == 0 else day for k, day in enumerate(days)]
+    gone, _ = left_out(raised(copied, 16, 10, 0.5), config)  # the blocks begin on the first day that is left
+    assert gone == [0, 3]
+    gone, _ = left_out(raised(copied, 15, 10, 0.5), config)
+    assert gone == [0, 3, 15]
+
+
+@pytest.mark.parametrize("seconds", [3600, -3600])
+def test_the_dates_of_a_shifted_inflow_are_known(seconds):
+    days, config = sound(30)
+    gone, known = left_out(late(days, seconds, "inflow", among=slice(15, 18)), config)
+    (clock,) = known.dated
+    assert gone == [] and known.notes[0].startswith("kept; rivid check finds: 2008-01-16 to 2008-01-18")
+    assert clock.dates == (days[15].date, days[17].date)
+    assert isinstance(clock, ClockOffset) and clock.offset == pytest.approx(seconds, abs=300)
+    gone, known = left_out(late(days, seconds, "inflow", among=slice(12, 15)), config)
+    assert gone == [12, 13, 14] and not known.dated  # sealed
+    gone, known = left_out(late(days, seconds, "output", among=slice(15, 18)), config)
+    assert gone == [] and not known.dated and len(known.notes) == 1
+
+
+def test_a_unit_of_some_days_leaves_them_out_and_a_unit_of_all_does_not():
+    days, config = sound(22)
+    assert left_out(scaled(days, 35.3147, "outflow", among=slice(5, 9)), config)[0] == [5, 6, 7, 8]
+    gone, known = left_out(scaled(days, 35.3147, "outflow"), config)
+    assert gone == [] and known.notes[0].startswith("kept; ")

@@ -1,5 +1,6 @@
 """The whole workflow on short seasons of the linear pool whose truth is known."""
 
+import datetime as dt
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -153,6 +154,20 @@ def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
     result, _ = answer(record, "inflow_gain_error", start=(hidden,))
     assert result.verdict == "no_gap" and not result.effects
     assert all(row.names[:1] == ("outflow_gain_error",) for row in result.ranking)
+
+
+def test_a_clock_of_three_days_is_named_where_its_dates_are_known():
+    """Three days are fewer than any window of the search, and an hour is more than any of its trials."""
+    first = season().dates[15]
+    hidden = CATALOGUE["clock_offset"](offset=-3600.0, dates=(first, first + dt.timedelta(days=2)))
+    record = season(hidden)
+    rough = hidden.with_values(offset=-3300.0)
+    (effect,) = answer(record, "clock_offset", "sensor_step", dated=(rough,))[0].effects
+    assert effect.name == "clock_offset" and effect.where.dates == hidden.dates
+    assert number(effect, "offset").value == pytest.approx(-3600.0, abs=60.0)
+    assert not answer(record, "clock_offset", "sensor_step")[0].effects
+    result, _ = answer(record, "outflow_lag", "sensor_step", dated=(rough,))  # it may not be named
+    assert "clock_offset" not in {name for row in result.ranking for name in row.names}
 
 
 def test_few_days_still_flows_and_an_empty_library_give_no_answer():
