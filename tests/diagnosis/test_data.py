@@ -195,6 +195,9 @@ def test_the_dates_of_a_shifted_inflow_are_known(seconds):
     assert isinstance(clock, ClockOffset) and clock.offset == pytest.approx(seconds, abs=300)
     gone, known = left_out(late(days, seconds, "inflow", among=slice(12, 15)), config)
     assert gone == [12, 13, 14] and not known.dated  # sealed
+    shifted = late(days, seconds, "inflow", among=slice(13, 16))
+    copied = [replace(day, output=days[3].output) if k == 0 else day for k, day in enumerate(shifted)]
+    assert left_out(copied, config)[0] == [0, 3, 13, 14, 15]  # sealed once the first day is left out
     gone, known = left_out(late(days, seconds, "output", among=slice(15, 18)), config)
     assert gone == [] and not known.dated and len(known.notes) == 1
 
