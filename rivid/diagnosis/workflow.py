@@ -176,7 +176,7 @@ def find_effects(
     report: Report = lambda done, what: None,
 ) -> Study:
     """All steps but the report; see :func:`diagnose`."""
-    search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), tuple(dated), report)
+    search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
     for turn in range(most):
         search.begin_round(turn, most)
@@ -217,8 +217,8 @@ class _Search:
         classes: dict[str, type[Effect]],
         gauge_floor: float,
         start: tuple[Effect, ...],
-        dated: tuple[Effect, ...],
         report: Report,
+        dated: tuple[Effect, ...] = (),
     ) -> None:
         self.notes: list[str] = []
         responses, record = self._carried(responses, record)
