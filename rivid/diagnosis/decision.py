@@ -15,7 +15,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import find_events
-from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown
+from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, tails_of
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
@@ -180,23 +180,26 @@ def worse_on(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) 
     return bool(unlikely or (share + wide * draws.std(axis=0) < 0.0)[1:].any())
 
 
-def without_mirrored(one: Explanation, record: Record) -> Explanation:
+def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
     """An explanation less what events of the other sign gain in what it leaves.
 
     A noise with heavy tails has events, too, but of both signs: rain does not take water away. What those of
     the impossible sign gain is what its own events gain of the noise, and each pays its part of it.
     """
-    seen = np.where(record.used, one.residual, np.nan)
+    seen, density = np.where(record.used, one.residual, np.nan), _density(one)
     follows = np.append(False, np.diff(record.day_number) == 1)
-    density = one.density
     for events in one.events:
-        if events.kind.sign and density is not None:
-            other = replace(events.kind, sign=-events.kind.sign)
-            found = find_events(
-                seen, one.noise.whiten, other, record.sample_time, lead=record.lead, follows=follows
-            )
-            days = np.bincount([event.day for event in events.events], minlength=record.days)
-            density = density - max(found.gain, 0.0) * days / len(events.events)
+        if not events.kind.sign:
+            continue
+        found = find_events(
+            seen, one.noise.whiten, replace(events.kind, sign=-events.kind.sign), record.sample_time,
+            lead=record.lead, follows=follows,
+        )  # fmt: skip
+        more = replace(one, residual=one.residual - found.coded, events=(*one.events, found))
+        more = scored(more, record, blocks, tails_of(one, record))
+        gained = max(float((_density(more) - _density(one))[opened].sum()), 0.0)
+        days = np.bincount([event.day for event in events.events], minlength=record.days) * opened
+        density = density - gained * days / max(days.sum(), 1)
     return replace(one, density=density)
 
 
@@ -267,7 +270,7 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        paid = [without_mirrored(one, self.record) for one in pool]
+        paid = [without_mirrored(one, self.record, self.opened, self.split.block) for one in pool]
         lead = paid[int(np.argmax(ranked(paid, self.opened, self.split.block)))]
         levelled = [self._levelled(one, lead) for one in paid]
         chances = ranked(levelled, self.opened, self.split.block).tolist()
