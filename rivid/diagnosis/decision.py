@@ -16,7 +16,7 @@ from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import find_events
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, tails_of
-from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors
+from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.diagnosis.response.base import kernels_of
@@ -203,6 +203,46 @@ def without_mirrored(one: Explanation, record: Record, opened: Bools, blocks: In
     return replace(one, density=density)
 
 
+def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Explanation:
+    """An explanation with dates that begin and end on those sealed days where this is likeliest.
+
+    Open days do not show on which of the sealed days between two of them an effect begins or ends. The choice
+    costs these the logarithm of the number of days to choose from.
+    """
+    for place, effect in enumerate(one.model.effects):
+        for end in (0, 1) if effect.dates else ():
+            able, tried = _ends(one.model.effects[place], end, record, opened), []
+            for day in able if len(able) > 1 else ():
+                effects = [*one.model.effects]
+                dates = [*(effects[place].dates or ())]
+                dates[end] = record.dates[day]
+                effects[place] = replace(effects[place], dates=(dates[0], dates[1]))
+                model = replace(one.model, effects=tuple(effects))
+                try:
+                    left = residual_of(record, model.baseline(record)) - one.coded
+                except RividError:  # the reach cannot carry it
+                    continue
+                moved = replace(one, model=model, residual=left)
+                tried.append(scored(moved, record, blocks, tails_of(moved, record)))
+            if tried:
+                one = max(tried, key=lambda each: float(_density(each)[~opened].sum()))
+                chosen = np.isin(np.arange(record.days), able) & ~opened
+                one = replace(one, density=_density(one) - np.log(len(able)) / chosen.sum() * chosen)
+    return one
+
+
+def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
+    """Rows on which an effect may begin (`end` 0) or end (1) for the same open days with it and without."""
+    assert effect.dates is not None
+    rows = np.flatnonzero(opened)
+    inside = [k for k in rows.tolist() if effect.dates[0] <= record.dates[k] <= effect.dates[1]]
+    if not inside:
+        return range(0)
+    if end == 0:
+        return range(int(rows[rows < inside[0]].max(initial=-1)) + 1, inside[0] + 1)
+    return range(inside[-1], int(rows[rows > inside[-1]].min(initial=record.days)))
+
+
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
     """Output that an effect makes and nothing else in the explanation could, shape (days, n).
 
@@ -288,7 +328,9 @@ class Study:
         twin = HAIR < behind < missed and alike(one, lead) or behind > HAIR and self._balances(one, lead)
         if one.unknown != lead.unknown or not twin:
             return one
-        return replace(one, density=_density(one) + (behind - HAIR) / float(self.opened.sum()))
+        density = _density(lead) - HAIR / float(self.opened.sum())
+        prior = min(one.log_prior, lead.log_prior)
+        return replace(one, density=density, log_prior=prior, parent=lead.parent, inflation=lead.inflation)
 
     def _balances(self, one: Explanation, lead: Explanation) -> bool:
         """Whether two explanations of a river differ by one shift of its balance each, as a rating may have.
@@ -519,16 +561,19 @@ class Study:
 
     @cached_property
     def last(self) -> Explanation:
-        """The most probable explanation with the names that are sure, or else with the first of the group."""
+        """The most probable explanation with the names that are sure, or else with the first of the group.
+
+        Its dates end on sealed days where these are likeliest; see :func:`aligned`.
+        """
         wanted = set(self.sure or self.group[:1])
         if not wanted:
             return self.first
         for one, _ in self.ranking:
             names, unknown = self._cores[id(one)]
             if set(names) == wanted and not unknown:
-                return one
+                return aligned(one, self.record, self.opened, self.split.block)
         able = [one for one, _ in self.ranking if wanted <= set(self._cores[id(one)][0])]
-        return able[0]
+        return aligned(able[0], self.record, self.opened, self.split.block)
 
     @cached_property
     def steps(self) -> tuple[Explanation, ...]:

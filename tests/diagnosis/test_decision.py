@@ -1,5 +1,6 @@
 """Materiality, probabilities of names and unknowns, groups and contradictions on explanations by hand."""
 
+import datetime as dt
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from rivid.diagnosis.decision import (
     DOUBT,
     MATERIAL,
     _shifts,
+    aligned,
     block_sums,
     is_material,
     leading,
@@ -20,7 +22,7 @@ from rivid.diagnosis.decision import (
     without_mirrored,
     worse_on,
 )
-from rivid.diagnosis.explanation import HORIZONS, scored, tails_of
+from rivid.diagnosis.explanation import HORIZONS, fitted, scored, tails_of
 from rivid.diagnosis.fit import day_errors
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import kernels_of
@@ -206,7 +208,7 @@ def test_an_effect_that_is_material_only_beside_another_is_named_with_it():
     assert study_of(nothing, clock, gain, less).sure == ("outflow_gain_error",)
 
 
-RAIN = CATALOGUE["rain_inflow"]
+RAIN, LATERAL = CATALOGUE["rain_inflow"], CATALOGUE["lateral_inflow"]
 
 
 def paid(down):
@@ -234,6 +236,26 @@ def test_events_pay_for_those_of_the_impossible_sign():
     assert gained > 100.0 and cost < 0.1 * gained  # by chance
     gained, cost = paid(range(2, 25, 3))
     assert cost > 0.5 * gained > 0.0
+
+
+@pytest.mark.parametrize("first,last", [(1, 13), (2, 14), (3, 12), (0, 14)])
+def test_dates_begin_and_end_on_the_sealed_days_where_this_is_likeliest(first, last):
+    """An inflow of a pool whose days 12 to 14 are sealed, found with the dates half-way over them."""
+    days = [dt.date(2008, 4, 1) + dt.timedelta(days=k) for k in range(25)]
+    record = pools.season(6, 25, (LATERAL(inflow=12.0, dates=(days[first], days[last])),))
+    dealt, opened = split(record.dates), pools.opened(record)
+    assert np.flatnonzero(~opened)[:3].tolist() == [12, 13, 14]
+    found = LATERAL(inflow=10.0, dates=(days[first], days[13]))
+    model = replace(pools.model_of(record, effects=(found,)), free=(("inflow",),))
+    one = fitted(model, record, opened, fresh=1)
+    one = scored(one, record, dealt.block, tails_of(one, record))
+    better = aligned(one, record, opened, dealt.block)
+    (effect,) = better.model.effects
+    assert effect.dates == (days[first], days[last]) and effect.inflow == pytest.approx(12.0, abs=1.5)
+    gained = (better.density - one.density)[~opened]
+    assert gained[3:].tolist() == pytest.approx([0.0] * len(gained[3:]), abs=1e-6)
+    paid = np.log(4.0)  # four days on which it may end: the last open one and the three that are sealed
+    assert gained[:3].sum() >= -paid - 1e-6 and (gained[:3].sum() > 3.0) == (last != 13)
 
 
 def balances(offset, river=True, hours=None):
