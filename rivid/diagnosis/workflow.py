@@ -688,17 +688,17 @@ class _Search:
         made = side_by_side(
             lambda one: self._refitted(one, near or one, 2 if near in (None, one) else 1), many
         )
-        best = []
-        for one, more in zip(many, made, strict=True):
-            if more is not None:
-                self.pool.append(more)
-            if more is None or self.score(more) <= self.score(one):
-                best.append(one)
-                continue
-            if id(one) in self.grown:
-                self.grown[id(more)] = self.grown[id(one)]
-            best.append(more)
-        return best
+        self.pool += [more for more in made if more is not None]
+        return [
+            one if more is None or self.score(more) <= self.score(one) else self._instead(one, more)
+            for one, more in zip(many, made, strict=True)
+        ]
+
+    def _instead(self, one: Explanation, more: Explanation) -> Explanation:
+        """A better fit of an explanation, which is extended as that one."""
+        if id(one) in self.grown:
+            self.grown[id(more)] = self.grown[id(one)]
+        return more
 
     def shifted(self, lead: Explanation) -> Explanation:
         """The lead with the dates and hours of its last effect moved to where they are likelier.
@@ -724,9 +724,7 @@ class _Search:
             if self.score(best) <= self.score(lead) + HAIR:
                 return lead
             self.pool.append(best)
-            if id(lead) in self.grown:
-                self.grown[id(best)] = self.grown[id(lead)]
-            lead = best
+            lead = self._instead(lead, best)
 
     def again(self, parent: Explanation) -> Explanation:
         """`parent` fitted again from the response of its likeliest extension; itself where that is no better.
