@@ -9,6 +9,7 @@ import pytest
 from rivid.config import Config, parse
 from rivid.logs.days import find_days, read_window
 from rivid.logs.exports import ingest
+from rivid.logs.sniff.columns import stated_unit
 from rivid.logs.sniff.propose import sniff
 
 TIMES = [dt.datetime(2024, 5, 1) + dt.timedelta(minutes=15 * k) for k in range(97)]
@@ -74,7 +75,20 @@ FILES = {
         {"u_Qi": "Inflow (kcfs)", "units": {"u_Qi": "kcfs", "u_Qo": "kcfs", "h_L": "m"}},
         (UP, LEVEL),
     ),
-}
+    "points in the clock, a level above the sea": (
+        wide(
+            "Data e ora;Portata in arrivo;Portata turbinata;Livello\n;m3/s;m3/s;cm s.l.m.",
+            UP, DOWN, 100 * LEVEL, separator=";", clock="%d/%m/%Y %H.%M",
+        ),
+        {"time_format": "%d/%m/%Y %H.%M", "units": {"u_Qi": "m3/s", "u_Qo": "m3/s", "h_L": "cm"}},
+        (UP, LEVEL),
+    ),
+    "times of twelve digits": (
+        wide("time,inflow_m3s,outflow_m3s,level_m", UP, DOWN, LEVEL, clock="%Y%m%d%H%M"),
+        {"time_format": "%Y%m%d%H%M", "u_Qi": "inflow_m3s"},
+        (UP, LEVEL),
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -98,6 +112,27 @@ def test_a_first_proposal_is_read_by_ingest(name, tmp_path):
     day = read_window(tmp_path / "logs", find_days(tmp_path / "logs", settings).days[:1], settings)
     assert np.allclose(day.inflow, inflow[:96], atol=0.02 * KCFS)
     assert np.allclose(day.output, output[:96], atol=0.02)
+
+
+@pytest.mark.parametrize(("unit", "known"), [("m ü. NN", "m"), ("ft NAVD88", "ft"), ("m/s", "")])
+def test_the_unit_of_a_level_may_state_its_datum(unit, known):
+    assert stated_unit("", unit, level=True) == known
+
+
+def test_a_unit_that_is_written_and_not_known_is_quoted(tmp_path):
+    path = tmp_path / "export.csv"
+    path.write_text(wide("time,inflow,outflow,level\n,m3/s,m3/s,rod", UP, DOWN, LEVEL))
+    questions = sniff(path, "UTC").open_questions
+    assert any("the unit of h_L, 'rod', is not known" in text for text in questions), questions
+
+
+@pytest.mark.parametrize("name", ["Stato", "Estado", "Calidad"])
+def test_flags_are_known_by_their_name_in_other_languages(name, tmp_path):
+    path = tmp_path / "export.csv"
+    lines = wide("time,inflow,outflow,level", UP, DOWN, LEVEL).splitlines()
+    path.write_text("\n".join([f"{lines[0]},{name}", *(f"{line},OK" for line in lines[1:])]))
+    keys = tomllib.loads(sniff(path, "UTC").toml)["input"]
+    assert (keys["quality"], keys["good"]) == (name, ["OK"])
 
 
 def test_names_that_state_nothing_leave_questions(tmp_path):

@@ -30,6 +30,8 @@ _LEVEL_UNITS = (
     ("mm", r"mm"),
     ("m", r"m|masl|m ?asl|mngf|m ?ngf|mnn"),
 )
+_DATUM = r"( ?(\+|above|over|über|ü\.|a\.? ?s\.? ?l|s\.? ?l\.? ?m|n\.? ?[ahgn]).*)?"
+"""What may follow the unit of a level: its datum, as in `cm s.l.m.`, `m ü. NN`, `ft NAVD88`."""
 TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a-z])"
 """Names of an outside level: the level of the reach only where no other is logged."""
 _ROLES = (
@@ -59,6 +61,8 @@ _SURE = {
 _PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo"
 """Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
+_QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"
+"""Names of a column of flags."""
 
 Questions = list[tuple[str, str]]
 """What could not be decided: the key of `[input]`, which may be empty, and the question."""
@@ -69,7 +73,7 @@ def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> boo
     if texts is None or texts <= {""} or is_unit_column(column):
         return False
     low = column.lower()
-    if re.search("qual|flag|status|valid|qc|state|etat|état|güte|remark|code|zone", low) or {
+    if re.search(rf"{_QUALITY}|qc|remark|code|zone", low) or {
         "tz",
         "utc",
         "gmt",
@@ -163,8 +167,9 @@ def stated_unit(name: str, unit: str, *, level: bool) -> str:
 
 
 def _unit_in(text: str, unit_text: str, units: tuple[tuple[str, str], ...]) -> str:
+    datum = _DATUM if units is _LEVEL_UNITS else ""
     for unit, words in units:
-        if re.fullmatch(rf"[\[(]?({words})[\])]?", unit_text.strip().lower()):
+        if re.fullmatch(rf"[\[(]?({words}){datum}[\])]?", unit_text.strip().lower()):
             return unit
         if re.search(rf"(?<![a-z0-9])({words})(?![a-z0-9])", re.sub("_", " ", text)):
             return unit
@@ -176,7 +181,7 @@ VALUE = re.compile(r"values?|val|wert|messwert|valeurs?|valor|valore|reading|vtq
 _IDENTIFIER = re.compile(
     r"station|site|sensor|gau?ge|tag|point|param|series|(^|[^a-z])(id|no|nr|num|number|code)$|id$", re.I
 )
-_FLAGS = re.compile(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|remark|tz|zone", re.I)
+_FLAGS = re.compile(rf"{_QUALITY}|\bqc\b|remark|tz|zone", re.I)
 NUMBER = re.compile(r"[+-]?[\d.,' \u00a0]*\d[\d.,' \u00a0]*([eE][+-]?\d+)?")
 
 
@@ -335,7 +340,7 @@ def _owner(name: str, columns: set[str]) -> str:
 
 
 def _is_flag(name: str) -> bool:
-    return re.search(r"qual|flag|status|valid|\bqc\b|state|etat|état|güte|_cd$", name, re.I) is not None
+    return re.search(rf"{_QUALITY}|\bqc\b|_cd$", name, re.I) is not None
 
 
 Group = list[ColumnGuess]

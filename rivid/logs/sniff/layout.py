@@ -20,13 +20,15 @@ _DATES = (
     *("%d/%m/%Y", "%m/%d/%Y", "%d.%m.%Y", "%d-%m-%Y", "%m-%d-%Y"),
     *("%Y/%m/%d", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y"),
 )
-_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f")
+_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
     None,
     *(f"{date} {clock}" for date in _DATES for clock in _CLOCKS),
     *("%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d %H%M", "%Y-%m-%d %I:%M:%S %p"),
 )
 """Formats of times that are tried; None is ISO 8601."""
+_DIGITS = {"%Y%m%d%H%M%S": 14, "%Y%m%d%H%M": 12}
+"""Length of a time without separators: strptime also reads 200810172305, of 12 digits, as 23:00:05."""
 _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d(\.\d+)?)?( ?[AaPp][Mm])?")
 LONGEST_JUMP = 20 * 86_400 * 1_000_000
 """Longest step [us] between rows: the wrong order of day and month makes steps of months."""
@@ -252,7 +254,9 @@ def _guess_format(layout: Layout, texts: list[str]) -> bool:
     fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
     few = texts[:: max(len(texts) // 40, 1)]
     for time_format in FORMATS:
-        if sum(read_text(text, time_format) is not None for text in few) < 0.9 * len(few):
+        long = _DIGITS.get(time_format or "")
+        alike = [text for text in few if len(text) == (long or len(text))]
+        if sum(read_text(text, time_format) is not None for text in alike) < 0.9 * len(few):
             continue
         times = [time for text in texts if (time := read_text(text, time_format)) is not None]
         if len(times) >= 0.95 * len(texts):

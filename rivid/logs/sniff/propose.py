@@ -208,15 +208,15 @@ class Proposal:
 
     def _units(self) -> None:
         self.tables["units"] = {role: group[0].unit for role, group in self.roles.items() if group[0].unit}
+        stated = {name: unit for name, unit, _ in self.layout.columns}
         for role, group in self.roles.items():
             if len({column.unit for column in group}) > 1:
                 self.ask("units", f"the columns of {role} seem to have different units")
             elif not group[0].unit and group[0].name != role:
-                unit = "m" if role == "h_L" else "m3/s"
-                self.ask(
-                    "units",
-                    f"no unit is written for {role}: {unit} is taken unless [input.units] states another",
-                )
+                unit, text = "m" if role == "h_L" else "m3/s", stated.get(group[0].name, "")
+                doubt = f"the unit of {role}, {text!r}, is not known" if text else ""
+                doubt = doubt or f"no unit is written for {role}"
+                self.ask("units", f"{doubt}: {unit} is taken unless [input.units] states another")
 
     def _flags(self, flags: Flags) -> None:
         """Columns of flags and zones, and those that may be neither."""
