@@ -178,6 +178,13 @@ def test_gaps_of_the_gauge_are_filled_and_counted_and_a_seed_gives_one_season():
     np.testing.assert_array_equal(one.output[~gaps], a.level[0][~gaps])
 
 
+def test_a_shorter_season_keeps_the_share_of_missing_days():
+    year = {"days": 366, "missing_days": 34}
+    assert [len(rivid.simulate(year, seed=3, **given).dates) for given in (
+        {"days": 12}, {"days": 6, "missing_days": 0}, {"days": 6, "missing_days": 2}
+    )] == [11, 6, 4]  # fmt: skip
+
+
 def test_a_diagnosis_has_a_repr_a_summary_and_a_figure():
     evidence = evidence_of()
     result = DiagnosisResult(diagnosis("explained", evidence), evidence, Config())

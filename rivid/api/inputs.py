@@ -57,10 +57,13 @@ def as_config(given: GivenConfig) -> Config:
 
 
 def as_scenario(given: GivenScenario, changes: Mapping[str, Any]) -> Scenario:
-    """Return a scenario likewise, with single keys changed."""
+    """Return a scenario likewise, with single keys changed; `days` alone keeps the share of missing days."""
     if isinstance(given, (str, Path)):
         given = load_scenario(given)
     raw = given.model_dump(exclude_unset=True) if isinstance(given, Scenario) else dict(given or {})
+    if isinstance(days := changes.get("days"), int) and raw.get("missing_days"):
+        whole = parse(raw, Scenario, "scenario")
+        raw["missing_days"] = days * whole.missing_days // whole.days
     return parse(raw | dict(changes), Scenario, "scenario")
 
 

@@ -94,7 +94,8 @@ def simulate(scenario: GivenScenario = None, *, seed: int | None = None, **chang
     seed : int, optional
         Replaces the scenario's seed; the same seed gives the same season.
     **changes
-        Keys of the scenario, ``simulate("pool.toml", days=60, effects=[{"name": "leakage"}])``.
+        Keys of the scenario, ``simulate("pool.toml", days=60, effects=[{"name": "leakage"}])``. Where
+        `days` is given and `missing_days` is not, the share of days without a log is kept.
 
     Returns
     -------

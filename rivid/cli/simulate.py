@@ -45,8 +45,7 @@ def command(
     console.begin(("scenario", scenario), ("logs to", out))
     loaded = load_scenario(scenario)
     if days is not None:
-        share = loaded.missing_days / loaded.days
-        loaded = as_scenario(loaded, {"days": days, "missing_days": int(days * share)})
+        loaded = as_scenario(loaded, {"days": days})
     place = out.resolve()
     truth = place.with_name(f"{place.name}_truth.json") if truth is None else truth
     if truth.resolve().is_relative_to(place):
@@ -84,6 +83,7 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
 
     from rivid.logs.write import write_days
     from rivid.simulation.truth import write_truth, write_water
+    from rivid.text import count
 
     scenario = season.scenario
     columns = zip(season.inflow, season.outflow, season.level, strict=True)
@@ -109,5 +109,5 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
         f"{np.ptp(season.inflow, axis=1).mean():.0f} m3/s and the level by {level.mean():.2f} m",
         f"true delay [samples of {season.sample_time:g} s]: {delays}",
         *([f"effects: {hidden}"] if hidden else []),
-        f"{len(files)} files in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
+        f"{count(len(files), 'file')} in {logs}; truth in {truth} and {truth.with_suffix('.parquet').name}",
     ]
