@@ -207,11 +207,13 @@ def test_the_ranking_has_a_bar_as_long_as_each_probability(tmp_path):
     assert bars(page(tmp_path, "cannot_tell", ranking=())) == []
 
 
-def test_what_to_measure_and_what_is_small_is_on_the_page_and_the_terminal(tmp_path):
-    for verdict in ("cannot_tell", "explained"):
-        answer = diagnosis(verdict, EVIDENCE)
-        for text in (words(page(tmp_path, verdict)), " ".join(summary(answer).replace("m3", "m³").split())):
-            assert all(part in text for part in (*answer.small, answer.next_measurement or ""))
+def test_what_to_measure_what_is_small_and_the_notes_are_on_the_page_and_the_terminal(tmp_path):
+    left_out = ("2 of 31 days were left out: at their flows the configured reach would be dry",)
+    for verdict in ("cannot_tell", "explained", "insufficient_data"):
+        answer = diagnosis(verdict, EVIDENCE, notes=left_out)
+        shown = words(page(tmp_path, verdict, notes=left_out)), summary(answer).replace("m3", "m³")
+        for text in (" ".join(one.split()) for one in shown):
+            assert all(part in text for part in (*answer.small, answer.next_measurement or "", *left_out))
 
 
 def test_the_terminal_has_verdict_probability_size_and_share_removed():
@@ -329,6 +331,7 @@ def test_the_summary_escapes_control_characters_and_cuts_long_names():
             effects=(effect,),
             reason=hostile,
             small=(hostile,),
+            notes=(hostile,),
             next_measurement=hostile,
             ranking=(Ranked((hostile,), None, hostile, 1.0, 0.0, True),),
         )
