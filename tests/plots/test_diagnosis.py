@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime as dt
+import re
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +208,8 @@ def test_without_named_effects_there_is_one_curve_and_one_map(drawn):
     assert counts == [[2, 5], [3, 6]]
     captions = [{f.kind: caption(f) for f in files} for files, _ in (one, two)]
     assert "right one" not in captions[0]["diagnosis_map"] and "right one" in captions[1]["diagnosis_map"]
+    for texts in captions:  # a number of days, and a word where it is 0
+        assert re.search(r"On (none|[1-9]\d*) of the \d+ days kept apart", texts["diagnosis_day"])
 
 
 def test_a_river_has_a_discharge_and_no_level_or_outflow(drawn):
