@@ -285,6 +285,9 @@ class TestTimes:
         told = go(tmp_path / "b", rows, time_zone=paris, ambiguous="order")
         assert statuses(told) == ["written", "written"] and value(told)["used"] == 196
         assert (tmp_path / "b" / "logs" / "2008-10-26.csv").read_text().count("\n") == 101
+        (tmp_path / "c").mkdir()
+        reason = go(tmp_path / "c", rows, time_zone="Etc/GMT-1").days[1].reason
+        assert "logged twice" in reason and reason.endswith("its [input] time_zone is not Etc/GMT-1")
 
     def test_files_whose_days_differ_need_a_zone(self, tmp_path):
         a = write(tmp_path / "a.csv", wide())

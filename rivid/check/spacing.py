@@ -10,7 +10,7 @@ from rivid.config import Config
 from rivid.errors import RividError
 from rivid.logs.days import DaySource
 from rivid.logs.log import load
-from rivid.logs.spec import MICRO, local, shown, spec_of
+from rivid.logs.spec import MICRO, clocks_change, local, shown, spec_of
 from rivid.types import Ints
 
 OFF = 0.02
@@ -18,8 +18,6 @@ OFF = 0.02
 FEW = 0.05
 """Smallest share of days with another spacing: fewer are days with gaps."""
 HOUR = 3600 * MICRO
-CHANGES = (3, 4, 9, 10, 11)
-"""Months in which clocks change somewhere."""
 
 
 class Spacing:
@@ -43,7 +41,7 @@ class Spacing:
         for name, (times, _) in series.items():
             if len(times) > 2:
                 self.usual.setdefault(name, {})[source.date] = float(np.median(np.diff(times))) / MICRO
-        if source.date.weekday() == 6 and source.date.month in CHANGES:
+        if clocks_change(source.date):
             if "is logged twice with different" in reason:
                 self.repeated.append(source.date)
             elif _misses_an_hour(series["u_Qi"][0], log.zone):

@@ -42,6 +42,7 @@ from rivid.logs.spec import (
     MICRO,
     Signal,
     Spec,
+    clocks_change,
     day_bounds,
     is_day_file,
     shown,
@@ -467,10 +468,14 @@ def judge(
     origins = [origin for _, _, found in parts for origin in found]
     rows = times, values, origins, [r for column in columns for r in column.reports_within(grid)]
     day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
-    own = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high]
+    own, given = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high], spec.input.time_zone
     if own:
         more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
         day.status, day.reason = "refused", f"{own[0].text}{more}"
+        begin, end = day_bounds(date, zone)
+        still = end == begin + 86_400 * MICRO and clocks_change(date)  # else the zone sets its own back
+        if given and still and " is logged twice " in own[0].text:
+            day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
         return day, rows
     series = {column.signal.name: (at, there) for column, (at, there, _) in zip(columns, parts, strict=True)}
     if not whole:

@@ -282,6 +282,11 @@ def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:
     return round(offset.total_seconds()) * MICRO
 
 
+def clocks_change(date: dt.date) -> bool:
+    """Whether clocks change on that day somewhere: on Sundays, in these months."""
+    return date.weekday() == 6 and date.month in (3, 4, 9, 10, 11)
+
+
 def clock_turns_back(texts: Iterable[str], time_format: str | None, time_zone: str) -> bool:
     """Whether times of a local clock go through an hour twice, as that zone's do when summer ends."""
     moments = [time for text in texts if (time := read_text(text, time_format)) and time[1] is None]
