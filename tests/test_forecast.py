@@ -185,7 +185,7 @@ def test_the_command_writes_tables_page_and_json(place, known):
     rows = list(csv.DictReader((place / "out/forecast.csv").read_text().splitlines()))
     assert float(rows[3]["horizon_h"]) == 1.0 and rows[0]["outflow_m3s"] == ""
     page = (place / "out/forecast.html").read_text()
-    assert "Hour by hour" in page and "are not announced" in page
+    assert "Hour by hour" in page and "are not announced" in page and '<td class="num">' in page
     code, said = command(*words, "--out", place / "o", "--hours", 6, "--no-figures", "--json")
     found = [json.loads(line) for line in said.splitlines()]
     assert len(found) == 24 and found[0]["low_90"] < found[0]["median"] < found[0]["high_90"]

@@ -36,8 +36,11 @@ def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
         for ax in (above, below):
             ax.axvline(mdates.date2num(s.moment(s.now)), color=style.GREY, lw=0.8)
             locator = mdates.AutoDateLocator(tz=s.begin.tzinfo, minticks=4, maxticks=9)
+            formatter = mdates.ConciseDateFormatter(locator, tz=s.begin.tzinfo, show_offset=False)
+            formatter.zero_formats[3] = "%d %b"  # at midnight; the note above has the year
             ax.xaxis.set_major_locator(locator)
-            ax.xaxis.set_major_formatter(mdates.ConciseDateFormatter(locator, tz=s.begin.tzinfo))
+            ax.xaxis.set_major_formatter(formatter)
+        above.tick_params(axis="x", labelbottom=False)
         return style.written(figure, folder / "forecast.png", title)
 
 
