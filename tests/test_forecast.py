@@ -213,6 +213,8 @@ def test_what_does_not_fit_is_refused(place):
     with pytest.raises(ConfigError, match="calibration"):
         (place / "model.toml").write_text('name = "x"\n')
         rivid.load_model(place)
+    with pytest.raises(ConfigError, match="nowhere does not exist: .* `rivid diagnose`"):
+        rivid.load_model(place / "nowhere")
 
 
 def test_from_python(place, known):

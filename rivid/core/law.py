@@ -351,7 +351,8 @@ def delay_law(
     if blocks < s.least_blocks:
         return _no_law(
             n, blocks, s, "too_few_days",
-            f"{n} days in {blocks} blocks of {s.block} days: {s.least_blocks} blocks are needed",
+            f"{n} days in {blocks} block{'s' * (blocks != 1)} of {s.block} days: "
+            f"{s.least_blocks} blocks are needed",
         )  # fmt: skip
     Q0 = float(np.exp(np.log(Q).mean()))
     x, y = np.log(Q / Q0), np.log(T)

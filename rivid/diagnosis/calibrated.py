@@ -118,6 +118,8 @@ def load_model(path: Path | str) -> ReachModel:
     """
     path = Path(path)
     path = path / "model.toml" if path.is_dir() else path
+    if not path.exists():
+        raise ConfigError(f"{path} does not exist: expected the model.toml of `rivid diagnose`; run it first")
     raw = read_toml(path)
     table = raw.get("calibration")
     if not isinstance(table, Mapping):

@@ -48,6 +48,7 @@ NOISE = {
     "inflow_sd": ("unknown inflow", "m³/s"), "inflow_memory": ("its correlation time", "s"),
     "level_sd": ("noise of the output", "output"), "level_memory": ("its correlation time", "s"),
     "surface_area": ("water surface", "m²"), "misfit": ("fronts early or late by", "samples"),
+    "sample_time": ("sample time", "s"), "recall": ("share of a level error left after a sample", ""),
 }  # fmt: skip
 """Name and unit of each parameter of the noise model."""
 

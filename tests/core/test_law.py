@@ -176,7 +176,8 @@ def test_days_without_a_place_do_not_count():
 def test_too_few_days_and_an_even_discharge_give_no_law():
     few = delay_law(*river(0, n=40))
     assert (few.status, few.blocks, len(few.table.n)) == ("too_few_days", 3, 0) and np.isnan(few.b)
-    assert "6 blocks are needed" in few.message
+    assert "in 3 blocks" in few.message and "6 blocks are needed" in few.message
+    assert "in 1 block of" in delay_law(*river(0, n=7)).message
     _, T, low, high = river(0)
     even = delay_law(np.linspace(300.0, 310.0, 330), T, low, high)
     assert even.status == "even_discharge" and "300 to 310 m3/s" in even.message

@@ -12,11 +12,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Ranked, Step, Unknown, Where
 from rivid.effects import effect_classes
 from rivid.errors import RividError
 from rivid.plots.files import FigureFile
-from rivid.report.diagnosis import WIDTH, headline, summary, write_diagnosis, write_diagnosis_page
+from rivid.report.diagnosis import NOISE, WIDTH, headline, summary, write_diagnosis, write_diagnosis_page
 from rivid.report.quantities import explanations
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
@@ -226,6 +227,10 @@ def test_the_terminal_has_verdict_probability_size_and_share_removed():
     old = dataclasses.replace(DIURNAL, probability=None)
     text = summary(diagnosis("explained", EVIDENCE, effects=(old,), ranking=()))
     assert "Ranking" not in text and "p = 0.0002" in text
+
+
+def test_each_parameter_of_the_noise_has_a_name_in_words():
+    assert {field.name for field in dataclasses.fields(NoiseModel)} <= set(NOISE)
 
 
 def test_of_many_explanations_the_likeliest_and_nothing_and_unknown_remain():
