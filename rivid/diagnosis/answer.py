@@ -199,7 +199,9 @@ def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> s
         return "Measure the reach's length, width and depth, and time one wave between the dams."
     if verdict == "unknown":
         kinds = {one.unknown: p for one, p in reversed(study.ranking) if one.unknown}
-        return USUAL["level" if max(kinds, key=lambda kind: kinds[kind]) == "gauge" else "flow"]
+        # The error may be too large while nothing unknown competes.
+        likeliest = max(kinds, key=lambda kind: kinds[kind], default="")
+        return USUAL["level" if likeliest == "gauge" else "flow"]
     if verdict == "cannot_tell":
         first, *rest = (classes[name] for name in study.group)
         return breaker(first, rest) or USUAL[first.family]

@@ -423,6 +423,12 @@ def test_each_verdict_is_reached(verdict):
         assert next_one == CATALOGUE["leakage"].confounded_with["gate_head_effect"]
 
 
+def test_a_measurement_is_proposed_where_nothing_competes_and_the_error_is_too_large():
+    study = study_of(explained(noise=QUIET))
+    assert _verdict(study, gap_of(evidence_of(RECORD)), None)[0] == "unknown"
+    assert _next(study, "unknown", dict(CATALOGUE)).startswith("Gauge the flow")
+
+
 def test_a_gap_beyond_doubt_without_a_probable_name_is_unknown():
     """A name of 0.73 beside something unknown of 0.27: each too little, and nothing missing has no chance."""
     flow = explained("", 8.0, MUCH, parent=NOTHING, unknown="flow")
