@@ -232,7 +232,7 @@ def aligned(one: Explanation, record: Record, opened: Bools, blocks: Ints) -> Ex
 
 
 def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
-    """Rows on which an effect may begin (`end` 0) or end (1) for the same open days with it and without."""
+    """Rows on which an effect may begin (`end` 0) or end (1) while it acts on the same open days."""
     assert effect.dates is not None
     rows = np.flatnonzero(opened)
     inside = [k for k in rows.tolist() if effect.dates[0] <= record.dates[k] <= effect.dates[1]]
