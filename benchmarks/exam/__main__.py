@@ -6,8 +6,8 @@ Usage: python -m benchmarks.exam [--seeds A:B] [--shard I/N] [--processes N] [--
        python -m benchmarks.exam draw SEED ...  what is hidden in these seasons, a line of JSON each
        python -m benchmarks.exam sizes [A:B]    1x of every effect in some worlds, as a table
 
-Seeds 0 to 11739 are for development; proof seeds begin at 11740. A proof seed that was looked at is one of
-development from then on. Results are kept in build/exam, a line of JSON each: a second call goes on where the
+Proof seeds begin at :data:`benchmarks.exam.worlds.FIRST_PROOF`; those below, and each that was looked at, are
+for development. Results are kept in build/exam, a line of JSON each: a second call goes on where the
 first was stopped. Remove a line, or a file, to ask it again.
 """
 

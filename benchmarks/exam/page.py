@@ -10,6 +10,7 @@ from benchmarks.exam.judging import Judged, judge
 from benchmarks.exam.rows import CLOSED, COVERED, RELIABLE, ROWS
 from benchmarks.exam.running import ROOT
 from benchmarks.exam.shares import wilson, written
+from benchmarks.exam.worlds import FIRST_PROOF
 from benchmarks.measure import table
 
 HEAD = ROOT / "benchmarks" / "exam_head.md"
@@ -34,7 +35,7 @@ def page(results: Sequence[Result]) -> str:
     marks = marked(results)
     judged = [j for _, j in marks]
     return "\n".join([
-        HEAD.read_text(encoding="utf-8"), about(marks), "\n## Targets\n", targets(judged),
+        HEAD.read_text(encoding="utf-8").replace("FIRST_PROOF", str(FIRST_PROOF)), about(marks), "\n## Targets\n", targets(judged),
         "\n## Probabilities of names\n", reliability(judged), "\n## Intervals\n", coverage(judged),
         "\n## By factor\n", by_factor(marks), "\n## By effect\n", by_effect(marks),
         "\n## Mistakes\n", mistakes(marks),

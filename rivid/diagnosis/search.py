@@ -226,11 +226,17 @@ def _candidate(
     log_prior: float,
     shift: Floats,
 ) -> Candidate:
-    whole = replace(trial.make(b), **window)
+    return candidate_of(replace(trial.make(b), **window), trial, columns, gain, log_prior, shift)
+
+
+def candidate_of(
+    whole: Effect, trial: Trial, columns: Floats, gain: float, log_prior: float, shift: Floats
+) -> Candidate:
+    """A candidate of a trial with an effect of its kind, of any size and dates."""
     key = trial.free[0]
 
     def make(share: float) -> Effect:
-        return whole.with_values(**{key: trial_size(whole, key, share)})
+        return whole.with_values(**{key: _trial_size(whole, key, share)})
 
     return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
@@ -281,7 +287,7 @@ SHOWN = 0.01
 """Share of the largest block's information below which a block shows nothing."""
 
 
-def trial_size(effect: Effect, key: str, share: float) -> Any:
+def _trial_size(effect: Effect, key: str, share: float) -> Any:
     """A share of a parameter's value, within its limits."""
     value = getattr(effect, key)
     if isinstance(value, tuple):

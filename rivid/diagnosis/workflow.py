@@ -27,11 +27,11 @@ from rivid.diagnosis.search import (
     Candidate,
     Library,
     Window,
+    candidate_of,
     scatter_of,
     screened,
     stepped,
     swung,
-    trial_size,
     whole_season,
     windows_near,
     with_effect,
@@ -438,15 +438,14 @@ class _Search:
 
     def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
         """The effects that were dated, each as likely as with any other dates."""
-        found, days = [], self.record.days
+        days, still = self.record.days, np.zeros(len(parent.sd))
         prior = -float(np.log(days * (days + 1) / 2))
-        for effect in self.dated:
-            for trial, columns in zip(library.trials, library.columns, strict=True):
-                if trial.name == effect.name:
-                    make, shift = partial(_sized, effect, trial.free[0]), np.zeros(len(parent.sd))
-                    found.append(Candidate(effect, trial.free, 0.0, prior, shift, make, columns))
-                    break
-        return found
+        first = {
+            one.name: (one, made)
+            for one, made in zip(library.trials[::-1], library.columns[::-1], strict=True)
+        }
+        able = [effect for effect in self.dated if effect.name in first]
+        return [candidate_of(effect, *first[effect.name], 0.0, prior, still) for effect in able]
 
     def _with_recurring(self, parent: Explanation, found: Sequence[Candidate]) -> None:
         """Add an unknown flow that returns every day, in the season and in the best candidates' windows, and
@@ -915,11 +914,6 @@ def _fits(
     if not found:
         raise next(one for one in made if isinstance(one, RividError))
     return sorted(found, key=lambda one: -one.likely)
-
-
-def _sized(effect: Effect, key: str, share: float) -> Effect:
-    """An effect at a share of its size."""
-    return effect.with_values(**{key: trial_size(effect, key, share)})
 
 
 def _coarse(reach: Response) -> Response:

@@ -240,7 +240,7 @@ def test_events_pay_for_those_of_the_impossible_sign():
 
 @pytest.mark.parametrize("first,last", [(1, 13), (2, 14), (3, 12), (0, 14)])
 def test_dates_begin_and_end_on_the_sealed_days_where_this_is_likeliest(first, last):
-    """An inflow of a pool whose days 12 to 14 are sealed, found with the dates half-way over them."""
+    """Days 12 to 14 of a pool are sealed, and an inflow was found with its end half-way over them."""
     days = [dt.date(2008, 4, 1) + dt.timedelta(days=k) for k in range(25)]
     record = pools.season(6, 25, (LATERAL(inflow=12.0, dates=(days[first], days[last])),))
     dealt, opened = split(record.dates), pools.opened(record)
