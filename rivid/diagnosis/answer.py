@@ -27,6 +27,7 @@ from rivid.diagnosis.result import (
     Where,
     closed_share,
 )
+from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.spectrum import FEWEST, SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
 from rivid.types import HOUR, Bools, Floats
@@ -264,13 +265,25 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=study.p_value(step), tied_with=tied,
                 runner_up=runner_up, margin=None if runner_up is None else p - study.chance_of(runner_up),
-                parameters=_parameters(effect, last.errors_of(index), events, _quantile(study)),
+                parameters=_parameters(effect, _errors(study, index), events, _quantile(study)),
                 where=Where(hours=effect.hours, dates=effect.dates),
                 breaker=breaker(effect, (classes[name] for name in tied)), table=effect.to_table(),
                 events=len(events), probability=p,
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _errors(study: Study, index: int) -> dict[tuple[str, int | None], float]:
+    """Standard errors of the free numbers of an effect of the last explanation.
+
+    Between two commands the output does not change with a parameter in which it changes in steps.
+    """
+    errors, effect = study.last.errors_of(index), study.last.effects[index]
+    for key in effect.stepwise:
+        between = command_steps(study.record)[0] / np.sqrt(12.0)
+        errors[key, None] = float(np.hypot(errors.get((key, None), 0.0), between))
+    return errors
 
 
 def _parameters(

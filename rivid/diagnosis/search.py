@@ -486,16 +486,21 @@ MOST_STEPS = 40
 """Most values tried of a parameter in which the output changes in steps."""
 
 
+def command_steps(record: Record) -> tuple[float, float]:
+    """The smallest usual step of the commanded outflow, and its largest [m3/s]."""
+    moves = np.abs(np.diff(record.outflow, axis=1))
+    moves = moves[moves > 1e-6] if (moves > 1e-6).any() else np.ones(1)
+    return float(np.quantile(moves, 0.02)), float(moves.max())
+
+
 def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: float = np.inf) -> list[Effect]:
     """An effect with other values, from `low` to `high`, of a parameter in which the output changes in steps.
 
     Commands are quantised, and a band between two of them acts as the larger one: values half-way between
     commands, up to the largest change of the outflow; of many, some at equal ratios.
     """
-    moves = np.abs(np.diff(record.outflow, axis=1))
-    moves = moves[moves > 1e-6] if (moves > 1e-6).any() else np.ones(1)
-    step = float(np.quantile(moves, 0.02))
-    values = (np.arange(int(moves.max() / step) + 2) + 0.5) * step
+    step, most = command_steps(record)
+    values = (np.arange(int(most / step) + 2) + 0.5) * step
     values = values[(values > low) & (values < high)]
     if len(values) > MOST_STEPS:
         values = values[np.unique(np.geomspace(1, len(values), MOST_STEPS).astype(int)) - 1]

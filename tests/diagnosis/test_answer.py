@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.answer import AFTER, RISE, STEP, after_step, regimes, states
+from rivid.diagnosis.answer import AFTER, RISE, STEP, _named, after_step, regimes, states
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.fit import HOURS, day_errors
 from rivid.diagnosis.noise.model import NoiseModel
+from rivid.effects.timing import GateDeadband
 from tests.diagnosis.answers import evidence_of, record_of
 
 NOISE = NoiseModel(0.002, 0.001, 1.0, 7200.0, 0.0, 100.0, 900.0, 6.7e5)
@@ -110,3 +111,20 @@ def test_a_state_that_is_always_there_is_left_out():
     )
     assert [s[0] for s in states(still)] == ["night", "day"]
     assert not after_step(still)[0].any()
+
+
+@pytest.mark.parametrize("band", [6.1, 7.0, 7.9])
+def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
+    """Commands are multiples of 2 m3/s: a band of 6.1 and one of 7.9 leave the same gate."""
+    rng = np.random.default_rng(0)
+    outflow = 300.0 + 2.0 * rng.integers(0, 9, EVIDENCE.record.outflow.shape)
+    record = dataclasses.replace(EVIDENCE.record, outflow=outflow)
+    effect = GateDeadband(band=7.0)
+    last = SimpleNamespace(effects=(effect,), events=(), errors_of=lambda index: {("band", None): 0.05})
+    study = SimpleNamespace(
+        record=record, last=last, sure=("gate_deadband",), group=(), names=("gate_deadband",),
+        steps=(SimpleNamespace(added=effect, events=()),), chance_of=lambda name: 0.99,
+        p_value=lambda step: 0.01, split=split(record.dates), opened=~split(record.dates).sealed,
+    )  # fmt: skip
+    (found,) = _named(study, {})
+    assert found.parameters[0].low < band < found.parameters[0].high
