@@ -16,7 +16,7 @@ from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import find_events
 from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, tails_of
-from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, day_errors, residual_of
+from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
 from rivid.diagnosis.response.base import kernels_of
@@ -243,6 +243,28 @@ def _ends(effect: Effect, end: int, record: Record, opened: Bools) -> range:
     return range(inside[-1], int(rows[rows > inside[-1]].min(initial=record.days)))
 
 
+def _lacking(model: Model, effect: Effect) -> Model:
+    """A model without an effect."""
+    kept = [(e, names) for e, names in zip(model.effects, model.free, strict=True) if e is not effect]
+    return replace(model, effects=tuple(e for e, _ in kept), free=tuple(names for _, names in kept))
+
+
+def errors_without(one: Explanation, effect: Effect, made: Floats, record: Record) -> DayErrors:
+    """Errors of forecasts if an explanation lacked an effect, which makes `made` (days, n) of the output.
+
+    Its squares are added. Where the effect lets errors of the level decay, as a leak does, they last
+    without it.
+    """
+    assert one.errors is not None
+    noise, errors = one.noise, one.errors
+    if noise.recall < 1.0 and any(other is effect for other in one.model.effects):
+        noise = replace(noise, recall=_lacking(one.model, effect).recall(record))
+        errors = day_errors(record, one.predicted, noise, HORIZONS)
+    seen = np.where(np.isfinite(one.residual), made, np.nan)
+    more = day_errors(record, seen, noise, HORIZONS)
+    return errors._replace(squares=errors.squares + more.squares)
+
+
 def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | None:
     """Output that an effect makes and nothing else in the explanation could, shape (days, n).
 
@@ -251,19 +273,15 @@ def made_alone(one: Explanation, effect: Effect, record: Record) -> Floats | Non
     """
     model, coded = one.model, [e for e in one.others if e.found_as not in LEVEL_NOISES]
     made = next((f.coded for e, f in zip(coded, one.events, strict=True) if e is effect), None)
-    at = next((i for i, other in enumerate(model.effects) if other is effect), None)
-    if at is not None:
-        others = [i for i in range(len(model.effects)) if i != at]
-        less = replace(
-            model, effects=tuple(model.effects[i] for i in others), free=tuple(model.free[i] for i in others)
-        )
+    if any(other is effect for other in model.effects):
         try:
-            made = model.baseline(record) - less.baseline(record)
+            made = model.baseline(record) - _lacking(model, effect).baseline(record)
         except RividError:
             return None
     if made is None:
         return None
-    kept = np.array([True] * len(one.shared) + [i != at for i, _, _ in model.slots()])
+    own = [model.effects[i] is not effect for i, _, _ in model.slots()]
+    kept = np.array([True] * len(one.shared) + own)
     seen = np.where(record.used & np.isfinite(one.residual), made, np.nan)
     root = np.sqrt(one.weights)[:, None]
 
@@ -422,11 +440,9 @@ class Study:
         if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
             return False
         if made is not None and one.errors is not None:
-            # Without it its squares would be added. The errors of a run without it may be less all the same:
-            # operators answer what the weather does, and the logged outflow foretells the level.
-            seen = np.where(np.isfinite(one.residual), made, np.nan)
-            more = day_errors(self.record, seen, one.noise, HORIZONS)
-            left = one.errors._replace(squares=one.errors.squares + more.squares)
+            # The errors of a run without it may be less all the same: operators answer what the weather
+            # does, and the logged outflow foretells the level.
+            left = errors_without(one, effect, made, self.record)
             if not self._material(one, replace(one, errors=left), active):
                 return False
         if not self._material(as_volume(one, less), less, active):

@@ -8,9 +8,9 @@ import pytest
 
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
-from rivid.diagnosis.decision import made_alone
-from rivid.diagnosis.explanation import LEAST_STEP, _secant, fitted, scored, step_within
-from rivid.diagnosis.fit import MEMORY, WEATHER, Model, residual_of
+from rivid.diagnosis.decision import errors_without, made_alone
+from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fitted, scored, step_within
+from rivid.diagnosis.fit import MEMORY, WEATHER, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import FreeParameter, placed
 from rivid.effects import CATALOGUE
@@ -337,3 +337,22 @@ def test_what_an_effect_makes_alone_is_what_the_other_columns_leave_of_it():
     twin = replace(one, shared=np.concatenate([one.shared, 1e3 * made[None]]), sd=np.append(one.sd, 1.0))
     assert np.abs(made_alone(twin, one.model.effects[0], planted)).max() < 1e-2 * np.abs(made).max()
     assert made_alone(one, gain(error=0.5), planted) is None
+
+
+def test_without_a_leak_errors_of_the_level_last():
+    """What a leak makes may be little; that it lets an error decay is lost with it all the same."""
+    planted = season(5, days=5, effects=(("leakage", "loss", 300.0),))
+    plain = Model(few(planted), None, planted.usual_output, planted.usual_flow, 0.0)
+    model = replace(plain, effects=(CATALOGUE["leakage"](loss=300.0),), free=(("loss",),))
+    one = fitted(model, planted, np.ones(planted.days, bool), steps=2)
+    one = scored(one, planted, np.arange(planted.days), 100.0)
+    assert one.noise.recall < 0.98
+    made = np.zeros(planted.time.shape)
+    lasting = replace(one.noise, recall=1.0)
+    expected = day_errors(planted, one.predicted, lasting, HORIZONS).squares
+    found = errors_without(one, one.model.effects[0], made, planted).squares
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert found[-1].sum() > 1.5 * one.errors.squares[-1].sum()
+    gain = replace(one, model=replace(model, effects=(CATALOGUE["outflow_gain_error"](),), noise=lasting))
+    same = errors_without(gain, gain.model.effects[0], made, planted).squares
+    np.testing.assert_array_equal(same, one.errors.squares)

@@ -103,6 +103,22 @@ def test_a_lasting_flow_moves_the_baseline_as_it_moves_the_reach():
     assert steep.surface_area < 0.97 * steep.channel.surface_area(steep.level)
 
 
+@pytest.mark.parametrize("name, values", [("gate_head_effect", {"gain": 0.4}), ("leakage", {"loss": 150.0})])
+def test_what_follows_the_level_follows_the_observed_one(name, values):
+    """Unlogged water is left as its volume over the area, however fast such an effect lets the level fall."""
+    record = season(4, days=2)
+    response = few(record)
+    changes = changes_of([CATALOGUE[name](**values)], record.world())
+    more = replace(changes, added=(AddedFlow(1.0, 3.0 * np.sin(record.time / 3000.0)),))
+    about = replace(record, output=response.simulate(record, more))
+    left = about.output - response.baseline(about, changes)
+    plain = replace(record, output=response.simulate(record, Changes(added=more.added)))
+    expected = plain.output - response.baseline(plain)
+    seen = slice(5, None)  # the first readings, of which the mean starts a row
+    off = (left - expected)[:, seen] - (left - expected)[:, seen].mean(axis=1, keepdims=True)
+    assert rms(off) < 0.03 * rms(expected[:, seen] - expected[:, seen].mean(axis=1, keepdims=True))
+
+
 def test_days_that_the_channel_cannot_carry_are_known():
     record = season(4, days=3)
     response = few(record)

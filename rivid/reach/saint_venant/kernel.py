@@ -230,11 +230,11 @@ def total(W: Floats, n: int) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def level_at(W: Floats, share: Floats) -> float:
-    """Level at a place between cells."""
+def level_at(W: Floats, share: Floats, apart: float) -> float:
+    """Level at a place between cells, if that at x = L were higher by `apart`."""
     level = 0.0
     for i in range(len(share)):
-        level += share[i] * W[Z + i]
+        level += share[i] * (W[Z + i] + W[LIFT + i] * apart)
     return float(level)
 
 
@@ -283,8 +283,8 @@ def advance(
 
     A day begins with the steady flow for a level `start` at x = L while `entering` (days, cells) [m3/s] comes
     in along the reach, or, where `start` is empty, with the state given. The state arrays and the last six
-    are written; where there are operators, `outflow` too. What leaks and ponds take follows the level at each
-    sample and is held to the next.
+    are written; where there are operators, `outflow` too. What leaks and ponds take and the gate lets through
+    follows the level at each sample, where the water is nudged the observed one, and is held to the next.
 
     Returns
     -------
@@ -328,10 +328,10 @@ def advance(
                 i, w = Q_X + at_face[j], face_weight[j]
                 discharges[day, k, j] = (1.0 - w) * W[i + 1] + w * W[i + 2]
             volume[day, k] = total(W, c) * dx
-            rise = 0.0
+            apart = 0.0
             if nudge_time > 0.0 and np.isfinite(observed[day, k]):
-                rise = (observed[day, k] - level[day, k]) / nudge_time
-            nudge[day, k] = rise
+                apart = observed[day, k] - level[day, k]
+            rise = nudge[day, k] = apart / nudge_time if nudge_time > 0.0 else 0.0
             if commanded:
                 outflow[day, k] = operate(operators, k, time[day, k], level[day, k], memory)
             speed = wave_speed(W, c) if np.isfinite(volume[day, k]) else np.nan
@@ -340,7 +340,7 @@ def advance(
                     usual = clock[day, 2] = speed
                 gate_state[day, TARGET] = gate_state[day, POSITION] = gate_state[day, FLOW] = outflow[day, 0]
                 for j in range(len(pond_share)):
-                    ponds[day, j] = level_at(W, pond_share[j])
+                    ponds[day, j] = level_at(W, pond_share[j], 0.0)
             if k == n - 1:
                 released[day, k] = released[day, k - 1] if n > 1 else outflow[day, k]
                 break
@@ -362,11 +362,11 @@ def advance(
             for j in range(len(share)):
                 add(W, c, share[j], lateral[j, day, k] / dx)
             for j in range(len(leak_share)):
-                above = level_at(W, leak_share[j]) - exchange.reference[j]
+                above = level_at(W, leak_share[j], apart) - exchange.reference[j]
                 add(W, c, leak_share[j], -exchange.loss[j, day, k] * above / dx)
             for j in range(len(pond_share)):
                 into = pond_flow(
-                    level_at(W, pond_share[j]), ponds[day, j], exchange.exchange[j, day, k],
+                    level_at(W, pond_share[j], apart), ponds[day, j], exchange.exchange[j, day, k],
                     exchange.area[j], interval,
                 )  # fmt: skip
                 ponds[day, j] += into * interval / exchange.area[j]
@@ -374,7 +374,7 @@ def advance(
             up, down = gates[day, 0], gates[day, 1]
             given = outflow[day, k]
             if not gate.plain:
-                given = gate_flow(gate, day, k, given, level[day, k], interval, gate_state[day])
+                given = gate_flow(gate, day, k, given, level[day, k] + apart, interval, gate_state[day])
             released[day, k] = given
             to_up, to_down = inflow[day, k] - up, given - down
             moved = 0.0
