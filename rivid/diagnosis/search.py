@@ -584,6 +584,7 @@ def with_noise(
     rough, which hides it: it is sought as well in what that one leaves, and then carries its noise.
     """
     model, opened = parent.model, parent.weights > 0.0
+    latent = [one for one in latent if one.names == parent.names]  # a rival of it is extended by this, too
     if effect.found_as == "swing":
         swings = [(one, seiche(record, one, effect)) for one in (parent, *latent)]
         found = [(one, swing) for one, swing in swings if swing is not None]

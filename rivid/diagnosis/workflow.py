@@ -8,7 +8,7 @@ import datetime as dt
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -310,12 +310,14 @@ class _Search:
             self.report(0.1, f"calibrating the response: {model.reach.name}")
             reach = _able(self._nominal(model), model.reach, self.record)
             model = replace(model, noise=None, reach=reach)
-            one = self.add(
-                fitted(
-                    model, self.record, self.opened, fresh=1,
-                    unknown="dynamics" if dynamics else "", log_prior=self.log_prior(int(dynamics)),
+            tried = (  # the fit may leave what the sealed days allow: its start does not
+                self._carrying(
+                    model, fresh=1, unknown="dynamics" if dynamics else "", steps=steps,
+                    log_prior=self.log_prior(int(dynamics)),
                 )
+                for steps in (STEPS, 0)
             )  # fmt: skip
+            one = self.add(next(one for one in tried if one is not None))
             if promise >= best and not dynamics:
                 promising.append(one)
         return sorted(promising or self.pool, key=self.score, reverse=True)
@@ -470,14 +472,11 @@ class _Search:
                 parent.model, noise_kind="flow", effects=(*parent.model.effects, effect),
                 free=(*parent.model.free, ("waves",)),
             )  # fmt: skip
-            try:
-                one = fitted(
-                    model, self.record, self.opened, start=parent, unknown="flow", parent=parent,
-                    log_prior=prior + price, others=parent.others, events=parent.events,
-                )  # fmt: skip
-            except RividError:  # the reach cannot carry it
-                return None
-            return self._scored(one)
+            one = self._carrying(
+                model, start=parent, unknown="flow", parent=parent, log_prior=prior + price,
+                others=parent.others, events=parent.events,
+            )  # fmt: skip
+            return None if one is None else self._scored(one)
 
         self.pool += [one for one in side_by_side(fit, flows) if one is not None]
 
@@ -637,16 +636,19 @@ class _Search:
 
         It is scored, and not yet in the pool.
         """
-        model = replace(one.model, reach=near.model.reach)
+        again = self._carrying(
+            replace(one.model, reach=near.model.reach), start=near, unknown=one.unknown,
+            log_prior=one.log_prior, parent=one.parent, inflation=one.inflation, others=one.others,
+            events=one.events, fresh=fresh,
+        )  # fmt: skip
+        return None if again is None else self._scored(again)
+
+    def _carrying(self, model: Model, **given: Any) -> Explanation | None:
+        """A model fitted to the open days; None where it cannot carry the flows of all days."""
         try:
-            again = fitted(
-                model, self.record, self.opened, start=near, unknown=one.unknown, log_prior=one.log_prior,
-                parent=one.parent, inflation=one.inflation, others=one.others, events=one.events,
-                fresh=fresh,
-            )  # fmt: skip
+            return fitted(model, self.record, self.opened, **given)
         except RividError:
             return None
-        return self._scored(again)
 
     def add_rivals(self, lead: Explanation) -> None:
         """Add what is easily mistaken for what `lead` adds, with its dates.
@@ -788,14 +790,12 @@ class _Search:
             self.report(0.05, f"refitting with a course of {effect.name}")
             sizes = effect.with_values(**{key: (float(getattr(effect, key)),) * knots})
             model = replace(lead.model, effects=(*lead.model.effects[:-1], sizes))
-            found.append(
-                self.add(
-                    fitted(
-                        model, self.record, self.opened, start=lead, parent=lead.parent,
-                        unknown=lead.unknown, inflation=lead.inflation, log_prior=lead.log_prior,
-                    )
-                )
+            one = self._carrying(
+                model, start=lead, parent=lead.parent, unknown=lead.unknown, inflation=lead.inflation,
+                log_prior=lead.log_prior,
             )  # fmt: skip
+            if one is not None:
+                found.append(self.add(one))
         return max(found, key=self.score)
 
     def _with_unknown(self, parent: Explanation) -> tuple[Explanation, list[Explanation]]:
@@ -805,21 +805,18 @@ class _Search:
         self.report(0.1, "an unknown flow, an unknown gauge")
         # the output of a river is a flow
         kinds: tuple[Latent, ...] = ("flow",) if self.record.kind == "river" else ("flow", "gauge")
-        found = [self._latent(parent, kind) for kind in kinds]
-        best = max(found, key=self.score)
+        made = [self._latent(parent, kind) for kind in kinds]
+        found = [one for one in made if one is not None]
+        best = max(found, key=self.score, default=parent)
         if self.score(best) <= self.score(parent):
             return parent, found
-        again = self.add(
-            fitted(
-                replace(best.model, noise_kind=parent.model.noise_kind), self.record, self.opened, start=best,
-                log_prior=parent.log_prior, parent=parent.parent, others=parent.others,
-                events=parent.events,
-            )
-        )  # fmt: skip
-        return max((parent, again), key=self.score), found
+        again = self._refitted(parent, best, fresh=0)
+        if again is not None:
+            self.pool.append(again)
+        return max((one for one in (parent, again) if one is not None), key=self.score), found
 
-    def _latent(self, parent: Explanation, kind: Latent) -> Explanation:
-        """`parent` with an unknown flow or an unknown gauge, in the pool.
+    def _latent(self, parent: Explanation, kind: Latent) -> Explanation | None:
+        """`parent` with an unknown flow or an unknown gauge, in the pool; None where it carries no flows.
 
         Beside no names from the nominal response too: the one of `parent` may have bent to what is unknown.
         """
@@ -830,12 +827,12 @@ class _Search:
             best = _best_fits(rough, few, fresh=2)[0]
             if bent := best.number == 1:
                 model = replace(model, noise=None, reach=best.one.model.reach)
-        one = fitted(
-            model, self.record, self.opened, start=None if bent else parent, fresh=int(bent),
-            unknown=kind, log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
+        one = self._carrying(
+            model, start=None if bent else parent, fresh=int(bent), unknown=kind,
+            log_prior=parent.log_prior + self.log_prior(1) - self.log_prior(0), parent=parent,
             others=parent.others, events=parent.events,
         )  # fmt: skip
-        return self.add(one)
+        return None if one is None else self.add(one)
 
     def study(self) -> Study:
         """What was found."""
