@@ -283,6 +283,9 @@ def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
     assert windy.added.deviation == windy.noise.level_sd and windy.added.name == "wind_setup"
     assert likelihood(windy, record) > likelihood(parent, record) + 100.0
     assert with_noise(windy, CATALOGUE["wind_setup"], record, 0.0) is None  # it has one
+    pond = replace(parent, model=replace(parent.model, effects=(CATALOGUE["side_storage"](),), free=((),)))
+    other = with_noise(parent, CATALOGUE["wind_setup"], record, -2.0, latent=[pond])
+    assert other.names == ("wind_setup",)  # what begins at another's model has its effects
     quick = pools.season(5, 10, (CATALOGUE["wind_setup"](deviation=0.03, correlation_time=0.1),))
     parent = pools.explained(quick)  # no wind turns in 6 min
     assert with_noise(parent, CATALOGUE["wind_setup"], quick, 0.0) is None

@@ -9,7 +9,7 @@ import pytest
 
 from rivid.diagnosis.answer import USUAL, breaker
 from rivid.diagnosis.decision import alike
-from rivid.diagnosis.explanation import fitted
+from rivid.diagnosis.explanation import STEPS, fitted
 from rivid.diagnosis.search import with_effect
 from rivid.diagnosis.workflow import Way, _Search, diagnose, find_effects
 from rivid.effects import CATALOGUE
@@ -325,3 +325,21 @@ def test_dates_and_hours_of_the_lead_move_to_those_of_what_is_hidden():
     days = [{day for day in opened if dates[0] <= day <= dates[1]} for dates in (found.dates, hidden.dates)]
     assert found.hours == hidden.hours and days[0] == days[1]
     assert found.size == pytest.approx(40.0, abs=3.0)
+
+
+def test_a_response_that_leaves_what_the_sealed_days_allow_begins_where_it_carried_them(monkeypatch):
+    """On one sealed day the fitted reach had no steady flow, and the diagnosis ended."""
+    record = pools.season(5, DAYS, T_s=T_S)
+    search = _Search(
+        record, (pools.nominal(record),), {"leakage": CATALOGUE["leakage"]}, pools.GAUGE_FLOOR, (), print
+    )
+
+    def refusing(*given, steps=STEPS, **others):
+        if steps > 0 and given[1] is search.record:
+            raise RividError("no steady flow")
+        return fitted(*given, steps=steps, **others)
+
+    monkeypatch.setattr("rivid.diagnosis.workflow.fitted", refusing)
+    (parent,) = search.begun()
+    assert parent.density is not None and search.pool == [parent]
+    assert search._with_unknown(parent) == (parent, []) and search.varied(parent) is parent
