@@ -14,18 +14,16 @@ from rivid.config import Config
 from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_series
 from rivid.logs.spec import MICRO, day_bounds
-from rivid.results.store import TEXT, described, safe_for_spreadsheets, to_table, write_csv, write_parquet
+from rivid.results.store import described, safe_for_spreadsheets, to_table, write_csv, write_parquet
 from rivid.types import Bools, Ints
 
-SCHEMA, MEANINGS = described(
-    [
-        ("time", pa.timestamp("ms", "UTC"), "", "of the value; of a day that cannot be read, its midnight"),
-        ("column", TEXT, "", "u_Qi, u_Qo, h_L or Q_L; empty for a whole day that cannot be read"),
-        ("flag", TEXT, "", "`fault`: needs action; `remark`; `failed`: the day cannot be used"),
-        ("rule", TEXT, "", "code of the finding, such as `jump` or `unit.factor`"),
-        ("reason", TEXT, "", "the finding for this day, in words"),
-    ]
-)
+SCHEMA, MEANINGS = described("""
+time | moment | | of the value; of a day that cannot be read, its midnight
+column | text | | u_Qi, u_Qo, h_L or Q_L; empty for a whole day that cannot be read
+flag | text | | `fault`: needs action; `remark`; `failed`: the day cannot be used
+rule | text | | code of the finding, such as `jump` or `unit.factor`
+reason | text | | the finding for this day, in words
+""")
 """flags.csv and flags.parquet: a row for each flagged value and rule."""
 NAMED = {"constant.inflow": ("u_Qi",), "constant.outflow": ("u_Qo",), "swapped": ("u_Qi", "u_Qo")}
 """Columns of findings that do not name theirs, by code or kind."""

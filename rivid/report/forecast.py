@@ -6,30 +6,26 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
 from rivid.config import Config
 from rivid.forecast import Forecast
 from rivid.report.page import data_uri, write_page
-from rivid.results.store import FLAG, NUMBER, TEXT, described, finite, to_table, write_csv, write_parquet
+from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import HOUR
 
-SCHEMA, MEANINGS = described(
-    [
-        ("time", pa.timestamp("ms", "UTC"), "", "of the sample"),
-        ("reach", TEXT, "", "its name"),
-        ("horizon_h", NUMBER, "h", "after the origin of the forecast"),
-        ("median", NUMBER, "output unit", "of the output: level or discharge"),
-        ("low_50", NUMBER, "output unit", "lower end of the 50 % band"),
-        ("high_50", NUMBER, "output unit", "its upper end"),
-        ("low_90", NUMBER, "output unit", "lower end of the 90 % band"),
-        ("high_90", NUMBER, "output unit", "its upper end"),
-        ("inflow_m3s", NUMBER, "m3/s", "u_Qi, announced or assumed"),
-        ("outflow_m3s", NUMBER, "m3/s", "u_Qo, announced or assumed; empty for a river"),
-        ("announced", FLAG, "", "the flows are those of the logs"),
-        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
-    ]
-)
+SCHEMA, MEANINGS = described("""
+time | moment | | of the sample
+reach | text | | its name
+horizon_h | number | h | after the origin of the forecast
+median | number | output unit | of the output: level or discharge
+low_50 | number | output unit | lower end of the 50 % band
+high_50 | number | output unit | its upper end
+low_90 | number | output unit | lower end of the 90 % band
+high_90 | number | output unit | its upper end
+inflow_m3s | number | m3/s | u_Qi, announced or assumed
+outflow_m3s | number | m3/s | u_Qo, announced or assumed; empty for a river
+announced | flag | | the flows are those of the logs
+output_unit | text | | `m` for a level, `m3/s` for a discharge
+""")
 """A row for each sample after the origin."""
 
 

@@ -41,80 +41,50 @@ from rivid.errors import LockedError, RividError
 from rivid.results.read import SCHEMA_VERSION, Results, refuse_newer, results_of
 from rivid.types import Bools, Floats
 
-
-def described(
-    columns: Sequence[tuple[str, pa.DataType, str, str]],
-) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
-    """The schema of columns (name, type, unit, meaning), and unit and meaning of each."""
-    schema = pa.schema([(name, kind) for name, kind, _, _ in columns])
-    return schema, {name: (unit, meaning) for name, _, unit, meaning in columns}
+KINDS = {
+    "date": pa.date32(), "moment": pa.timestamp("ms", "UTC"), "clock": pa.timestamp("ms"),
+    "text": pa.string(), "number": pa.float64(), "whole": pa.int64(), "flag": pa.bool_(),
+}  # fmt: skip
+"""Types of columns, in :func:`described`; a clock is local time without zone."""
 
 
-DATE, TEXT, NUMBER, WHOLE, FLAG = pa.date32(), pa.string(), pa.float64(), pa.int64(), pa.bool_()
+def described(columns: str) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
+    """The schema of columns, a line ``name | kind | unit | meaning`` each, and their units and meanings."""
+    rows = [[cell.strip() for cell in line.split("|")] for line in columns.strip().splitlines()]
+    schema = pa.schema([(name, KINDS[kind]) for name, kind, _, _ in rows])
+    return schema, {name: (unit, meaning) for name, _, unit, meaning in rows}
 
 
-DELAYS, MEANINGS = described(
-    [
-        ("date", DATE, "", "the day; of a data set of several days, the last"),
-        ("reach", TEXT, "", "name of the reach"),
-        ("estimator", TEXT, "", "its name"),
-        (
-            "status",
-            TEXT,
-            "",
-            "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`",
-        ),
-        ("delay_samples", NUMBER, "samples", "the delay d; the level first moves at sample d + 1"),
-        (
-            "delay_s",
-            NUMBER,
-            "s",
-            "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s",
-        ),
-        (
-            "travel_time_s",
-            NUMBER,
-            "s",
-            "the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s",
-        ),
-        ("at_bound", FLAG, "", "the delay is the shortest or longest tried, or lies outside"),
-        (
-            "prior_only",
-            FLAG,
-            "",
-            "the data do not single this delay out; empty where the estimator cannot decide that",
-        ),
-        ("probability", NUMBER, "", "`posterior`: that the likeliest delay is right"),
-        (
-            "delay_low",
-            NUMBER,
-            "samples",
-            "`posterior`: shortest of the fewest delays that together hold 90 %",
-        ),
-        ("delay_high", NUMBER, "samples", "`posterior`: longest of them"),
-        ("t50_samples", NUMBER, "samples", "rivers: the lag by which half of a step has arrived"),
-        ("alpha", NUMBER, "(m3/s)^2", "regularisation weight, noise over roughness variance"),
-        ("noise_sd", NUMBER, "output unit", "sigma_w, standard deviation of the noise"),
-        ("roughness_sd", NUMBER, "output unit per m3/s", "sigma_hD, of the response's second differences"),
-        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
-        ("criterion", NUMBER, "", "the least criterion: that of the delay"),
-        ("iterations", WHOLE, "", "rounds of Table VI; 0 where there are none"),
-        ("condition", NUMBER, "", "condition number of U'U; the paper's days have 2e4 to 1e5"),
-        ("n_samples", WHOLE, "samples", "of the data set"),
-        ("n_filled", WHOLE, "samples", "of these, that bridge a gap"),
-        ("mean_inflow_m3s", NUMBER, "m3/s", "mean inflow"),
-        ("mean_level_m", NUMBER, "m", "mean level; empty for a river"),
-        (
-            "froude",
-            NUMBER,
-            "",
-            "Froude number (6) at the mean outflow, or the mean inflow where none is logged",
-        ),
-        ("bound_gravity_s", NUMBER, "s", "travel time of a gravity wave (5): the fastest"),
-        ("bound_kinematic_s", NUMBER, "s", "travel time of a kinematic wave (5): the slowest"),
-        ("message", TEXT, "", "why there is no answer, and remarks on the day"),
-    ]
-)
+DELAYS, MEANINGS = described("""
+date | date | | the day; of a data set of several days, the last
+reach | text | | name of the reach
+estimator | text | | its name
+status | text | | `ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`
+delay_samples | number | samples | the delay d; the level first moves at sample d + 1
+delay_s | number | s | d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s
+travel_time_s | number | s | the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s
+at_bound | flag | | the delay is the shortest or longest tried, or lies outside
+prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
+probability | number | | `posterior`: that the likeliest delay is right
+delay_low | number | samples | `posterior`: shortest of the fewest delays that together hold 90 %
+delay_high | number | samples | `posterior`: longest of them
+t50_samples | number | samples | rivers: the lag by which half of a step has arrived
+alpha | number | (m3/s)^2 | regularisation weight, noise over roughness variance
+noise_sd | number | output unit | sigma_w, standard deviation of the noise
+roughness_sd | number | output unit per m3/s | sigma_hD, of the response's second differences
+output_unit | text | | `m` for a level, `m3/s` for a discharge
+criterion | number | | the least criterion: that of the delay
+iterations | whole | | rounds of Table VI; 0 where there are none
+condition | number | | condition number of U'U; the paper's days have 2e4 to 1e5
+n_samples | whole | samples | of the data set
+n_filled | whole | samples | of these, that bridge a gap
+mean_inflow_m3s | number | m3/s | mean inflow
+mean_level_m | number | m | mean level; empty for a river
+froude | number | | Froude number (6) at the mean outflow, or the mean inflow where none is logged
+bound_gravity_s | number | s | travel time of a gravity wave (5): the fastest
+bound_kinematic_s | number | s | travel time of a kinematic wave (5): the slowest
+message | text | | why there is no answer, and remarks on the day
+""")
 """A row per day and estimator: delays.csv and delays.parquet; units and meanings, in Markdown."""
 
 MEANINGS |= {
@@ -131,7 +101,7 @@ SEGMENT = pa.schema(
         ("fir_sd", pa.list_(pa.float64())),
         ("first_candidate", pa.int64()),
         ("curve", pa.list_(pa.float64())),
-        ("start", TEXT),
+        ("start", pa.string()),
     ]
 )
 """Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
@@ -572,7 +542,7 @@ def _open(path: Path) -> pq.ParquetFile:
 
 def _cast(table: pa.Table) -> pa.Table:
     if "start" not in table.column_names:  # an earlier version's
-        table = table.append_column("start", pa.nulls(len(table), TEXT))
+        table = table.append_column("start", pa.nulls(len(table), pa.string()))
     if "travel_time_s" not in table.column_names:
         delay, whole = table["delay_s"], pc.is_null(table["probability"])
         middle = pc.multiply(delay, pc.add(1.0, pc.divide(0.5, table["delay_samples"])))
