@@ -1,8 +1,6 @@
 """forecast.csv, forecast.parquet, the JSON lines and the page of a forecast."""
 
 import json
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +59,6 @@ def lines(found: Forecast, config: Config) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class _Row:
-    time: datetime
-    values: tuple[str, ...]
-
-
 def headline(found: Forecast, config: Config) -> str:
     """The forecast in a sentence: where the output goes, when, and how sure that is."""
     s, q = found.series, found.quantiles
@@ -97,7 +89,7 @@ def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
         at = s.now + 1 + k
         output = tuple(f"{v:.{digits}f}" for v in q[:, k])
         flows = tuple(f"{v[at]:.0f}" for v in ((s.inflow, s.outflow) if pool else (s.inflow,)))
-        rows.append(_Row(s.moment(at), (*output, *flows)))
+        rows.append((s.moment(at), (*output, *flows)))
     assumed = found.announced < q.shape[1]
     context = {
         "reach": reach.name, "at": s.moment(s.now), "delay_s": found.delay_s, "rows": rows, "pool": pool,
