@@ -6,8 +6,7 @@ A row of a *segment* holds one day and estimator with its FIR and criterion as l
 Segments are under OUT/.rivid, keyed by content. A segment is one Parquet file of a batch's rows
 (:data:`SEGMENT`). Its rename is the commit: a killed run leaves whole segments or none. A segment that fails
 its checksums is dropped, and its days are computed again. Long columns of a row, its response and its
-criterion, are read from disk in chunks, so that memory does not grow with the record; a few rows are kept
-whole.
+criterion, are read from disk in chunks, so that memory does not grow with the record.
 
 A run holds `lock`. Shards of one run share OUT: each holds a lock of its own, taken while it holds `lock` for
 a moment; a whole run takes `lock` and then finds no shard at work.
@@ -381,13 +380,11 @@ class Rows:
     """Rows of segments.
 
     `table` has the columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has
-    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups. `kept` holds
-    all columns of these rows, in their order, where they are few.
+    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups.
     """
 
     table: pa.Table
     units: tuple[tuple[Path, int], ...] = ()
-    kept: pa.Table | None = None
 
     def __len__(self) -> int:
         return len(self.table)
@@ -405,14 +402,11 @@ class Rows:
         n = pa.scalar(len(self.units), pa.int64())
         at = new.table.column_names.index("unit")
         table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
-        few = self.kept is not None and new.kept is not None and len(table) <= CHUNK
-        kept = pa.concat_tables([self.kept, new.kept]) if few else None
-        return Rows(table, self.units + new.units, kept), damaged
+        return Rows(table, self.units + new.units), damaged
 
     def chosen(self, mask: pa.Array) -> "Rows":
         """The rows of a mask."""
-        kept = None if self.kept is None else self.kept.filter(mask)
-        return replace(self, table=self.table.filter(mask), kept=kept)
+        return replace(self, table=self.table.filter(mask))
 
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
         """The rows of the given keys, in order of the keys and then of the estimators.
@@ -427,16 +421,12 @@ class Rows:
         place = place[rows]
         last = np.append(place[1:] != place[:-1], True)[: len(place)]
         order = whole_numbers(rows[last])
-        kept = None if self.kept is None else self.kept.take(order).combine_chunks()
-        return replace(self, table=self.table.take(order).combine_chunks(), kept=kept)
+        return replace(self, table=self.table.take(order).combine_chunks())
 
     def chunks(self) -> Iterator[pa.Table]:
         """All columns of the rows in their order, :data:`CHUNK` at a time."""
         for start in range(0, max(len(self), 1), CHUNK):
-            if self.kept is not None:
-                yield self.kept.slice(start, CHUNK)
-            else:
-                yield self._read(self.table.slice(start, CHUNK))
+            yield self._read(self.table.slice(start, CHUNK))
 
     def _read(self, part: pa.Table) -> pa.Table:
         units, rows = part["unit"].to_numpy(), part["row"].to_numpy()
@@ -485,8 +475,6 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     damaged: list[tuple[Path, str]] = []
     units: list[tuple[Path, int]] = []
     short = [_short(SEGMENT.empty_table(), 0)]
-    kept: list[pa.Table] | None = [SEGMENT.empty_table()]
-    count = 0
     for path in paths:
         try:
             file = _open(path)
@@ -495,45 +483,34 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
                 raise ValueError("another version's columns")
             groups = []
             for group in range(file.num_row_groups):
-                whole = _cast(file.read_row_group(group))
-                groups.append(_short(whole, len(units) + group))
-                count += len(whole)
-                kept = None if kept is None or count > CHUNK else [*kept, whole]
+                groups.append(_short(_cast(file.read_row_group(group)), len(units) + group))
         except (OSError, ValueError, pa.ArrowException) as error:
             damaged.append((path, str(error)))
-            kept = None  # it may hold rows of the damaged one
             continue
         units += [(path, group) for group in range(len(groups))]
         short += groups
-    held = None if kept is None else pa.concat_tables(kept)
-    return Rows(pa.concat_tables(short), tuple(units), held), damaged
+    return Rows(pa.concat_tables(short), tuple(units)), damaged
 
 
 def write_segment(segments: Path, rows: pa.Table) -> Path:
     """Write one batch's rows; the name follows from its keys, so a repeated batch replaces itself."""
-    name = hashlib.sha256("".join(rows["key"].to_pylist()).encode())
-    path = segments / f"{name.hexdigest()[:24]}.parquet"
+    path = segments / f"{hash_of(rows)[:24]}.parquet"
     write_parquet(rows, path)
     return path
 
 
 def write_rows(segments: Path, rows: Rows) -> Path:
     """Write rows as one segment, chunk by chunk."""
-    if len(rows) <= CHUNK:
-        return write_segment(segments, next(rows.chunks()))
-    path = segments / f"{hash_of(rows)[:24]}.parquet"
+    path = segments / f"{hash_of(rows.table)[:24]}.parquet"
     with replacing(path) as scratch, _writer(scratch, SEGMENT) as writer:
         for chunk in rows.chunks():
             writer.write_table(chunk)
     return path
 
 
-def hash_of(rows: Rows) -> str:
+def hash_of(rows: pa.Table) -> str:
     """SHA-256 of the keys in their order."""
-    total = hashlib.sha256()
-    for start in range(0, len(rows), CHUNK):
-        total.update("".join(rows.table["key"].slice(start, CHUNK).to_pylist()).encode())
-    return total.hexdigest()
+    return hashlib.sha256("".join(rows["key"].to_pylist()).encode()).hexdigest()
 
 
 def _open(path: Path) -> pq.ParquetFile:

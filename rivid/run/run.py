@@ -679,7 +679,7 @@ def run(
         rows = (store.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, config, before, store)
         if not options.shard:
-            content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
+            content = digest(hash_of(rows.table), config.as_used(), summary.bad_files, SCHEMA_VERSION)
             current = before.get("content") == content and is_whole(out, before, options.figures)
             if options.force or not current:
                 now = describe(config, data_dir, started) | {
