@@ -412,10 +412,7 @@ class Config(Section):
     ) -> JmapSettings:
         """The core's settings, with "bounds" taken from the reach's hydraulics.
 
-        Raises
-        ------
-        ConfigError
-            Where the settings contradict each other (d_max beyond the FIR, for example).
+        ConfigError where the settings contradict each other (d_max beyond the FIR, for example).
         """
         j = self.jmap
         given: dict[str, Any] = j.model_dump(exclude={"sigma_d", "start"}) | {"delay_scale": j.sigma_d}

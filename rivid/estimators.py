@@ -171,13 +171,7 @@ class _Registry(dict[str, Estimator]):
 
 
 def register(estimator: Estimator) -> None:
-    """Add an estimator.
-
-    Raises
-    ------
-    ValueError
-        For a name that is taken.
-    """
+    """Add an estimator; ValueError for a name that is taken."""
     if estimator.name in ESTIMATORS:
         raise ValueError(f"an estimator named {estimator.name!r} exists already: choose another name")
     ESTIMATORS[estimator.name] = estimator
@@ -186,10 +180,7 @@ def register(estimator: Estimator) -> None:
 def build(config: Config) -> dict[str, Prepared]:
     """Prepare the estimators of a configuration, by name and in its order.
 
-    Raises
-    ------
-    ConfigError
-        Where settings contradict each other.
+    ConfigError where settings contradict each other.
     """
     return {name: ESTIMATORS[name].prepare(config) for name in config.run.estimators}
 

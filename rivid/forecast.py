@@ -48,19 +48,11 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Logs on a grid, from some days ago until the last horizon.
+    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,).
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Seconds since the local midnight of `first`.
-    first : datetime.date
-    inflow, outflow, output : ndarray, shape (n,)
-        Flows [m3/s], NaN where they are not known; outflow zero for a river. Output NaN where it is missing.
-    now : int
-        Index of the origin of the forecast.
-    begin : datetime.datetime
-        Time of the first sample, with the zone of the log.
+    `time` is in seconds since the local midnight of `first`. `inflow` and `outflow` are flows [m3/s], NaN
+    where they are not known, the outflow of a river zero; `output` is NaN where it is missing. `now` is the
+    index of the origin of the forecast, `begin` the time of the first sample, with the zone of the log.
     """
 
     time: Floats
@@ -107,24 +99,10 @@ class Forecast:
 def read_logs(
     root: Path, config: Config, model: ReachModel, *, hours: float, at: dt.datetime | None = None
 ) -> tuple[Series, tuple[str, ...]]:
-    """The logs that a forecast needs.
+    """The logs that a forecast needs, and the days that were left out, with the reason.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    model : ReachModel
-    hours : float
-        Longest horizon [h].
-    at : datetime.datetime, optional
-        Origin; default: the last measured output. Later outputs are not used, later flows are announced.
-
-    Returns
-    -------
-    Series
-    tuple of str
-        Days that were left out, with the reason.
+    `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
+    last measured output. Later outputs are not used, later flows are announced.
 
     Raises
     ------
@@ -299,17 +277,9 @@ def run(
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated change of the output after each origin, by the logs until there and the announced flows.
 
-    Parameters
-    ----------
-    model : ReachModel
-    series : Series
-    origins : ndarray of int, shape (m,)
-    lead, ahead : int
-        Samples before and after each origin.
-    announced : int
-        Samples after an origin with known flows.
-    repeat : bool
-        Whether the inflow that is not announced is that of the day before; else it is held.
+    `origins` are of shape (m,). The simulation begins `lead` samples before each and ends `ahead` samples
+    after it, the flows of the first `announced` of which are known. The inflow that is not announced is that
+    of the day before with `repeat`, else it is held.
 
     Returns
     -------
@@ -394,17 +364,9 @@ class Learnt:
     def of(cls, X: Floats, target: Floats, sd: Floats) -> "Learnt":
         """Least squares for each horizon, from forecasts at earlier times.
 
-        Parameters
-        ----------
-        X : ndarray, shape (m, H, 6)
-        target : ndarray, shape (m, H)
-            What came, less the output at the origin; NaN where it was not measured.
-        sd : ndarray, shape (m, H)
-            By the noise: errors are counted in these.
-
-        Notes
-        -----
-        Errors are those of a fit to the other parts of the time: neighbours in time err alike.
+        `X` are regressors (m, H, 6); `target`, (m, H), is what came, less the output at the origin, NaN where
+        it was not measured; `sd`, (m, H), is by the noise: errors are counted in these. Errors are those of a
+        fit to the other parts of the time: neighbours in time err alike.
         """
         weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
         A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight

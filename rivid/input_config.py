@@ -25,12 +25,7 @@ UNITS: dict[str, dict[str, float]] = {
 class Means:
     """Unit and meaning of a key, as metadata of its type; the reference page shows them.
 
-    Parameters
-    ----------
-    unit : str
-        "-" where it has none.
-    meaning : str
-        In Markdown.
+    The unit is "-" where it has none; the meaning is Markdown.
     """
 
     unit: str

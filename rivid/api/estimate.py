@@ -209,10 +209,7 @@ def jmap(
 def _series(function: str, u: ArrayLike | Day, **others: ArrayLike | None) -> list[Floats]:
     """Deviations of u and others (names as the function has them) from their first samples.
 
-    Raises
-    ------
-    ConfigError
-        Where a day comes with other series, or arrays without them.
+    ConfigError where a day comes with other series, or arrays without them.
     """
     form = f"{function}(day) or {function}({', '.join(('u', *others))})"
     if isinstance(u, Day):

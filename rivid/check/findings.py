@@ -165,14 +165,9 @@ def _text(template: str, values: Values) -> str:
 class Finding:
     """A fault or a remark, once for all the days that it applies to.
 
-    Attributes
-    ----------
-    code : str
-        Key of :data:`TEXTS`.
-    values : mapping
-        Columns, numbers [SI units unless the key ends otherwise] and dates of the text.
-    days : dict of date to mapping
-        The days that it applies to, each with its own values; empty for the whole record.
+    `code` is a key of :data:`TEXTS`, `values` are columns, numbers [SI units unless the key ends otherwise]
+    and dates of its text. `days` are the days that it applies to, each with its own values; empty for the
+    whole record.
     """
 
     code: str

@@ -40,20 +40,9 @@ def columns_of(finding: Finding, date: dt.date, every: Collection[str]) -> tuple
 
 
 def flags(report: Report, root: Path, config: Config) -> pa.Table:
-    """The table of flags.
+    """Return the table of flags, of :data:`SCHEMA`, in order of days.
 
-    Parameters
-    ----------
-    report : Report
-        Of :func:`rivid.check.check`.
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-
-    Returns
-    -------
-    pyarrow.Table
-        Of :data:`SCHEMA`, in order of days.
+    `report` is that of :func:`rivid.check.check`, `root` is DATA_DIR, or one file.
     """
     rows: list[tuple[dt.datetime, str, str, str, str]] = []
     failed = {day.date: day.reason for day in report.days if day.status == "failed"}
@@ -103,10 +92,7 @@ def _seconds(clock: str) -> float:
 def read_maintenance(path: Path) -> list[dt.date]:
     """Dates of maintenance: lines of a file that begin with one, as 2008-03-14; other lines are comments.
 
-    Raises
-    ------
-    ConfigError
-        Where the file cannot be read, or holds no date.
+    ConfigError where the file cannot be read, or holds no date.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -64,14 +64,8 @@ def find_fleet(
     directory: then each reach has the keys of ``<reach>.toml`` there over those of ``defaults.toml``. A file
     is shared by all reaches. `estimators` replace the configured ones. `beside` returns the configuration in
     the directory of a reach's logs, or None; its keys replace shared ones, and a ConfigError of it becomes
-    the fault of that reach.
-
-    Raises
-    ------
-    ConfigError
-        If the shared configuration cannot be read.
-    NoDataError
-        If there are configurations of a fleet and no reach.
+    the fault of that reach. ConfigError if the shared configuration cannot be read; NoDataError if there are
+    configurations of a fleet and no reach.
     """
     asked = configs is not None and configs.is_dir()
     if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):

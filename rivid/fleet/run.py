@@ -32,14 +32,8 @@ def run_fleet(
     """Run every reach into OUT/<reach>, store its outcome, and yield it as the reach finishes.
 
     With a shard, every N-th reach is run, whole. `progress` counts reaches. The default engine has as many
-    processes as there are cores, and reaches to run.
-
-    Raises
-    ------
-    ConfigError
-        If OUT is inside DATA_DIR or the reverse.
-    LockedError
-        If another run of the fleet holds OUT.
+    processes as there are cores, and reaches to run. ConfigError if OUT is inside DATA_DIR or the reverse;
+    LockedError if another run of the fleet holds OUT.
     """
     _refuse_places(data_dir, out)
     shard = options.shard

@@ -515,17 +515,10 @@ KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of an ingest.
+    """The result of an ingest, its days in date order.
 
-    Attributes
-    ----------
-    days : list of DayResult
-        In date order.
-    ledger : dict
-        The account of the values; see :func:`ledger_of`.
-    run_config : Path
-    notes : list of str
-        Tags and columns that were not read.
+    `ledger` is the account of the values (:func:`ledger_of`), `notes` are tags and columns that were not
+    read.
     """
 
     days: list[DayResult]
@@ -569,29 +562,12 @@ def ingest(
     today: dt.date | None = None,
     run_config: Path | None = None,
 ) -> Outcome:
-    """Make daily logs of exports.
+    """Make daily logs in `out`, DATA_DIR, of exports: files of one dialect, or none with ``[input] query``.
 
-    The configuration that it wrote next to the logs is written again where nothing but that changes; where
-    logs differ, or the file was edited, it stays.
-
-    Parameters
-    ----------
-    exports : sequence of Path
-        Files of one dialect; none where the rows come from ``[input] query``.
-    out : Path
-        DATA_DIR.
-    config : Config
-    format : {"csv", "csv.gz", "parquet"}
-    first, last : date, optional
-        First and last local day that is written.
-    force : bool
-        Overwrite what differs.
-    dry_run : bool
-        Write nothing.
-    today : date, optional
-        From this day on, a log may be unfinished; default: by the clock.
-    run_config : Path, optional
-        File for the configuration of the logs; default: ``<out>_run.toml``.
+    `first` and `last` are the first and last local day that is written; `force` overwrites what differs,
+    `dry_run` writes nothing. From `today` on (default: by the clock), a log may be unfinished. The
+    configuration of the logs goes to `run_config` (default: ``<out>_run.toml``). One that this function wrote
+    is written again where nothing but that changes; where logs differ, or the file was edited, it stays.
 
     Raises
     ------

@@ -259,13 +259,9 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
 
 
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> Axes:
-    """Share of days at each candidate delay, with the prior or the mean probability over it.
+    """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
     The legend is `counted`: it has numbers of days; without them several panels can share it.
-
-    Notes
-    -----
-    Source: Fig. 18.
     """
     places, days = candidates(e), found(e)
     top = np.zeros(len(places))
@@ -316,10 +312,8 @@ def delay_map(
 ) -> Axes:
     """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
-    Notes
-    -----
-    Source: Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
-    tau / T_s - 1.
+    Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at tau / T_s -
+    1.
     """
     x, tried = day_numbers(e.dates), candidates(e)
     if tried.size:
@@ -413,12 +407,10 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
 
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds.
+    """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds (5).
 
-    Notes
-    -----
-    Source: (5). The first sample at which the output moves is d + 1, so the travel time of the wave lies
-    between d T_s and (d + 1) T_s.
+    The first sample at which the output moves is d + 1, so the travel time of the wave lies between d T_s and
+    (d + 1) T_s.
     """
     label = "mean inflow of the day [m³/s]"
     shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
@@ -484,11 +476,9 @@ def _medians(values: Floats) -> Floats:
 
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """t50 of each day over the record, on an x axis of day numbers.
+    """t50 of each day over the record, on an x axis of day numbers, and the bounds (5).
 
-    Notes
-    -----
-    Source: the bounds are (5). A travel time tau compares with t50 directly, at tau / T_s.
+    A travel time tau compares with t50 directly, at tau / T_s.
     """
     shown = has_t50(e)
     _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)

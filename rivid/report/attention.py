@@ -141,12 +141,9 @@ def far(recent: LastWeek) -> list[Row]:
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
     """Count the days of the rows for the estimators that represent the reach.
 
-    Returns
-    -------
-    dict
-        `links` (first and last day inside the last week, kind, index of the row), `days` of the last week,
-        `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
-        `no_log`: whether a day of the last week has no log.
+    Returns `links` (first and last day inside the last week, kind, index of the row), `days` of the last
+    week, `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
+    `no_log`: whether a day of the last week has no log.
     """
     lead = leading(results)
     representing = {recent.estimator.estimator} | (

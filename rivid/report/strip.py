@@ -35,14 +35,11 @@ LOOKS = {
 def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dict[str, Any] | None:
     """Lay out the last week and the eight before it; `rows` gives the row of a day in the table of days.
 
-    Returns
-    -------
-    dict or None
-        `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt, none),
-        `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y, of
-        each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
-        on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
-        without an answer are marked. None where these weeks have fewer than two days with a value.
+    The result has `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt,
+    none), `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y,
+    of each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
+    on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
+    without an answer are marked. None where these weeks have fewer than two days with a value.
     """
     e = recent.estimator
     ago = weeks_ago(e.dates)

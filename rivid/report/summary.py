@@ -102,14 +102,11 @@ class LastWeek:
 def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
     """Count and condense the rows of one estimator over the record.
 
-    Returns
-    -------
-    dict
-        Counts of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay: `at_bound`,
-        `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in order
-        (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
-        answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest
-        probability of the delays: `probability`, `least`; NaN where there are none.
+    The counts are of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay:
+    `at_bound`, `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in
+    order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
+    answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
+    the delays: `probability`, `least`; NaN where there are none.
     """
     e, days = estimator, found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
@@ -196,20 +193,11 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     Student's t of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken
     below the one that their days would give if they were independent.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Delay, travel time or t50 of the decided days [samples].
-    ago : ndarray of int, shape (n,)
-        Weeks before the last one, as of :func:`weeks_ago`.
-
-    Returns
-    -------
-    dict or None
-        Medians [samples] of the last week (`now`) and of all days before (`before`), lowest and highest
-        median of the weeks before (`low`, `high`), `days` of the last week, `weeks` before it that count, `t`
-        and `moved`. None with fewer than three days in the last week, or fewer than four weeks before that
-        have three.
+    `values`, shape (n,), are the delay, travel time or t50 of the decided days [samples], `ago` their weeks
+    before the last one (:func:`weeks_ago`). Returns medians [samples] of the last week (`now`) and of all
+    days before (`before`), lowest and highest median of the weeks before (`low`, `high`), `days` of the last
+    week, `weeks` before it that count, `t` and `moved`. None with fewer than three days in the last week, or
+    fewer than four weeks before that have three.
 
     Notes
     -----
@@ -304,13 +292,10 @@ def joined(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
-    Returns
-    -------
-    dict
-        `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`,
-        `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
-        `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report.
-        Lags are in samples, bounds in seconds.
+    These are `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`,
+    `last`, `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
+    `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags
+    are in samples, bounds in seconds.
     """
     lead, river = leading(results), leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})

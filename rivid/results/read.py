@@ -310,18 +310,7 @@ def day_numbers(dates: Sequence[dt.date]) -> Floats:
 
 
 def rayleigh(delays: Floats, scale: float) -> Floats:
-    """Rayleigh prior on the candidates, summing to one.
-
-    Parameters
-    ----------
-    delays : ndarray, shape (K,)
-        Candidates d [samples].
-    scale : float
-        sigma_d [samples].
-
-    Returns
-    -------
-    ndarray, shape (K,)
+    """Rayleigh prior, sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
 
     Notes
     -----

@@ -69,14 +69,8 @@ class SeasonDays:
 def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     """The days of a finished run into `out`; `record` is its run.json.
 
-    Raises
-    ------
-    ConfigError
-        If the run has no posterior, or the outflow of its pool is not logged.
-    NoDataError
-        If no day has probabilities.
-    RividError
-        If the tables cannot be read, or span more than :data:`LONGEST` days.
+    ConfigError if the run has no posterior, or the outflow of its pool is not logged; NoDataError if no day
+    has probabilities; RividError if the tables cannot be read, or span more than :data:`LONGEST` days.
     """
     refuse_parts(record, out)
     if "posterior" not in record["estimators"]:
@@ -154,12 +148,8 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     """Estimate posterior-season from the days of a run.
 
     Without `both_ways` a day uses the days before it only, so that no result changes when days are added.
-
-    Raises
-    ------
-    ConfigError
-        For a river both ways: errors of its days are correlated, and on simulated rivers the 90 % band then
-        held 81 %.
+    ConfigError for a river both ways: errors of its days are correlated, and on simulated rivers the 90 %
+    band then held 81 %.
     """
     if both_ways and days.river:
         raise ConfigError(

@@ -269,13 +269,7 @@ UNFINISHED: dict[str, Any] = {"content": None, "outputs": {}}
 
 
 def last_record(out: Path) -> dict[str, Any]:
-    """The record of the last run into OUT; empty without one.
-
-    Raises
-    ------
-    RividError
-        If a newer rivid wrote it.
-    """
+    """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
     try:
         record = json.loads((out / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -549,12 +543,8 @@ def _short(whole: pa.Table, unit: int) -> pa.Table:
 class Store:
     """Holds OUT for one run, or for the shard of that name: ``with Store(out) as store``.
 
-    Raises
-    ------
-    LockedError
-        At once, when another run holds OUT. A killed run's lock does not block: the system frees it.
-    RividError
-        When OUT cannot be written.
+    LockedError at once, when another run holds OUT; a killed run's lock does not block: the system frees it.
+    RividError when OUT cannot be written.
     """
 
     def __init__(self, out: Path, shard: str = "") -> None:

@@ -57,12 +57,7 @@ class Dask:
 
     `scheduler` is the address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler
     file, ending in ``.json``. Without: a cluster on this machine of `workers` processes of one thread each,
-    gone when the block ends.
-
-    Raises
-    ------
-    ConfigError
-        Where dask is not installed, or the scheduler file is not there.
+    gone when the block ends. ConfigError where dask is not installed, or the scheduler file is not there.
     """
 
     def __init__(self, scheduler: str | None = None, workers: int = 1) -> None:

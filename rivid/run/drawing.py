@@ -24,12 +24,8 @@ _read: "tuple[Path, Results] | None" = None
 def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Path]:
     """Draw all figures with an engine's workers, which see OUT, then the report; return the files written.
 
-    The tables and run.json of OUT are written; `summary` is the latter, for the report.
-
-    Raises
-    ------
-    RividError
-        If a file cannot be written.
+    The tables and run.json of OUT are written; `summary` is the latter, for the report. RividError if a file
+    cannot be written.
     """
     global _read
     try:

@@ -191,14 +191,8 @@ def make_plan(
     """Find the days of DATA_DIR and make windows of them.
 
     `known` are the files seen by the last finished run, to avoid hashing them. Where much is new, the workers
-    of the engine read it.
-
-    Raises
-    ------
-    NoDataError
-        If there is no log, no whole window, or none between the dates selected.
-    ConfigError
-        If the logs lack columns that the configuration names.
+    of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
+    selected; ConfigError if the logs lack columns that the configuration names.
     """
     facts = _facts(known or {})
     if engine is not None and not options.verify:
@@ -511,12 +505,8 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
     """Estimate batches as workers become free and write their segments, in a directory that all workers see.
 
-    `done` is called with the number of windows of each batch that is finished.
-
-    Raises
-    ------
-    RividError
-        If a worker does not see DATA_DIR or OUT.
+    `done` is called with the number of windows of each batch that is finished. RividError if a worker does
+    not see DATA_DIR or OUT.
     """
     for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
         if lost:
@@ -528,10 +518,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 def work(batch: Batch, segments: Path) -> None:
     """Estimate a batch and write its segment, in a worker.
 
-    Raises
-    ------
-    RividError
-        If it does not see the directory of the logs or of the segments: a lost disk is no failed day.
+    RividError if it does not see the directory of the logs or of the segments: a lost disk is no failed day.
     """
     for place in (batch.root, segments):
         if not place.exists():
@@ -629,23 +616,11 @@ def run(
 ) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
 
-    Parameters
-    ----------
-    data_dir, out : Path
-        Directories of the logs and of the results.
-    config : Config
-    options : Options
-        With a shard, its days are estimated and stored, and nothing else of OUT is changed.
-    progress : callable, optional
-        ``progress(total)`` returns a context; its value is called with each number of finished days.
-    engine : Engine, optional
-        Executes batches; by default as many processes as pay off. Figures are drawn by processes of this
-        machine, also where a cluster estimates.
-
-    Raises
-    ------
-    NoDataError, LockedError, ConfigError, RividError
-        If the run cannot begin; nothing has been computed then.
+    With a shard, its days are estimated and stored, and nothing else of OUT is changed. ``progress(total)``
+    returns a context; its value is called with each number of finished days. The `engine` executes batches,
+    by default as many processes as pay off; figures are drawn by processes of this machine, also where a
+    cluster estimates. If the run cannot begin, nothing has been computed when one of NoDataError,
+    LockedError, ConfigError and RividError is raised.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     painters = min(options.workers or cores(), MOST_PAINTERS)
