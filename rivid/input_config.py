@@ -144,8 +144,7 @@ class InputConfig(Section):
         ),
     ] = Field(default_factory=dict)
     units: Annotated[
-        dict[str, str],
-        Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`"),
+        dict[str, str], Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
     ] = Field(default_factory=dict)
     stamp: Annotated[
         dict[str, Stamp],

@@ -168,6 +168,23 @@ def day_range(first: dt.date, last: dt.date) -> str:
     return f"{first}" if first == last else f"{first} to {last}"
 
 
+def spans(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
+    """First and last days of unbroken sequences of days, which are in order.
+
+    Examples
+    --------
+    >>> [f"{a:%d}-{b:%d}" for a, b in spans([dt.date(2008, 1, 1), dt.date(2008, 1, 2), dt.date(2008, 1, 9)])]
+    ['01-02', '09-09']
+    """
+    found: list[tuple[dt.date, dt.date]] = []
+    for day in days:
+        if found and (day - found[-1][1]).days == 1:
+            found[-1] = found[-1][0], day
+        else:
+            found.append((day, day))
+    return found
+
+
 def output_words(unit: str) -> str:
     """What the estimators explain: a pool's level or a river's discharge."""
     return "level" if unit == "m" else "discharge"

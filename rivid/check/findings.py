@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from rivid.types import ONE_DAY
+from rivid.text import day_range, spans
 
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
@@ -282,16 +282,10 @@ def list_dates(dates: Iterable[dt.date]) -> str:
     '2008-03-01 to 2008-03-02, 2008-03-09 (3 days)'
     """
     ordered = sorted(dates)
-    spans: list[list[dt.date]] = []
-    for date in ordered:
-        if spans and date - spans[-1][1] == ONE_DAY:
-            spans[-1][1] = date
-        else:
-            spans.append([date, date])
-    listed = [f"{first} to {last}" if first != last else f"{first}" for first, last in spans[:MOST_RANGES]]
-    more = ", ..." if len(spans) > MOST_RANGES else ""
+    ranges = [day_range(*ends) for ends in spans(ordered)]
+    more = ", ..." if len(ranges) > MOST_RANGES else ""
     count = f" ({len(ordered)} days)" if len(ordered) > 1 else ""
-    return ", ".join(listed) + more + count
+    return ", ".join(ranges[:MOST_RANGES]) + more + count
 
 
 def times(ratio: float) -> str:

@@ -114,9 +114,8 @@ def _defaults(configs: Path | None) -> dict[str, Any]:
     if configs is None:
         return {}
     if not configs.is_dir():
-        parse(
-            raw := read_config(configs), Config, str(configs)
-        )  # report a fault of it once, not for each reach
+        raw = read_config(configs)
+        parse(raw, Config, str(configs))  # a fault of it is reported once, not for each reach
         return raw
     path = configs / DEFAULTS
     return read_config(path) if path.exists() else {}

@@ -540,6 +540,12 @@ def read_window(
         raise DataError(str(error)) from None
 
 
+def now_at(config: Config) -> dt.date | dt.datetime:
+    """Today in the time zone of the reach; without one the current time, dated by the offset of a log."""
+    moment, zone = dt.datetime.now(dt.UTC), config.input.time_zone
+    return moment.astimezone(ZoneInfo(zone)).date() if zone else moment
+
+
 def _folder(root: Path) -> Path:
     """The directory of the logs: DATA_DIR, or that of the one file that was given for it."""
     return root.parent if suffix_of(root.name) and root.is_file() else root

@@ -37,17 +37,7 @@ from rivid.logs.log import (
     zone_of,
 )
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
-from rivid.logs.spec import (
-    MANY,
-    MICRO,
-    Signal,
-    Spec,
-    clocks_change,
-    day_bounds,
-    is_day_file,
-    shown,
-    spec_of,
-)
+from rivid.logs.spec import MANY, MICRO, Signal, Spec, clocks_change, day_bounds, is_day_file, shown, spec_of
 from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
 from rivid.types import ONE_DAY, Floats, Ints
@@ -503,11 +493,7 @@ def _advice(columns: Sequence[Canonical], series: TimedValues, grid: Grid) -> st
     return ""
 
 
-OF_DAY = {
-    "refused": ValueStatus.REFUSED,
-    "pending": ValueStatus.PENDING,
-    "differs": ValueStatus.STANDING,
-}
+OF_DAY = {"refused": ValueStatus.REFUSED, "pending": ValueStatus.PENDING, "differs": ValueStatus.STANDING}
 """Status of the values of a day that is not used."""
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 """Keys of `[input]` on how days are made of values, not on what a file looks like."""

@@ -25,15 +25,7 @@ from rivid.results.read import (
     leading_response,
     thirds,
 )
-from rivid.text import (
-    count,
-    day_range,
-    delays,
-    probability,
-    response_unit,
-    samples_first,
-    statuses,
-)
+from rivid.text import count, day_range, delays, probability, response_unit, samples_first, statuses
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
 """How the names of these figures begin in OUT/figures."""

@@ -74,12 +74,10 @@ def write_report(
         "estimators": [
             {
                 "name": e.estimator,
-                "words": ESTIMATORS[e.estimator].words,
+                "traits": ESTIMATORS[e.estimator],
                 "facts": facts(results, e),
                 "passage": passage(results, e),
                 "with_delay": estimates_delay(e),
-                "probable": ESTIMATORS[e.estimator].has_probability,
-                "judged": not ESTIMATORS[e.estimator].unchecked,
             }
             for e in results.estimators
             if e.dates

@@ -23,12 +23,7 @@ FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "heig
 LEAST = 4.0
 """Smallest span of the delays shown [samples]: a calm record looks calm."""
 
-LOOKS = {
-    "data decide": "sure",
-    "data do not decide": "prior",
-    "degenerate": "doubt",
-    "at a bound": "doubt",
-}
+LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "doubt", "at a bound": "doubt"}
 """Class of the mark of a day by the class of its delay."""
 
 

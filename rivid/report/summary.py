@@ -26,7 +26,7 @@ from rivid.results.read import (
     passage,
     rayleigh,
 )
-from rivid.text import NO_ANSWER
+from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
 WEEK = 7
@@ -278,17 +278,6 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
     return [day for day in every if day not in there]
 
 
-def joined(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
-    """Return days in order as first and last days of unbroken sequences."""
-    runs: list[tuple[dt.date, dt.date]] = []
-    for day in days:
-        if runs and (day - runs[-1][1]).days == 1:
-            runs[-1] = runs[-1][0], day
-        else:
-            runs.append((day, day))
-    return runs
-
-
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
@@ -312,7 +301,7 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
         "last": dates[-1] if dates else None,
         "days": len(dates),
         "missing": len(gone),
-        "no_log": joined(gone),
+        "no_log": spans(gone),
         "names": [e.estimator for e in results.estimators],
         "now": _now(results, recent) if recent else None,
         "moved": _moved(recent) if recent and np.isfinite(recent.values).any() else None,
@@ -468,11 +457,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "judged": not ESTIMATORS[e.estimator].unjudged,
-        "probable": ESTIMATORS[e.estimator].has_probability,
-        "rayleigh": ESTIMATORS[e.estimator].rayleigh,
-        "method": ESTIMATORS[e.estimator].method,
-        "by_making": ESTIMATORS[e.estimator].degenerates,
+        "traits": ESTIMATORS[e.estimator],
         "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:

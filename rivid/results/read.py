@@ -154,8 +154,11 @@ def _record(out: Path) -> dict[str, Any]:
     return run
 
 
-SAME_NAME = ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s", "bound_kinematic_s")
-"""Attributes of :class:`EstimatorResults` that have the name of their column."""
+NUMBERS = {"delay": "delay_samples", "t50": "t50_samples", "mean_inflow": "mean_inflow_m3s"} | {
+    name: name
+    for name in ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s", "bound_kinematic_s")
+}
+"""Attributes of :class:`EstimatorResults`, and the columns of these numbers."""
 
 
 def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
@@ -163,39 +166,34 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
     import pyarrow as pa
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)
-    order = [str(name) for name in run["estimators"]]
     assumed = tuple(str(key) for key in run.get("assumed") or ())
     estimators = []
-    for name in order:
+    for name in map(str, run["estimators"]):
         rows = delays.filter(names == name)
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
         if assumed:
             columns |= {f"bound_{wave}_s": np.full(len(rows), None) for wave in ("gravity", "kinematic")}
         sure = _given(_floats(columns["probability"]))
-        dates: list[dt.date] = rows["date"].to_pylist()
+        travel = columns.get("travel_time_s", columns["delay_s"])
         days = rows["date"].cast(pa.int32()).to_numpy()
+        candidates, curve = _matrix(criterion, name, days, "delay_samples", "criterion")
         estimators.append(
             EstimatorResults(
                 estimator=name,
-                dates=dates,
+                dates=rows["date"].to_pylist(),
                 status=[str(s) for s in columns["status"]],
                 messages=[str(s or "") for s in columns["message"]],
-                delay=_floats(columns["delay_samples"]),
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
-                t50=_floats(columns["t50_samples"]),
                 fir=_matrix(fir, name, days, "lag", "value")[1],
-                candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
-                criterion=curve[1],
+                candidates=candidates,
+                criterion=curve,
                 probability=sure,
-                travel_s=None
-                if sure is None
-                else _given(_floats(columns.get("travel_time_s", columns["delay_s"]))),
+                travel_s=None if sure is None else _given(_floats(travel)),
                 delay_low=_given(_floats(columns["delay_low"])),
                 delay_high=_given(_floats(columns["delay_high"])),
                 fir_sd=_given(_matrix(fir, name, days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
-                mean_inflow=_floats(columns["mean_inflow_m3s"]),
-                **{key: _floats(columns[key]) for key in SAME_NAME},
+                **{name: _floats(columns[column]) for name, column in NUMBERS.items()},
             )
         )
     return Results(

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
 from typing import Any
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +37,7 @@ from rivid.logs.days import (
     Span,
     find_days,
     look_ahead,
+    now_at,
     read_window,
     refuse_columns,
     spans_of,
@@ -148,12 +148,6 @@ class Options:
     shard: Shard | None = None
     most_new: int | None = None
 
-    def now(self, config: Config) -> dt.date | dt.datetime:
-        """Today in the time zone of the reach; without one the current time, dated by the offset of a log."""
-        moment = dt.datetime.now(dt.UTC)
-        zone = config.input.time_zone
-        return self.today or (moment.astimezone(ZoneInfo(zone)).date() if zone else moment)
-
 
 @dataclass(frozen=True)
 class Window:
@@ -202,7 +196,7 @@ def make_plan(
     sources = {day.date: day for day in catalog.days}
     length, settings = config.run.window_days, config.as_used()
     del settings["diagnose"]
-    now = options.now(config)
+    now = options.today or now_at(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
     key_of = _under(settings)
@@ -345,18 +339,22 @@ def _read(batch: Batch, window: Window) -> DataSet:
 
 def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
     """Rows without an estimate, and the reason."""
-    windows, reach = [batch.windows[at] for at, _, _, _ in refused], batch.config.reach
-    columns: dict[str, list[Any]] = {
-        "key": [window.key for window in windows],
-        "date": [window.date for window in windows],
-        "start": [window.start for window in windows],
-        "reach": [reach.name] * len(windows),
+    windows = [batch.windows[at] for at, _, _, _ in refused]
+    columns = _named(windows, batch.config) | {
         "estimator": [batch.config.run.estimators[k] for _, k, _, _ in refused],
         "status": [status for _, _, status, _ in refused],
-        "output_unit": [reach.output_unit] * len(windows),
         "message": [printable(" ".join(str(reason).split())[:500]) for _, _, _, reason in refused],
     }
     return to_table(columns, SEGMENT)
+
+
+def _named(windows: Sequence[Window], config: Config) -> dict[str, list[Any]]:
+    """Columns that name a row, for any estimator."""
+    columns: dict[str, list[Any]] = {
+        name: [getattr(window, name) for window in windows] for name in ("key", "date", "start")
+    }
+    given = {"reach": config.reach.name, "output_unit": config.reach.output_unit}
+    return columns | {name: [value] * len(windows) for name, value in given.items()}
 
 
 def _measured(
@@ -378,12 +376,7 @@ def _measured(
             )
     discharge = np.stack(outflow).mean(axis=1) if outflow else mean_inflow
     bounds = reach.bounds(discharge, level)
-    return days, {
-        "key": [window.key for window in windows],
-        "date": [window.date for window in windows],
-        "start": [window.start for window in windows],
-        "reach": [reach.name] * len(sets),
-        "output_unit": [reach.output_unit] * len(sets),
+    return days, _named(windows, config) | {
         "n_samples": [len(data.inflow) for data in sets],
         "n_filled": [data.n_filled for data in sets],
         "mean_inflow_m3s": mean_inflow.tolist(),
@@ -629,9 +622,8 @@ def run(
     if config.run.window:  # figures and report are of whole days
         options = replace(options, figures=False)
     draws = options.figures and not options.shard and engine is None and painters > 1
-    own = processes(
-        options.workers or cores(), DRAWING if draws else ESTIMATING
-    )  # begin with their first task
+    # they begin with their first task
+    own = processes(options.workers or cores(), DRAWING if draws else ESTIMATING)
     with Store(out, options.shard.name if options.shard else "") as store:
         before = last_record(out)
         with nullcontext(engine) if engine else own as executing:

@@ -9,15 +9,7 @@ from typing import Any
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
-from rivid.logs.sniff.columns import (
-    Flags,
-    Group,
-    find_flags,
-    find_tags,
-    guess_column,
-    guess_marks,
-    roles_of,
-)
+from rivid.logs.sniff.columns import Flags, Group, find_flags, find_tags, guess_column, guess_marks, roles_of
 from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
