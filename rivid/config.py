@@ -19,25 +19,13 @@ from rivid.core import settings as core
 from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, RiverSettings, SearchSettings
 from rivid.errors import ConfigError, nearest
 from rivid.estimators import ESTIMATORS
-from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
+from rivid.input_config import FLOWS, InputConfig, Means, Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from rivid.core.hydraulics import DelayProposal, TravelBounds
     from rivid.types import Floats
-
-__all__ = [
-    "FLOWS",
-    "UNITS",
-    "Config",
-    "InputConfig",
-    "ReachConfig",
-    "load_config",
-    "load_toml",
-    "parse",
-    "read_toml",
-]
 
 T = TypeVar("T", bound=BaseModel)
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"

@@ -7,7 +7,8 @@ import numpy as np
 
 from rivid.check.findings import Finding
 from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
-from rivid.config import UNITS, Config
+from rivid.config import Config
+from rivid.input_config import UNITS
 
 # Flows
 FLOW_MARGIN = 1.2

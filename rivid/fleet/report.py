@@ -102,9 +102,8 @@ def _before(out: Path) -> dict[str, Any]:
 def _row(o: Outcome) -> dict[str, Any]:
     b = o.band or {}
     return {
-        "reach": o.reach, "code": o.code, "error": o.error, "data_sets": o.data_sets,
-        "failures": o.failures, "bad_files": o.bad_files, "first": o.first, "last": o.last,
-        "estimator": o.estimator, "quantity": o.quantity, "sample_time_s": o.sample_time or None,
+        **{name: value for name, value in vars(o).items() if name in FLEET.names},
+        "sample_time_s": o.sample_time or None,
         "answered_last_week": o.answered_week, "days_last_week": o.days_week,
         "median": b.get("median"), "band_low": b.get("low"), "band_high": b.get("high"),
         "median_last_week": b.get("week_median"), "above_last_week": b.get("above"),

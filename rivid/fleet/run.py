@@ -15,7 +15,7 @@ from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.spec import shown
 from rivid.results.store import Store, last_record
 from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
-from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, Progress, cores, each, processes
+from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
 """New days from which a reach is shared out, where workers would otherwise be idle."""
@@ -93,7 +93,7 @@ def run_reach(
         options = replace(options, most_new=SHARED_ABOVE)
     try:
         config = reach.config()
-        summary = run(reach.data_dir, out, config, options, None, engine or Here())
+        summary = run(reach.data_dir, out, config, options, None, engine or Engine())
         content = str(last_record(out).get("content") or "")
         outcome = outcome_of(reach.name, config, summary, content)
     except TooManyError:

@@ -21,8 +21,9 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from rivid.config import FLOWS, UNITS, Config, InputConfig
+from rivid.config import Config
 from rivid.errors import ConfigError, DataError
+from rivid.input_config import FLOWS, UNITS, InputConfig
 from rivid.logs import suffix_of
 from rivid.types import Ints
 

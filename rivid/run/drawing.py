@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rivid.run.workers import Engine, Here
+from rivid.run.workers import Engine
 
 if TYPE_CHECKING:
     from rivid.plots.draw import Job
@@ -38,7 +38,7 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
         page: Path = engine.submit(_report, out, files, dict(summary)).result()
     except engine.died:  # out of memory, perhaps: one figure at a time needs less
         engine.renew()
-        return draw_with(Here(), out, summary)
+        return draw_with(Engine(), out, summary)
     finally:
         _read = None  # of an engine that is this process
     return [*(file.path for file in files), page]

@@ -70,8 +70,6 @@ from rivid.run.workers import (
     DRAWING,
     ESTIMATING,
     Engine,
-    Here,
-    Processes,
     Progress,
     cores,
     each,
@@ -638,7 +636,7 @@ def run(
                 if draws:
                     warm(DRAWING)  # while this process reads and estimates
                 few = engine is None and options.workers is None and len(new) < ONE_PROCESS_BELOW
-                estimating = Here() if few else executing
+                estimating = Engine() if few else executing
                 batches = _batches(data_dir, config, new, planned, estimating)
                 with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
                     run_batches(batches, store.segments, estimating, done)
@@ -771,7 +769,7 @@ def _write(
         (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
         return files
     write_record(out, now | UNFINISHED | {"failed": before.get("failed", [])})
-    if isinstance(engine, Here | Processes):
+    if engine is not None and engine.draws:
         return files + draw_with(engine, out, now)
     with processes(painters, DRAWING) as painting:
         return files + draw_with(painting, out, now)
