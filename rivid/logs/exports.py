@@ -29,8 +29,8 @@ from rivid.logs.log import (
     LARGEST,
     days_of,
     in_utc,
-    logged_twice,
     read_table,
+    repeated,
     table_of,
     too_large,
     undeclared,
@@ -213,13 +213,8 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
     order = np.argsort(times, kind="stable")
     times, values, statuses = times[order], values[order], statuses[order]
     there = np.flatnonzero(statuses == ValueStatus.USED)
-    again = np.flatnonzero(np.diff(times[there]) == 0) + 1
-    for at in again.tolist():
-        old, new = there[at - 1], there[at]
-        if values[old] != values[new]:
-            text = logged_twice(name, int(times[new]), zone, values[old], values[new])
-            places = [_place(pieces, int(order[i])) for i in (new, old)]
-            faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
+    again, found = repeated(name, times, values, there, zone, lambda row: _place(pieces, int(order[row])))
+    faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
     unreadable = sum(len(columns.bad) for columns in all_columns)
     return Series(name, times, values, statuses, unsorted, unreadable)
