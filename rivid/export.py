@@ -307,10 +307,8 @@ def _csv(source: Path, out: Path) -> list[Path]:
     rows, about = law_of(source)
     lines = [",".join(rows[0]), *(",".join(f"{v:.6g}" for v in row.values()) for row in rows)]
     write_text(out / "delay_by_discharge.csv", "\n".join(lines) + "\n")
-    write_text(
-        out / "delay_by_discharge.json",
-        json.dumps(finite(about) | {"written_by": f"rivid {__version__}"}, indent=1) + "\n",
-    )
+    made = finite(about) | {"written_by": f"rivid {__version__}"}
+    write_text(out / "delay_by_discharge.json", json.dumps(made, indent=1) + "\n")
     return [out / "delay_by_discharge.csv", out / "delay_by_discharge.json"]
 
 

@@ -144,7 +144,9 @@ def read_logs(
     for signal in spec.signals:
         gap = np.where(grid > origin, 0, spec.max_gap) + signal.spacing  # what is announced has no gaps
         place = _held if signal.held else _between
-        found[signal.name] = place(series[signal.name], grid, spec.tolerance, gap)
+        column = series[signal.name]
+        none = np.full(len(grid), np.nan)
+        found[signal.name] = place(column, grid, spec.tolerance, gap) if len(column[0]) else none
     begin = dt.datetime.fromtimestamp(grid[0] / MICRO, zone)
     midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
     output = found[spec.output]
@@ -161,8 +163,6 @@ def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floa
     """A command at each time: the last one, for no longer than a gap (n,)."""
     times, values = column
     before = times.searchsorted(grid + late, side="right") - 1
-    if not len(times):
-        return np.full(len(grid), np.nan)
     known = (before >= 0) & (grid - times[before] < gap)
     return np.where(known, values[before], np.nan)
 
@@ -170,8 +170,6 @@ def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floa
 def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floats:
     """A measured quantity at each time, between neighbours that are no further apart than a gap."""
     times, values = column
-    if not len(times):
-        return np.full(len(grid), np.nan)
     after = np.minimum(times.searchsorted(grid - late), len(times) - 1)
     before = np.maximum(times.searchsorted(grid + late, side="right") - 1, 0)
     known = (times[before] <= grid + late) & (times[after] >= grid - late)

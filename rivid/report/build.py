@@ -131,19 +131,14 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
-    sections = []
-    used = [
-        (name, _plain(summary[name]))
-        for name in ("d_min", "d_max", "order", "delay_scale")
-        if name in summary
+    names = ("d_min", "d_max", "order", "delay_scale")
+    tables = {"in use": {name: summary[name] for name in names if name in summary}}
+    tables |= {f"[{section}]": keys for section, keys in (summary.get("config") or {}).items()}
+    return [
+        (section, [(str(k), _plain(v)) for k, v in keys.items()])
+        for section, keys in tables.items()
+        if isinstance(keys, Mapping) and (keys or section != "in use")
     ]
-    if used:
-        sections.append(("in use", used))
-    config = summary.get("config") or {}
-    for section, keys in config.items():
-        if isinstance(keys, Mapping):
-            sections.append((f"[{section}]", [(str(k), _plain(v)) for k, v in keys.items()]))
-    return sections
 
 
 def _plain(value: Any) -> str:

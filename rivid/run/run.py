@@ -211,11 +211,9 @@ def make_plan(
             part = digest(content, span) if span else content
             windows.append(Window(date, present, key_of(part, unfinished), missing, part, span, start))
     if not windows:
-        takes = (
-            f"{config.run.window} ([run] window)"
-            if config.run.window
-            else (f"{length} days in a row ([run] window_days)")
-        )
+        takes = f"{length} days in a row ([run] window_days)"
+        if config.run.window:
+            takes = f"{config.run.window} ([run] window)"
         raise NoDataError(f"{len(sources)} days of logs in {data_dir}: a data set takes {takes}")
     first, last = options.first or dt.date.min, options.last or dt.date.max
     asked = [w for w in windows if first <= w.date <= last]
@@ -400,7 +398,8 @@ def _rows(
     def given(values: Floats | None) -> Floats:
         return none if values is None else values
 
-    delay = given(answer.delay)
+    delay, travel = given(answer.delay), answer.travel
+    begin, middle = (delay, delay + 0.5) if travel is None else (travel, travel)
     identified: Bools = np.asarray(answer.status != "unidentifiable")
     searched: Bools = np.zeros(n, bool)
     if answer.candidates is not None and answer.curve is not None:
@@ -410,10 +409,8 @@ def _rows(
         "estimator": [name] * n,
         "status": answer.status.tolist(),
         "delay_samples": delay.tolist(),
-        "delay_s": ((delay if answer.travel is None else answer.travel) * reach.sample_time).tolist(),
-        "travel_time_s": (
-            (delay + 0.5 if answer.travel is None else answer.travel) * reach.sample_time
-        ).tolist(),
+        "delay_s": (begin * reach.sample_time).tolist(),
+        "travel_time_s": (middle * reach.sample_time).tolist(),
         "noise_sd": np.sqrt(given(answer.noise_variance)).tolist(),
         "roughness_sd": np.sqrt(given(answer.roughness_variance)).tolist(),
         "iterations": [0] * n if answer.iterations is None else answer.iterations.tolist(),
