@@ -116,6 +116,10 @@ def _context(
     outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[str, Any], name: str
 ) -> dict[str, Any]:
     had = before.get("data_sets_of") or {}
+
+    def widths(o: Outcome) -> float:  # the change of the last week, in widths of the band
+        return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
+
     chosen = {
         kind: [o for o in outcomes if o.reach in names]
         for kind in ("failing", "left_band", "silent", "changed")
@@ -127,7 +131,7 @@ def _context(
         "made": _minute(found["made"]),
         "since": _minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
-        "moved": sorted(chosen["left_band"], key=_distance, reverse=True),
+        "moved": sorted(chosen["left_band"], key=widths, reverse=True),
         "tested": sum(o.moved is not None for o in outcomes),
         "level": LEVEL,
         "silent": chosen["silent"],
@@ -140,8 +144,3 @@ def _context(
 def _minute(made: str) -> str:
     """A time of fleet.json, to the minute; empty where there is none."""
     return f"{dt.datetime.fromisoformat(made):%Y-%m-%d %H:%M} UTC" if made else ""
-
-
-def _distance(o: Outcome) -> float:
-    """The change of the last week, in widths of the band."""
-    return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))

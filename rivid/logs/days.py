@@ -127,7 +127,8 @@ def find_days(
         try:
             files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
         except DataError as error:
-            bad.append((shown(name), _without_name(str(error), shown(name))))
+            reason = str(error).removeprefix(shown(name)).lstrip(" ,:")  # both are shown together
+            bad.append((shown(name), reason or str(error)))
             continue
         if is_day_file(name):
             date, part = _date_of(name), (name, facts.digest, facts.digest)
@@ -273,11 +274,6 @@ def _hash(path: Path, size: int) -> tuple[str, int]:
     packed = suffix_of(path.name) != ".csv"
     rows = max(size - FEW_BYTES, 0) if packed else content.count(b"\n")
     return sha256(content).hexdigest(), rows
-
-
-def _without_name(reason: str, name: str) -> str:
-    """The reason without the file name that it begins with: both are shown together."""
-    return reason.removeprefix(name).lstrip(" ,:") or reason
 
 
 UNLIKE = 0.02

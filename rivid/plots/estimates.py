@@ -317,7 +317,8 @@ def delay_map(
     """
     x, tried = day_numbers(e.dates), candidates(e)
     if tried.size:
-        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=_bins(ax, 16))
+        bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
+        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
         ax.yaxis.grid(True)
     if e.probability is not None:
         at = (x - x[0]).astype(int)
@@ -339,11 +340,6 @@ def delay_map(
     else:
         style.no_ticks(ax, "y")
     return ax
-
-
-def _bins(ax: Axes, most: int) -> int:
-    """Intervals between ticks of a y axis: `most` on panels of two inches and more."""
-    return max(min(round(7 * style.inches(ax)[1]), most), 4)
 
 
 def probability_cells(

@@ -11,7 +11,6 @@ import numpy as np
 from rivid.report.summary import FEWEST_DAYS, WEEK, WEEKS, LastWeek, weeks_ago
 from rivid.results.read import kinds
 from rivid.text import time_unit
-from rivid.types import Floats
 
 WIDTH, HEIGHT = 720.0, 216.0
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
@@ -42,7 +41,9 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     values = recent.values[shown & given]
     if values.size < 2:
         return None
-    low, high = _limits(values)
+    low, high = float(values.min()), float(values.max())
+    short = max(LEAST - (high - low) - 1, 0.0) / 2
+    low, high = max(low - 0.5 - short, 0.0), high + 0.5 + short  # with some air
     floor = HEIGHT - BOTTOM
     first = max(e.dates[-1] - dt.timedelta(days=WEEK * (WEEKS + 1) - 1), e.dates[0])
     step = (WIDTH - LEFT - RIGHT) / ((e.dates[-1] - first).days + 1)
@@ -84,13 +85,6 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
         "floor": floor,
         "unit": unit,
     }
-
-
-def _limits(values: Floats) -> tuple[float, float]:
-    """Ends of the delays shown [samples], with some air."""
-    low, high = float(values.min()), float(values.max())
-    short = max(LEAST - (high - low) - 1, 0.0) / 2
-    return max(low - 0.5 - short, 0.0), high + 0.5 + short
 
 
 def _looks(recent: LastWeek) -> list[str]:

@@ -216,7 +216,8 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     if not len(weeks) or weeks[0] != 0 or len(weeks) <= FEWEST_WEEKS:
         return None
     whole = [values[ago == w] for w in weeks]
-    middles = [_middle(days) for days in whole]
+    # without the lowest and the highest, where that leaves three
+    middles = [np.sort(days)[1:-1] if days.size >= FEWEST_DAYS + 2 else days for days in whole]
     means = np.array([days.mean() for days in middles])
     medians = np.array([np.median(days) for days in whole])
     K = len(weeks) - 1
@@ -236,11 +237,6 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
         "t": change / error if error > 0 else float(np.copysign(np.inf, change)) if change else 0.0,
         "moved": not low <= medians[0] <= high and abs(change) > LIMITS[K] * error,
     }
-
-
-def _middle(days: Floats) -> Floats:
-    """A week's values without the lowest and the highest, where that leaves three."""
-    return np.sort(days)[1:-1] if days.size >= FEWEST_DAYS + 2 else days
 
 
 def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:

@@ -111,8 +111,10 @@ class Dask(Engine):
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Execute the task in a worker."""
         self._begin()
+        # a worker has another current directory
+        given = [value.absolute() if isinstance(value, Path) else value for value in arguments]
         # as bytes: the scheduler, often a thread of this process, would unpickle and pickle anything else
-        call = pickle.dumps((task, [_everywhere(value) for value in arguments]))
+        call = pickle.dumps((task, given))
         future: Future[Any] = self._executor.submit(_execute, VERSION, not self.scheduler, call)
         return future
 
@@ -166,11 +168,6 @@ class Dask(Engine):
         if self._cluster is not None:  # also one that no client has reached
             with suppress(TimeoutError):
                 self._cluster.close(timeout=CLOSING)
-
-
-def _everywhere(value: Any) -> Any:
-    """The argument for a process with another current directory: paths absolute."""
-    return value.absolute() if isinstance(value, Path) else value
 
 
 def _execute(version: str, own: bool, call: bytes) -> Any:

@@ -32,7 +32,8 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
         # once for each worker, so that all read the results now
         wanted = [engine.submit(_wanted, out) for _ in range(min(engine.slots, MOST_PAINTERS))][0].result()
         # the responses of one day take longest: first, so that they end with the others
-        under_way = {job: engine.submit(_paint, out, job) for job in sorted(wanted, key=_is_quick)}
+        order = sorted(wanted, key=lambda job: job[0] != "fir_day")
+        under_way = {job: engine.submit(_paint, out, job) for job in order}
         drawn = [under_way[job].result() for job in wanted]
         files = [file for file in drawn if file is not None]
         page: Path = engine.submit(_report, out, files, dict(summary)).result()
@@ -42,10 +43,6 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
     finally:
         _read = None  # of an engine that is this process
     return [*(file.path for file in files), page]
-
-
-def _is_quick(job: "Job") -> bool:
-    return job[0] != "fir_day"
 
 
 def _results(out: Path) -> "Results":
