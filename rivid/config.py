@@ -449,8 +449,6 @@ def read_config(path: Path) -> dict[str, Any]:
 def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     """Merge tables key by key into a new one; any other own value replaces the shared one.
 
-    Examples
-    --------
     >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
     {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
     """

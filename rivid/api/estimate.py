@@ -494,8 +494,6 @@ def _reasons(answer: Answer, days: Days) -> Strings:
 def describe_delay(delay: float, sample_time: float | None) -> str:
     """Return a delay in samples and, if T_s is known, as a travel time.
 
-    Examples
-    --------
     >>> describe_delay(6.0, 133.0), describe_delay(6.0, None), describe_delay(float("nan"), 133.0)
     ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
@@ -510,8 +508,6 @@ def describe_delay(delay: float, sample_time: float | None) -> str:
 def describe_days(status: ArrayLike, delay: ArrayLike) -> str:
     """Return the number of days by status, and the range of their delays.
 
-    Examples
-    --------
     >>> describe_days(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
     '3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples'
     """

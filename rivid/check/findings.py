@@ -276,8 +276,6 @@ class Report:
 def list_dates(dates: Iterable[dt.date]) -> str:
     """Return spans of consecutive dates, the first few of them, and the number of days.
 
-    Examples
-    --------
     >>> list_dates([dt.date(2008, 3, 1), dt.date(2008, 3, 2), dt.date(2008, 3, 9)])
     '2008-03-01 to 2008-03-02, 2008-03-09 (3 days)'
     """
@@ -291,8 +289,6 @@ def list_dates(dates: Iterable[dt.date]) -> str:
 def times(ratio: float) -> str:
     """Format a factor with three digits.
 
-    Examples
-    --------
     >>> times(35.31), times(999.7)
     ('35.3', '1,000')
     """
@@ -302,8 +298,6 @@ def times(ratio: float) -> str:
 def span(seconds: float) -> str:
     """Format a duration: in minutes below two hours.
 
-    Examples
-    --------
     >>> span(3600), span(86400 / 4)
     ('60 min', '6.0 h')
     """

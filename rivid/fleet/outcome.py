@@ -106,8 +106,6 @@ class Outcome:
 def worst(codes: Iterable[int]) -> int:
     """The exit code of a fleet: the worst of its reaches, in the order of :data:`WORST_FIRST`.
 
-    Examples
-    --------
     >>> worst([0, 3, 10, 0]), worst([])
     (10, 0)
     """

@@ -301,8 +301,6 @@ class Grid:
 def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
     """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
 
-    Examples
-    --------
     >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
     650
     """

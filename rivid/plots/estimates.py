@@ -536,8 +536,6 @@ def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
 
     `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
 
-    Examples
-    --------
     >>> low, high = t50_window(np.array([24.0, 26.0, 30.0]), [np.array([22.0, 33.0]), np.array([8.0, 9.0])])
     >>> round(low, 1), round(high, 1)
     (21.3, 33.7)

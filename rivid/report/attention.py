@@ -91,8 +91,6 @@ def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
 def band(values: Floats) -> tuple[float, float] | None:
     """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty.
 
-    Examples
-    --------
     >>> band(np.array([6.0, 7.0] * 20 + [9.0, np.nan]))
     (6.0, 7.0)
     """
@@ -106,8 +104,6 @@ def band(values: Floats) -> tuple[float, float] | None:
 def outside(values: Floats, limits: tuple[float, float]) -> Bools:
     """Return the values further from a band than its width and one sample; False for NaN.
 
-    Examples
-    --------
     >>> outside(np.array([6.0, 8.0, 9.0, np.nan]), (6.0, 7.0))
     array([False, False,  True, False])
     """

@@ -176,8 +176,6 @@ def last_week(results: Results) -> LastWeek | None:
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
     """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week.
 
-    Examples
-    --------
     >>> weeks_ago([dt.date(2008, 12, 24), dt.date(2008, 12, 25), dt.date(2008, 12, 31)])
     array([1, 0, 0])
     """
@@ -262,8 +260,6 @@ def _ends(values: Floats) -> tuple[float, float] | None:
 def missing(dates: Sequence[dt.date]) -> list[dt.date]:
     """Return the days between the first and the last that have no row: no log of them exists.
 
-    Examples
-    --------
     >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
     [datetime.date(2024, 6, 12)]
     """

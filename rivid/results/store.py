@@ -307,8 +307,6 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
 def assumed(config: Config) -> list[str]:
     """Keys of the geometry that are not configured: their defaults are those of another reach (Table I).
 
-    Examples
-    --------
     >>> assumed(Config()), assumed(Config.model_validate({"reach": {"length": 15e3, "bed_level": 90.0}}))
     (['length', 'width', 'depth'], ['width'])
     """

@@ -89,8 +89,6 @@ MOST = 100_000
 class Shard:
     """Part `index` of `count`, counted from 1.
 
-    Examples
-    --------
     >>> Shard.parse("3/16")
     Shard(index=3, count=16)
     """
