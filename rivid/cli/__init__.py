@@ -185,19 +185,14 @@ def main() -> None:
             raise
         code = 1
     if _received:
+        from rivid.cli.console import print_error
+
         code = 128 + _received[0]
-        _report_interruption()
+        what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
+        kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
+        with suppress(OSError, ValueError):  # stderr may be closed
+            print_error(f"{what}{kept}")
     sys.exit(code)
-
-
-def _report_interruption() -> None:
-    """Print one line, if stderr is still open."""
-    from rivid.cli.console import print_error
-
-    what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
-    kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
-    with suppress(OSError, ValueError):
-        print_error(f"{what}{kept}")
 
 
 def _run() -> int:

@@ -245,11 +245,10 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
     with_delay = found(e)
-    degenerate = np.array([s == "degenerate" for s in e.status], bool)
     classes = {
-        "data decide": ~e.prior_only & ~degenerate,
-        "data do not decide": e.prior_only & ~degenerate,
-        "degenerate": degenerate,
+        "data decide": ~e.prior_only & ~e.degenerate,
+        "data do not decide": e.prior_only & ~e.degenerate,
+        "degenerate": e.degenerate,
     }
     whole = max(int(with_delay.sum()), 1)
     return {
@@ -519,7 +518,7 @@ def _t50_days(
     low, high = t50_window(e.t50[shown], [tau for tau in bounds if tau.size])
     style.lag_ticks(ax, low, high, bins=10)
     outside = shown & ((e.t50 < low) | (e.t50 > high))
-    degenerate = shown & ~outside & np.array([s == "degenerate" for s in e.status], bool)
+    degenerate = shown & ~outside & e.degenerate
     size = grow * float(np.clip(160 / np.sqrt(len(e.dates)) / 2.4, 2.4, 6.0))
     for name, days, kind in (
         ("t50", shown & ~outside & ~degenerate, "data decide"),

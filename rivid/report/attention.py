@@ -116,9 +116,7 @@ def far(recent: LastWeek) -> list[Row]:
     limits, e = band(recent.values), recent.estimator
     if limits is None:
         return []
-    listed = np.array([status == "degenerate" for status in e.status], bool)
-    if recent.quantity != "t50":
-        listed |= e.at_bound
+    listed = e.degenerate if recent.quantity == "t50" else e.degenerate | e.at_bound
     return [
         _row(
             e.dates[i],

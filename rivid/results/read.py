@@ -67,6 +67,11 @@ class EstimatorResults:
         """Rows of status ok or degenerate."""
         return np.array([s in ("ok", "degenerate") for s in self.status], bool)
 
+    @property
+    def degenerate(self) -> Bools:
+        """Rows of status degenerate."""
+        return np.array([s == "degenerate" for s in self.status], bool)
+
 
 @dataclass(frozen=True)
 class Results:
@@ -279,10 +284,8 @@ def found(estimator: EstimatorResults) -> Bools:
 def decided(estimator: EstimatorResults) -> Bools:
     """Days with a delay that the data decide, shape (n,): neither prior_only nor degenerate by fault."""
     e = estimator
-    degenerate = np.array(
-        [s == "degenerate" and not ESTIMATORS[e.estimator].degenerates for s in e.status], bool
-    )
-    return np.asarray(found(e) & ~e.prior_only & ~degenerate)
+    fault = e.degenerate & (not ESTIMATORS[e.estimator].degenerates)
+    return np.asarray(found(e) & ~e.prior_only & ~fault)
 
 
 def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
@@ -291,7 +294,7 @@ def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
     holds = {
         "data decide": days,
         "data do not decide": days & e.prior_only,
-        "degenerate": days & np.array([s == "degenerate" for s in e.status], bool),
+        "degenerate": days & e.degenerate,
         "at a bound": days & e.at_bound,
     }
     taken = np.zeros(len(e.dates), bool)
@@ -308,14 +311,10 @@ def day_numbers(dates: Sequence[dt.date]) -> Floats:
 
 
 def rayleigh(delays: Floats, scale: float) -> Floats:
-    """Rayleigh prior, sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
+    """Rayleigh prior (26), sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
 
-    Notes
-    -----
-    Source: (26), lost in the paper's copy; its terms in (27) and (35) give it back.
+    (26) is lost in the paper's copy; its terms in (27) and (35) give it back.
 
-    Examples
-    --------
     >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
     >>> p[4:8].round(3), round(float(p.sum()), 6)
     (array([0.094, 0.099, 0.099, 0.094]), 1.0)
