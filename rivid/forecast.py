@@ -102,14 +102,9 @@ def read_logs(
     """The logs that a forecast needs, and the days that were left out, with the reason.
 
     `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
-    last measured output. Later outputs are not used, later flows are announced.
-
-    Raises
-    ------
-    NoDataError
-        Where no output is logged in the :data:`HISTORY` days before the origin.
-    ConfigError
-        Where the configuration is of another kind of reach or sample time than the model.
+    last measured output. Later outputs are not used, later flows are announced. NoDataError where no output
+    is logged in the :data:`HISTORY` days before the origin; ConfigError where the configuration is of another
+    kind of reach or sample time than the model.
     """
     reach = config.reach
     if (reach.kind, reach.sample_time) != (model.kind, model.sample_time):
@@ -277,16 +272,9 @@ def run(
 
     `origins` are of shape (m,). The simulation begins `lead` samples before each and ends `ahead` samples
     after it, the flows of the first `announced` of which are known. The inflow that is not announced is that
-    of the day before with `repeat`, else it is held.
-
-    Returns
-    -------
-    change, sd : ndarray, shape (m, ahead)
-        Expected output less the last measured one, and its standard deviation by the noise [m or m3/s].
-    left : ndarray, shape (m,)
-        Expected residual after the origin [m or m3/s].
-    (inflow, outflow) : ndarray, shape (m, ahead)
-        The flows that were assumed [m3/s].
+    of the day before with `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less
+    the last measured one and its standard deviation by the noise [m or m3/s]; the expected residual after the
+    origin, (m,) [m or m3/s]; and the inflow and outflow that were assumed, (m, ahead) [m3/s].
     """
     at = np.maximum(origins[:, None] + np.arange(-lead, ahead + 1), 0)
     T, until = model.sample_time, lead + announced

@@ -549,15 +549,9 @@ def ingest(
     `dry_run` writes nothing. From `today` on (default: by the clock), a log may be unfinished. The
     configuration of the logs goes to `run_config` (default: ``<out>_run.toml``). One that this function wrote
     is written again where nothing but that changes; where logs differ, or the file was edited, it stays.
-
-    Raises
-    ------
-    ConfigError
-        Where the exports are not as declared, or something in place must not be overwritten.
-    DataError
-        Where a file cannot be read.
-    NoDataError
-        Where the exports hold no value of the required columns.
+    ConfigError where the exports are not as declared, or something in place must not be overwritten;
+    DataError where a file cannot be read; NoDataError where the exports hold no value of the required
+    columns.
     """
     spec = spec_of(config)
     run_config = run_config or run_config_of(out)

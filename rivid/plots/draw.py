@@ -38,16 +38,12 @@ Drawn = tuple[Figure, str, dict[str, Any]]
 
 
 def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list[FigureFile]:
-    """Draw every figure of a run into OUT/figures, over those there; equal results give equal bytes.
+    """Draw every figure of a run into OUT/figures, over those there (Figs 12-18); equal results, equal bytes.
 
     Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
     delay_discharge, where it estimates delays; then the responses of one `day`, a typical one by default. For
     a river, t50 and t50_discharge of the leading estimator. ConfigError where `day` is not among the results,
     RividError where a file cannot be written.
-
-    Notes
-    -----
-    Source: Figs 12-18.
     """
     folder = out / "figures"
     drawn = [draw(results, job, folder, day=day) for job in jobs(results)]

@@ -91,17 +91,13 @@ def tdr(
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
 ) -> Axes:
-    """Time-day representation: the impulse response of each day as a grey column, black is high.
+    """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
-    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape
-    (n, M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
+    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
+    M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
     [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
     90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
     minutes. `greys` are the values that are white and black, by default those of the figure's own responses.
-
-    Notes
-    -----
-    Source: section VI, Figs 13-16.
     """
     x, M = np.asarray(day, float), fir.shape[1]
     at = (x - x[0]).astype(int)
