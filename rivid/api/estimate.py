@@ -435,12 +435,9 @@ def posterior(
         raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.needed_for}")
     with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
         answer = estimator.estimate(days)
-    columns = {
-        "status": answer.status, "delay": answer.delay, "probability": answer.probability,
-        "delay_low": answer.delay_low, "delay_high": answer.delay_high, "travel": answer.travel,
-        "probabilities": answer.curve, "fir": answer.fir, "fir_sd": answer.fir_sd,
-        "reason": _reasons(answer, days),
-    }  # fmt: skip
+    names = ("status", "delay", "probability", "delay_low", "delay_high", "travel", "fir", "fir_sd")
+    columns = {name: getattr(answer, name) for name in names}
+    columns |= {"probabilities": answer.curve, "reason": _reasons(answer, days)}
     # the posterior sets all of these; the sample time of arrays alone is unknown
     values: dict[str, Any] = {n: v[0] if single and v is not None else v for n, v in columns.items()}
     known = isinstance(u, Day) or config is not None

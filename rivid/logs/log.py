@@ -699,11 +699,6 @@ def may_hold(values: Floats) -> bool:
     return float(np.fmin.reduce(values)) in _NEGATIVE or float(np.fmax.reduce(values)) in _POSITIVE
 
 
-def _below_sentinels(values: Floats) -> bool:
-    """Whether all values are smaller in size than any sentinel of their sign."""
-    return bool(np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE))
-
-
 def sentinels_in(values: Floats) -> list[float]:
     """Well-known sentinels, ascending, among values (n,) of a day, far from all others; NaN is no value."""
     known = np.isin(values, SENTINELS)
@@ -732,7 +727,8 @@ def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> li
         if source not in columns.numbers:
             continue  # it is in another file
         values = columns.numbers[source]
-        if not (many_days or may_hold(values)) or _below_sentinels(values):
+        small = np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE)
+        if small or not (many_days or may_hold(values)):
             continue
         there = ~np.isin(values, given.sentinels)
         suspects = there & np.isin(values, SENTINELS)

@@ -55,7 +55,6 @@ def write_report(
         shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row["estimators"]]
         place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
     represents = s["passage"] or s["record"]
-    names = [e.estimator for e in results.estimators]
     context = {
         "s": s,
         "look": counted(results, recent, rows) if recent else None,
@@ -70,7 +69,7 @@ def write_report(
         "weeks": WEEKS,
         "clear": CLEAR,
         "unit": results.output_unit.replace("m3", "m³"),
-        "not_judged": any(ESTIMATORS[name].unjudged for name in names),
+        "not_judged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
         "estimators": [
             {
                 "name": e.estimator,
