@@ -120,11 +120,8 @@ def _context(
     def widths(o: Outcome) -> float:  # the change of the last week, in widths of the band
         return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
 
-    chosen = {
-        kind: [o for o in outcomes if o.reach in names]
-        for kind in ("failing", "left_band", "silent", "changed")
-        for names in [set(found[kind])]
-    }
+    of = {o.reach: o for o in outcomes}
+    chosen = {k: [of[reach] for reach in found[k]] for k in ("failing", "left_band", "silent", "changed")}
     return {
         "name": name,
         "found": found,

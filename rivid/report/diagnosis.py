@@ -96,11 +96,8 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
             files.append(plots.draw_loop(folder, loop.shown, words, named=named))
         if evidence is not None and evidence.record.used.any():
             windows = [(quantities.name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
-            files += [
-                plots.draw_day(folder, evidence, named=named),
-                plots.draw_map(folder, evidence, named=named),
-                plots.draw_inflow(folder, evidence, named=named, windows=windows),
-            ]
+            files += [draw(folder, evidence, named=named) for draw in (plots.draw_day, plots.draw_map)]
+            files.append(plots.draw_inflow(folder, evidence, named=named, windows=windows))
     return [file for file in files if file is not None]
 
 
@@ -111,10 +108,8 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
         record, kept = evidence.record, evidence.record.used
         midnight = np.datetime64(dt.datetime.combine(record.dates[0], dt.time()), "ms")
         time = midnight + np.round(1000.0 * record.time[kept]).astype("timedelta64[ms]")
-        series = (
-            (evidence.inflow_after, evidence.inflow_after_sd),
-            (evidence.inflow_before, evidence.inflow_before_sd),
-        )
+        e = evidence
+        series = (e.inflow_after, e.inflow_after_sd), (e.inflow_before, e.inflow_before_sd)
         bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
         columns = dict(zip(SCHEMA.names, [pa.array(time), *bands], strict=True))
     write_parquet(to_table(columns, SCHEMA), path)
