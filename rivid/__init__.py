@@ -15,27 +15,17 @@ __all__ = [
 ]  # fmt: skip
 
 _MODULES = {
-    "api.day": ("Day", "read_day"),
-    "api.diagnosis": ("DiagnosisResult", "diagnose"),
-    "api.estimate": (
-        "DelayEstimate",
-        "DelayProbabilities",
-        "cusum",
-        "direct",
-        "indirect",
-        "jmap",
-        "map_fir",
-        "ml",
-        "posterior",
-    ),
-    "api.model": ("CalibratedReach", "load_model"),
-    "api.season": ("SimulatedSeason", "simulate"),
-    "config": ("Config", "load_config"),
-    "core.hydraulics": ("propose_delays", "travel_bounds"),
-    "core.settings": ("JmapSettings",),
-    "errors": ("RividError",),
-    "results.read": ("load_delays", "load_results"),
-    "simulation.scenario": ("load_scenario",),
+    "api.day": "Day read_day",
+    "api.diagnosis": "DiagnosisResult diagnose",
+    "api.estimate": "DelayEstimate DelayProbabilities cusum direct indirect jmap map_fir ml posterior",
+    "api.model": "CalibratedReach load_model",
+    "api.season": "SimulatedSeason simulate",
+    "config": "Config load_config",
+    "core.hydraulics": "propose_delays travel_bounds",
+    "core.settings": "JmapSettings",
+    "errors": "RividError",
+    "results.read": "load_delays load_results",
+    "simulation.scenario": "load_scenario",
 }
 
 if TYPE_CHECKING:
@@ -66,7 +56,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     for module, names in _MODULES.items():
-        if name in names:
+        if name in names.split():
             value = getattr(import_module(f"rivid.{module}"), name)
             globals()[name] = value  # before a submodule of the same name can take its place
             return value

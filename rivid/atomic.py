@@ -12,15 +12,8 @@ from rivid.errors import RividError
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary sibling of `path` to write to; on success it takes the place of `path`.
 
-    Parameters
-    ----------
-    path : Path
-        The file to be; its directory is made where it is missing.
-
-    Raises
-    ------
-    RividError
-        Where the file cannot be written (disk full, not permitted), in one line.
+    The directory of the file is made where it is missing. RividError, in one line, where the file cannot be
+    written (disk full, not permitted).
     """
     scratch = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -19,25 +19,13 @@ from rivid.core import settings as core
 from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, RiverSettings, SearchSettings
 from rivid.errors import ConfigError, nearest
 from rivid.estimators import ESTIMATORS
-from rivid.input_config import FLOWS, UNITS, InputConfig, Means, Section
+from rivid.input_config import FLOWS, InputConfig, Means, Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from rivid.core.hydraulics import DelayProposal, TravelBounds
     from rivid.types import Floats
-
-__all__ = [
-    "FLOWS",
-    "UNITS",
-    "Config",
-    "InputConfig",
-    "ReachConfig",
-    "load_config",
-    "load_toml",
-    "parse",
-    "read_toml",
-]
 
 T = TypeVar("T", bound=BaseModel)
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -412,42 +400,24 @@ class Config(Section):
     ) -> JmapSettings:
         """The core's settings, with "bounds" taken from the reach's hydraulics.
 
-        Raises
-        ------
-        ConfigError
-            Where the settings contradict each other (d_max beyond the FIR, for example).
+        ConfigError where the settings contradict each other (d_max beyond the FIR, for example).
         """
         j = self.jmap
-        order, d_max, sigma_d = j.order, j.d_max, j.sigma_d
-        if "bounds" in (order, d_max, sigma_d):
+        given: dict[str, Any] = j.model_dump(exclude={"sigma_d", "start"}) | {"delay_scale": j.sigma_d}
+        if "bounds" in given.values():
             proposal = self.reach.proposal()
-            order = proposal.order if order == "bounds" else order
-            d_max = proposal.d_max if d_max == "bounds" else d_max
-            sigma_d = proposal.delay_scale if sigma_d == "bounds" else sigma_d
-        assert not isinstance(order, str) and not isinstance(d_max, str)
-        if order > core.MAX_ORDER:
+            given |= {key: getattr(proposal, key) for key, value in given.items() if value == "bounds"}
+        if given["order"] > core.MAX_ORDER:
             raise ConfigError(
-                f"the bounds of [reach] ask for an FIR of order {order} at sample_time = "
+                f"the bounds of [reach] ask for an FIR of order {given['order']} at sample_time = "
                 f"{self.reach.sample_time:g} s, {core.MAX_ORDER} is the most: give "
                 "[jmap] order and d_max, or a longer sample_time"
             )
+        unused = [] if fixed_alpha else ["alpha"]
+        unused += [] if inverse_gamma else ["alpha_h", "beta_h"]
+        free = self.reach.kind == "river" if j.start is None else j.start == "free"
         return JmapSettings(
-            order=order,
-            d_min=j.d_min,
-            d_max=d_max,
-            prior=prior,
-            delay_scale=float(sigma_d),
-            alpha=j.alpha if fixed_alpha else None,
-            inverse_gamma=inverse_gamma,
-            alpha_h=j.alpha_h if inverse_gamma else None,
-            beta_h=j.beta_h if inverse_gamma else None,
-            alpha_w=j.alpha_w,
-            beta_w=j.beta_w,
-            jumps=j.jumps,
-            d_init=j.d_init,
-            tolerance=j.tolerance,
-            max_iterations=j.max_iterations,
-            free_start=self.reach.kind == "river" if j.start is None else j.start == "free",
+            **given | dict.fromkeys(unused), prior=prior, inverse_gamma=inverse_gamma, free_start=free
         )
 
 
@@ -479,8 +449,6 @@ def read_config(path: Path) -> dict[str, Any]:
 def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     """Merge tables key by key into a new one; any other own value replaces the shared one.
 
-    Examples
-    --------
     >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
     {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
     """

@@ -24,12 +24,8 @@ CHUNK = 5_000
 def connected(url: str) -> "Iterator[sa.Connection]":
     """A transaction; ``$NAME`` in the URL stands for a variable of the environment.
 
-    Raises
-    ------
-    ConfigError
-        Where SQLAlchemy or the driver is not installed, or the URL is none.
-    DataError
-        Where the database refuses, in its words.
+    ConfigError where SQLAlchemy or the driver is not installed, or the URL is none; DataError where the
+    database refuses, in its words.
     """
     try:
         import sqlalchemy as sa
@@ -60,17 +56,10 @@ def _hidden(url: str) -> str:
 
 
 def queried(url: str, query: str, first: dt.date | None, last: dt.date | None) -> bytes:
-    """The rows of a query as a table in CSV, UTF-8.
+    """The rows of a query, in SQL, as a table in CSV, UTF-8.
 
-    Parameters
-    ----------
-    url : str
-        The database.
-    query : str
-        SQL. ``:first`` and ``:last`` in it stand for the day before `first` and the second day after `last`,
-        at midnight: the rows of these days in any zone lie between them.
-    first, last : date, optional
-        Local days that are wanted; all, by default.
+    ``:first`` and ``:last`` in it stand for the day before `first` and the second day after `last`, at
+    midnight: the rows of these local days, by default all, lie between them in any zone.
     """
     day = dt.timedelta(days=1)
     limits = {
@@ -100,25 +89,9 @@ def queried(url: str, query: str, first: dt.date | None, last: dt.date | None) -
 def publish(delays: "pd.DataFrame", url: str, table: str) -> int:
     """Write a table of delays to a database: a row of the same day, reach and estimator is replaced.
 
-    Parameters
-    ----------
-    delays : DataFrame
-        Of :func:`rivid.load_delays`.
-    url : str
-    table : str
-        Made where it does not exist.
-
-    Returns
-    -------
-    int
-        Rows written; all of them, or none.
-
-    Raises
-    ------
-    ConfigError, DataError
-        As :func:`connected`.
-    RividError
-        Where the table that is there lacks columns.
+    `delays` are those of :func:`rivid.load_delays`; the `table` is made where it does not exist. Returns the
+    number of rows written: all of them, or none. Errors are those of :func:`connected`, and RividError where
+    the table that is there lacks columns.
     """
     import pandas as pd
 

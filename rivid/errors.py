@@ -31,8 +31,6 @@ def printable(text: str) -> str:
 def nearest(came: object, names: Iterable[str]) -> str:
     """Return a hint at the nearest of the names, as the end of a message; "" where none is near.
 
-    Examples
-    --------
     >>> nearest("rnu", ["run", "check"])
     '; did you mean run?'
     >>> nearest("xyz", ["run", "check"])

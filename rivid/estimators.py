@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -170,13 +171,7 @@ class _Registry(dict[str, Estimator]):
 
 
 def register(estimator: Estimator) -> None:
-    """Add an estimator.
-
-    Raises
-    ------
-    ValueError
-        For a name that is taken.
-    """
+    """Add an estimator; ValueError for a name that is taken."""
     if estimator.name in ESTIMATORS:
         raise ValueError(f"an estimator named {estimator.name!r} exists already: choose another name")
     ESTIMATORS[estimator.name] = estimator
@@ -185,10 +180,7 @@ def register(estimator: Estimator) -> None:
 def build(config: Config) -> dict[str, Prepared]:
     """Prepare the estimators of a configuration, by name and in its order.
 
-    Raises
-    ------
-    ConfigError
-        Where settings contradict each other.
+    ConfigError where settings contradict each other.
     """
     return {name: ESTIMATORS[name].prepare(config) for name in config.run.estimators}
 
@@ -213,86 +205,63 @@ def _with_fir(estimate: Callable[[Days], Answer], order: int, max_iterations: in
     return Prepared(estimate, order + 1, f"an FIR of order {order}", "[jmap] order", max_iterations)
 
 
-def _fir(name: str) -> Callable[[Config], Prepared]:
+def _fir(name: str, config: Config) -> Prepared:
     """The impulse response without a delay."""
-
-    def prepare(config: Config) -> Prepared:
-        fit = _fir_fit(name, config)
-
-        def estimate(days: Days) -> Answer:
-            return _answer(fit(days))
-
-        return _with_fir(estimate, config.jmap_settings().order)
-
-    return prepare
+    fit = _fir_fit(name, config)
+    return _with_fir(lambda days: _answer(fit(days)), config.jmap_settings().order)
 
 
-def _cusum(name: str) -> Callable[[Config], Prepared]:
+def _cusum(name: str, config: Config) -> Prepared:
     """A change in the mean of the ML or the MAP response."""
+    import numpy as np
 
-    def prepare(config: Config) -> Prepared:
-        import numpy as np
+    from rivid.core.cusum import cusum
 
-        from rivid.core.cusum import cusum
+    settings, fit = config.cusum_settings(), _fir_fit(name, config)
+    candidates = np.arange(settings.d_min, settings.d_max + 1)
 
-        settings, fit = config.cusum_settings(), _fir_fit(name, config)
-        candidates = np.arange(settings.d_min, settings.d_max + 1)
+    def estimate(days: Days) -> Answer:
+        fir = fit(days)
+        found = cusum(fir.fir, settings)
+        return _answer(
+            fir, status=found.status, delay=found.delay, candidates=candidates,
+            curve=found.decision[:, candidates + 1],
+            reason=np.where(fir.status == "unidentifiable", "", found.reason),
+        )  # fmt: skip
 
-        def estimate(days: Days) -> Answer:
-            fir = fit(days)
-            found = cusum(fir.fir, settings)
-            return _answer(
-                fir,
-                status=found.status,
-                delay=found.delay,
-                candidates=candidates,
-                curve=found.decision[:, candidates + 1],
-                reason=np.where(fir.status == "unidentifiable", "", found.reason),
-            )
-
-        return _with_fir(estimate, config.jmap_settings().order)
-
-    return prepare
+    return _with_fir(estimate, config.jmap_settings().order)
 
 
-def _jmap(**changes: Any) -> Callable[[Config], Prepared]:
+def _jmap(config: Config, **changes: Any) -> Prepared:
     """Delay and response together (Tables V and VI), with the changes to the settings of `[jmap]`."""
+    from rivid.core.fir import jmap
 
-    def prepare(config: Config) -> Prepared:
-        from rivid.core.fir import jmap
+    settings = config.jmap_settings(**changes)
 
-        settings = config.jmap_settings(**changes)
+    def estimate(days: Days) -> Answer:
+        found = jmap(days.u, days.y, settings)
+        return _answer(found, curve=found.criterion)
 
-        def estimate(days: Days) -> Answer:
-            found = jmap(days.u, days.y, settings)
-            return _answer(found, curve=found.criterion)
-
-        return _with_fir(estimate, settings.order, settings.max_iterations)
-
-    return prepare
+    return _with_fir(estimate, settings.order, settings.max_iterations)
 
 
-def _search(name: str) -> Callable[[Config], Prepared]:
+def _search(name: str, config: Config) -> Prepared:
     """Table IV: least squares in (8) or in (10) for every delay."""
+    from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, direct, indirect
 
-    def prepare(config: Config) -> Prepared:
-        from rivid.core.search import DIRECT_PARAMETERS, INDIRECT_PARAMETERS, direct, indirect
+    settings = config.search_settings()
+    n_parameters = len(DIRECT_PARAMETERS if name == "direct" else INDIRECT_PARAMETERS)
 
-        settings = config.search_settings()
-        n_parameters = len(DIRECT_PARAMETERS if name == "direct" else INDIRECT_PARAMETERS)
+    def estimate(days: Days) -> Answer:
+        if name == "direct":
+            assert days.o is not None, "the configuration refuses direct where the outflow is not logged"
+            found = direct(days.u, days.o, days.y, settings)
+        else:
+            found = indirect(days.u, days.y, settings)
+        return _answer(found, curve=found.criterion)
 
-        def estimate(days: Days) -> Answer:
-            if name == "direct":
-                assert days.o is not None, "the configuration refuses direct where the outflow is not logged"
-                found = direct(days.u, days.o, days.y, settings)
-            else:
-                found = indirect(days.u, days.y, settings)
-            return _answer(found, curve=found.criterion)
-
-        min_samples = settings.d_max + 2 + n_parameters
-        return Prepared(estimate, min_samples, f"d_max = {settings.d_max}", _key(config, "search", "d_max"))
-
-    return prepare
+    min_samples = settings.d_max + 2 + n_parameters
+    return Prepared(estimate, min_samples, f"d_max = {settings.d_max}", _key(config, "search", "d_max"))
 
 
 def _posterior(config: Config) -> Prepared:
@@ -395,85 +364,41 @@ def _key(config: Config, table: str, name: str) -> str:
     return f"[{'jmap' if getattr(getattr(config, table), name) is None else table}] {name}"
 
 
+_of_jmap = partial(Estimator, checks_data=True)
+_of_search = partial(Estimator, table="search", reaches=("pool",), has_fir=False, notes_bound=True)
+_of_cusum = partial(Estimator, table="cusum", notes_bound=True, method="CUSUM")
+
 ESTIMATORS = _Registry(
     (one.name, one)
     for one in (
-        Estimator("ml", "maximum likelihood (17)", _fir("ml"), has_delay=False, t50_rank=1),
-        Estimator("map", "smooth MAP (22)", _fir("map"), has_delay=False, t50_rank=3),
-        Estimator(
-            "jmap",
-            "JMAP, Rayleigh prior (Table VI)",
-            _jmap(),
-            checks_data=True,
-            rayleigh=True,
-            delay_rank=1,
-            t50_rank=2,
+        Estimator("ml", "maximum likelihood (17)", partial(_fir, "ml"), has_delay=False, t50_rank=1),
+        Estimator("map", "smooth MAP (22)", partial(_fir, "map"), has_delay=False, t50_rank=3),
+        _of_jmap("jmap", "JMAP, Rayleigh prior (Table VI)", _jmap, rayleigh=True, delay_rank=1, t50_rank=2),
+        _of_jmap(
+            "jmap-uniform", "JMAP, uniform prior, fixed alpha (Table V)",
+            partial(_jmap, prior="uniform", fixed_alpha=True), uniform=True,
         ),
-        Estimator(
-            "jmap-uniform",
-            "JMAP, uniform prior, fixed alpha (Table V)",
-            _jmap(prior="uniform", fixed_alpha=True),
-            checks_data=True,
-            uniform=True,
+        _of_jmap(
+            "jmap-uniform-estimated", "JMAP, uniform prior, alpha estimated",
+            partial(_jmap, prior="uniform"), uniform=True,
         ),
-        Estimator(
-            "jmap-uniform-estimated",
-            "JMAP, uniform prior, alpha estimated",
-            _jmap(prior="uniform"),
-            checks_data=True,
-            uniform=True,
+        _of_jmap(
+            "jmap-degenerate", "JMAP without the inverse-gamma prior", partial(_jmap, inverse_gamma=False),
+            rayleigh=True, degenerates=True,
         ),
-        Estimator(
-            "jmap-degenerate",
-            "JMAP without the inverse-gamma prior",
-            _jmap(inverse_gamma=False),
-            checks_data=True,
-            rayleigh=True,
-            degenerates=True,
-        ),
-        Estimator(
-            "direct",
-            "direct approach, least squares in (8) (Table IV)",
-            _search("direct"),
-            table="search",
-            reaches=("pool",),
+        _of_search(
+            "direct", "direct approach, least squares in (8) (Table IV)", partial(_search, "direct"),
             needs_outflow=True,
-            has_fir=False,
-            notes_bound=True,
         ),
-        Estimator(
-            "indirect",
-            "indirect approach, least squares in (10) (Table IV)",
-            _search("indirect"),
-            table="search",
-            reaches=("pool",),
-            has_fir=False,
-            notes_bound=True,
+        _of_search(
+            "indirect", "indirect approach, least squares in (10) (Table IV)", partial(_search, "indirect")
         ),
+        _of_cusum("cusum-ml", "CUSUM on the ML response", partial(_cusum, "ml")),
+        _of_cusum("cusum-map", "CUSUM on the MAP response", partial(_cusum, "map")),
         Estimator(
-            "cusum-ml",
-            "CUSUM on the ML response",
-            _cusum("ml"),
-            table="cusum",
-            notes_bound=True,
-            method="CUSUM",
-        ),
-        Estimator(
-            "cusum-map",
-            "CUSUM on the MAP response",
-            _cusum("map"),
-            table="cusum",
-            notes_bound=True,
-            method="CUSUM",
-        ),
-        Estimator(
-            "posterior",
-            "probability of each delay, averaged over equations",
-            _posterior,
-            table="posterior",
-            has_probability=True,
-            delay_rank=2,
+            "posterior", "probability of each delay, averaged over equations", _posterior,
+            table="posterior", has_probability=True, delay_rank=2,
         ),
     )
-)
+)  # fmt: skip
 """The estimators that `rivid run` offers, by name, in the order of its help."""

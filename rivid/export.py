@@ -269,10 +269,7 @@ def _rtc_tools(source: Path, out: Path) -> list[Path]:
 def law_of(source: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     """Rows of delay_law.csv, discharge classes [m3/s] and their travel times [s]; and delay_law.json.
 
-    Raises
-    ------
-    NoDataError
-        Where `rivid season` has not written it.
+    NoDataError where `rivid season` has not written it.
     """
     try:
         texts = [(source / f"delay_law.{kind}").read_text(encoding="utf-8") for kind in ("csv", "json")]
@@ -310,10 +307,8 @@ def _csv(source: Path, out: Path) -> list[Path]:
     rows, about = law_of(source)
     lines = [",".join(rows[0]), *(",".join(f"{v:.6g}" for v in row.values()) for row in rows)]
     write_text(out / "delay_by_discharge.csv", "\n".join(lines) + "\n")
-    write_text(
-        out / "delay_by_discharge.json",
-        json.dumps(finite(about) | {"written_by": f"rivid {__version__}"}, indent=1) + "\n",
-    )
+    made = finite(about) | {"written_by": f"rivid {__version__}"}
+    write_text(out / "delay_by_discharge.json", json.dumps(made, indent=1) + "\n")
     return [out / "delay_by_discharge.csv", out / "delay_by_discharge.json"]
 
 
@@ -324,21 +319,11 @@ FORMATS: dict[str, Callable[[Path, Path], list[Path]]] = {
 
 
 def export(source: Path, out: Path, form: str) -> list[Path]:
-    """Write a model or a law in a format of :data:`FORMATS`; return the files.
+    """Write a model or a law in a format of :data:`FORMATS` into `out`, which is created; return the files.
 
-    Parameters
-    ----------
-    source : Path
-        For `state-space` and `rtc-tools` the model.toml of `rivid diagnose` or its directory; for `pypsa` and
-        `csv` the directory of a run that `rivid season` has joined.
-    out : Path
-        Directory of the files; it is created.
-    form : str
-
-    Raises
-    ------
-    RividError
-        Where the source lacks what the format needs, or a file cannot be written.
+    `source` is, for `state-space` and `rtc-tools`, the model.toml of `rivid diagnose` or its directory; for
+    `pypsa` and `csv`, the directory of a run that `rivid season` has joined. RividError where it lacks what
+    the format needs, or a file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     return FORMATS[form](source, out)

@@ -48,19 +48,11 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Logs on a grid, from some days ago until the last horizon.
+    """Logs on a grid of n samples, from some days ago until the last horizon; arrays have the shape (n,).
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Seconds since the local midnight of `first`.
-    first : datetime.date
-    inflow, outflow, output : ndarray, shape (n,)
-        Flows [m3/s], NaN where they are not known; outflow zero for a river. Output NaN where it is missing.
-    now : int
-        Index of the origin of the forecast.
-    begin : datetime.datetime
-        Time of the first sample, with the zone of the log.
+    `time` is in seconds since the local midnight of `first`. `inflow` and `outflow` are flows [m3/s], NaN
+    where they are not known, the outflow of a river zero; `output` is NaN where it is missing. `now` is the
+    index of the origin of the forecast, `begin` the time of the first sample, with the zone of the log.
     """
 
     time: Floats
@@ -107,31 +99,12 @@ class Forecast:
 def read_logs(
     root: Path, config: Config, model: ReachModel, *, hours: float, at: dt.datetime | None = None
 ) -> tuple[Series, tuple[str, ...]]:
-    """The logs that a forecast needs.
+    """The logs that a forecast needs, and the days that were left out, with the reason.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    model : ReachModel
-    hours : float
-        Longest horizon [h].
-    at : datetime.datetime, optional
-        Origin; default: the last measured output. Later outputs are not used, later flows are announced.
-
-    Returns
-    -------
-    Series
-    tuple of str
-        Days that were left out, with the reason.
-
-    Raises
-    ------
-    NoDataError
-        Where no output is logged in the :data:`HISTORY` days before the origin.
-    ConfigError
-        Where the configuration is of another kind of reach or sample time than the model.
+    `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
+    last measured output. Later outputs are not used, later flows are announced. NoDataError where no output
+    is logged in the :data:`HISTORY` days before the origin; ConfigError where the configuration is of another
+    kind of reach or sample time than the model.
     """
     reach = config.reach
     if (reach.kind, reach.sample_time) != (model.kind, model.sample_time):
@@ -166,7 +139,9 @@ def read_logs(
     for signal in spec.signals:
         gap = np.where(grid > origin, 0, spec.max_gap) + signal.spacing  # what is announced has no gaps
         place = _held if signal.held else _between
-        found[signal.name] = place(series[signal.name], grid, spec.tolerance, gap)
+        column = series[signal.name]
+        none = np.full(len(grid), np.nan)
+        found[signal.name] = place(column, grid, spec.tolerance, gap) if len(column[0]) else none
     begin = dt.datetime.fromtimestamp(grid[0] / MICRO, zone)
     midnight = dt.datetime(begin.year, begin.month, begin.day, tzinfo=zone)
     output = found[spec.output]
@@ -183,8 +158,6 @@ def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floa
     """A command at each time: the last one, for no longer than a gap (n,)."""
     times, values = column
     before = times.searchsorted(grid + late, side="right") - 1
-    if not len(times):
-        return np.full(len(grid), np.nan)
     known = (before >= 0) & (grid - times[before] < gap)
     return np.where(known, values[before], np.nan)
 
@@ -192,8 +165,6 @@ def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floa
 def _between(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floats:
     """A measured quantity at each time, between neighbours that are no further apart than a gap."""
     times, values = column
-    if not len(times):
-        return np.full(len(grid), np.nan)
     after = np.minimum(times.searchsorted(grid - late), len(times) - 1)
     before = np.maximum(times.searchsorted(grid + late, side="right") - 1, 0)
     known = (times[before] <= grid + late) & (times[after] >= grid - late)
@@ -299,26 +270,11 @@ def run(
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Simulated change of the output after each origin, by the logs until there and the announced flows.
 
-    Parameters
-    ----------
-    model : ReachModel
-    series : Series
-    origins : ndarray of int, shape (m,)
-    lead, ahead : int
-        Samples before and after each origin.
-    announced : int
-        Samples after an origin with known flows.
-    repeat : bool
-        Whether the inflow that is not announced is that of the day before; else it is held.
-
-    Returns
-    -------
-    change, sd : ndarray, shape (m, ahead)
-        Expected output less the last measured one, and its standard deviation by the noise [m or m3/s].
-    left : ndarray, shape (m,)
-        Expected residual after the origin [m or m3/s].
-    (inflow, outflow) : ndarray, shape (m, ahead)
-        The flows that were assumed [m3/s].
+    `origins` are of shape (m,). The simulation begins `lead` samples before each and ends `ahead` samples
+    after it, the flows of the first `announced` of which are known. The inflow that is not announced is that
+    of the day before with `repeat`, else it is held. Returns, of shape (m, ahead), the expected output less
+    the last measured one and its standard deviation by the noise [m or m3/s]; the expected residual after the
+    origin, (m,) [m or m3/s]; and the inflow and outflow that were assumed, (m, ahead) [m3/s].
     """
     at = np.maximum(origins[:, None] + np.arange(-lead, ahead + 1), 0)
     T, until = model.sample_time, lead + announced
@@ -394,17 +350,9 @@ class Learnt:
     def of(cls, X: Floats, target: Floats, sd: Floats) -> "Learnt":
         """Least squares for each horizon, from forecasts at earlier times.
 
-        Parameters
-        ----------
-        X : ndarray, shape (m, H, 6)
-        target : ndarray, shape (m, H)
-            What came, less the output at the origin; NaN where it was not measured.
-        sd : ndarray, shape (m, H)
-            By the noise: errors are counted in these.
-
-        Notes
-        -----
-        Errors are those of a fit to the other parts of the time: neighbours in time err alike.
+        `X` are regressors (m, H, 6); `target`, (m, H), is what came, less the output at the origin, NaN where
+        it was not measured; `sd`, (m, H), is by the noise: errors are counted in these. Errors are those of a
+        fit to the other parts of the time: neighbours in time err alike.
         """
         weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
         A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight

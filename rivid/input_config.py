@@ -25,12 +25,7 @@ UNITS: dict[str, dict[str, float]] = {
 class Means:
     """Unit and meaning of a key, as metadata of its type; the reference page shows them.
 
-    Parameters
-    ----------
-    unit : str
-        "-" where it has none.
-    meaning : str
-        In Markdown.
+    The unit is "-" where it has none; the meaning is Markdown.
     """
 
     unit: str
@@ -149,8 +144,7 @@ class InputConfig(Section):
         ),
     ] = Field(default_factory=dict)
     units: Annotated[
-        dict[str, str],
-        Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`"),
+        dict[str, str], Means("-", "of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
     ] = Field(default_factory=dict)
     stamp: Annotated[
         dict[str, Stamp],

@@ -19,8 +19,6 @@ NO_ANSWER = ("failed", "unidentifiable", "pending")
 def count(n: int, noun: str, plural: str | None = None) -> str:
     """A counted noun.
 
-    Examples
-    --------
     >>> count(1, "day"), count(1332, "day")
     ('1 day', '1,332 days')
     """
@@ -30,8 +28,6 @@ def count(n: int, noun: str, plural: str | None = None) -> str:
 def listed(parts: Sequence[str], last: str = "and") -> str:
     """Join words as a sentence does.
 
-    Examples
-    --------
     >>> listed(["a", "b", "c"]), listed(["6", "7"], "or")
     ('a, b and c', '6 or 7')
     """
@@ -43,8 +39,6 @@ def listed(parts: Sequence[str], last: str = "and") -> str:
 def number(value: float) -> str:
     """A number without needless decimals: up to one above 1, two digits below.
 
-    Examples
-    --------
     >>> number(6.0), number(13.3), number(0.0222)
     ('6', '13.3', '0.022')
     """
@@ -74,8 +68,6 @@ def _spelt(seconds: Sequence[float]) -> tuple[list[str], str]:
 def duration(seconds: Sequence[float], joint: str = "to") -> str:
     """Durations [s] in seconds, minutes or hours, joined by `joint`.
 
-    Examples
-    --------
     >>> duration([798, 931]), duration([3714, 21900]), duration([23400]), duration([0.7, 1.5])
     ('13.3 to 15.5 min', '61.9 to 365 min', '6.5 h', '0.7 to 1.5 s')
     """
@@ -86,8 +78,6 @@ def duration(seconds: Sequence[float], joint: str = "to") -> str:
 def spelt(values: Sequence[float]) -> list[str]:
     """Durations without their unit: no decimal from 100 on.
 
-    Examples
-    --------
     >>> spelt([25, 13.33, 365.2, 0.05])
     ['25.0', '13.3', '365', '0.05']
     """
@@ -97,8 +87,6 @@ def spelt(values: Sequence[float]) -> list[str]:
 def samples(values: Sequence[float]) -> str:
     """Delays in samples.
 
-    Examples
-    --------
     >>> samples([6, 7]), samples([1])
     ('6 or 7 samples', '1 sample')
     """
@@ -108,8 +96,6 @@ def samples(values: Sequence[float]) -> str:
 def delays(values: Sequence[float], sample_time: float) -> str:
     """Lags (delays or t50), alternatives with the lowest first, in samples and in minutes or hours.
 
-    Examples
-    --------
     >>> delays([6, 7], 133), delays([1], 133), delays([6, 9], 133)
     ('6 or 7 samples (13.3 to 15.5 min)', '1 sample (2.2 min)', '6 or 9 samples (13.3 or 19.9 min)')
     """
@@ -121,8 +107,6 @@ def delays(values: Sequence[float], sample_time: float) -> str:
 def minutes_first(value: float, sample_time: float) -> str:
     """A t50 in minutes or hours, then in samples.
 
-    Examples
-    --------
     >>> minutes_first(7, 133), minutes_first(14.17, 900), minutes_first(1, 60)
     ('15.5 min (7 samples)', '3.5 h (14.2 samples)', '1.0 min (1 sample)')
     """
@@ -133,8 +117,6 @@ def minutes_first(value: float, sample_time: float) -> str:
 def probability(p: float) -> str:
     """A probability with two digits; one that is nearly sure is not rounded to 1, nor a small one to 0.
 
-    Examples
-    --------
     >>> probability(0.8765), probability(0.999), probability(0.002)
     ('0.88', 'above 0.99', 'below 0.01')
     """
@@ -144,8 +126,6 @@ def probability(p: float) -> str:
 def share(part: int, whole: int) -> str:
     """A share in per cent that is 0 or 100 only where it is exactly that.
 
-    Examples
-    --------
     >>> share(327, 332), share(331, 332), share(1, 1000), share(5, 5)
     ('98 %', '99.7 %', '0.1 %', '100 %')
     """
@@ -160,12 +140,25 @@ def share(part: int, whole: int) -> str:
 def day_range(first: dt.date, last: dt.date) -> str:
     """A day, or from one to another.
 
-    Examples
-    --------
     >>> day_range(dt.date(2008, 1, 1), dt.date(2008, 12, 31))
     '2008-01-01 to 2008-12-31'
     """
     return f"{first}" if first == last else f"{first} to {last}"
+
+
+def spans(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
+    """First and last days of unbroken sequences of days, which are in order.
+
+    >>> [f"{a:%d}-{b:%d}" for a, b in spans([dt.date(2008, 1, 1), dt.date(2008, 1, 2), dt.date(2008, 1, 9)])]
+    ['01-02', '09-09']
+    """
+    found: list[tuple[dt.date, dt.date]] = []
+    for day in days:
+        if found and (day - found[-1][1]).days == 1:
+            found[-1] = found[-1][0], day
+        else:
+            found.append((day, day))
+    return found
 
 
 def output_words(unit: str) -> str:
@@ -181,8 +174,6 @@ def response_unit(unit: str) -> str:
 def statuses(status: Sequence[str]) -> str:
     """Count the days without an answer by status.
 
-    Examples
-    --------
     >>> statuses(["ok", "failed", "failed", "pending"])
     '2 failed and 1 pending'
     """
@@ -197,8 +188,6 @@ def shorten(text: str, width: int) -> str:
 def step(sample_time: float) -> str:
     """The length of a sample: minutes or hours where these are whole.
 
-    Examples
-    --------
     >>> step(300), step(133), step(3600)
     ('5 min', '133 s', '1 h')
     """
@@ -214,8 +203,6 @@ def travel(values: Sequence[float], sample_time: float) -> str:
     At a delay of d samples the inflow arrives between d T_s and (d + 1) T_s; a median between two delays
     stands for both.
 
-    Examples
-    --------
     >>> travel([5], 300), travel([6, 7], 133), travel([6, 9], 133), travel([5.5], 300), travel([20], 0.05)
     ('25 to 30 min', '13.3 to 17.7 min', '13.3 to 15.5 or 19.9 to 22.2 min', '25 to 35 min', '1 to 1.05 s')
     """
@@ -237,8 +224,6 @@ def travel(values: Sequence[float], sample_time: float) -> str:
 def travel_within(low: float, high: float, sample_time: float) -> str:
     """The travel times that the delays from `low` to `high` [samples] stand for.
 
-    Examples
-    --------
     >>> travel_within(5, 9, 133)
     '11.1 to 22.2 min'
     """
@@ -248,8 +233,6 @@ def travel_within(low: float, high: float, sample_time: float) -> str:
 def samples_first(values: Sequence[float], sample_time: float) -> str:
     """Delays in samples, then the travel time that they stand for.
 
-    Examples
-    --------
     >>> samples_first([5], 300)
     '5 samples (25 to 30 min)'
     """
@@ -259,8 +242,6 @@ def samples_first(values: Sequence[float], sample_time: float) -> str:
 def travel_first(values: Sequence[float], sample_time: float) -> str:
     """The travel time that delays stand for, then the delays in samples.
 
-    Examples
-    --------
     >>> travel_first([5], 300), travel_first([6, 7], 133)
     ('25 to 30 min (delay d = 5 samples of 5 min)', '13.3 to 17.7 min (delay d = 6 or 7 samples of 133 s)')
     """
@@ -270,8 +251,6 @@ def travel_first(values: Sequence[float], sample_time: float) -> str:
 def flow(value: float) -> str:
     """A discharge [m3/s] to three digits or to whole units.
 
-    Examples
-    --------
     >>> flow(279.1), flow(12.345), flow(1315.4)
     ('279', '12.3', '1,315')
     """
@@ -281,8 +260,6 @@ def flow(value: float) -> str:
 def power(value: float) -> str:
     """A number to two digits, with a power of ten where it is very large or small.
 
-    Examples
-    --------
     >>> power(24877.7), power(0.0041), power(12.3)
     ('2.5 × 10⁴', '0.0041', '12')
     """
@@ -297,8 +274,6 @@ def power(value: float) -> str:
 def ten_to(exponent: int) -> str:
     """A power of ten.
 
-    Examples
-    --------
     >>> ten_to(-4)
     '10⁻⁴'
     """

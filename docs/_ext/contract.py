@@ -28,7 +28,6 @@ def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
         "criterion": ("", "its criterion; of `posterior` its probability, of CUSUM its g at lag d + 1"),
         "probability": ("", "that this is the delay"),
     }
-    flows = pa.schema([("time", pa.timestamp("ms")), *((name, _FLOAT) for name in diagnosis.FLOWS)])
     return {
         "delays.csv, delays.parquet": (store.DELAYS, store.MEANINGS),
         "fir.parquet": (
@@ -40,7 +39,7 @@ def schemas() -> dict[str, tuple[pa.Schema, dict[str, tuple[str, str]]]]:
         "season.csv, season.parquet": (season.SCHEMA, season.MEANINGS),
         "delay_law.csv": (season.LAW_SCHEMA, season.LAW_MEANINGS),
         "fleet.csv, fleet.parquet": (fleet.FLEET, fleet.MEANINGS),
-        "unexplained_inflow.parquet": (flows, diagnosis.MEANINGS),
+        "unexplained_inflow.parquet": (diagnosis.SCHEMA, diagnosis.MEANINGS),
         "forecast.csv, forecast.parquet": (forecast.SCHEMA, forecast.MEANINGS),
         "flags.csv, flags.parquet": (flags.SCHEMA, flags.MEANINGS),
     }  # fmt: skip

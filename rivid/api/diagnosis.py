@@ -233,11 +233,8 @@ def _record_of(
     season: SimulatedSeason, config: Config, first: dt.date | None, last: dt.date | None
 ) -> Record:
     """Return the logs of a season, without its truth."""
-    rows = [
-        i
-        for i, date in enumerate(season.dates)
-        if (first is None or date >= first) and (last is None or date <= last)
-    ]
+    begin, end = first or dt.date.min, last or dt.date.max
+    rows = [i for i, date in enumerate(season.dates) if begin <= date <= end]
     if not rows:
         raise NoDataError(f"no simulated day from {first} to {last}: expected days of {season.dates[0]} on")
     proposal = config.reach.proposal(season.sample_time)

@@ -209,10 +209,7 @@ def jmap(
 def _series(function: str, u: ArrayLike | Day, **others: ArrayLike | None) -> list[Floats]:
     """Deviations of u and others (names as the function has them) from their first samples.
 
-    Raises
-    ------
-    ConfigError
-        Where a day comes with other series, or arrays without them.
+    ConfigError where a day comes with other series, or arrays without them.
     """
     form = f"{function}(day) or {function}({', '.join(('u', *others))})"
     if isinstance(u, Day):
@@ -438,12 +435,9 @@ def posterior(
         raise RividError(f"{days.u.shape[1]} samples a day are too few for {estimator.needed_for}")
     with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
         answer = estimator.estimate(days)
-    columns = {
-        "status": answer.status, "delay": answer.delay, "probability": answer.probability,
-        "delay_low": answer.delay_low, "delay_high": answer.delay_high, "travel": answer.travel,
-        "probabilities": answer.curve, "fir": answer.fir, "fir_sd": answer.fir_sd,
-        "reason": _reasons(answer, days),
-    }  # fmt: skip
+    names = ("status", "delay", "probability", "delay_low", "delay_high", "travel", "fir", "fir_sd")
+    columns = {name: getattr(answer, name) for name in names}
+    columns |= {"probabilities": answer.curve, "reason": _reasons(answer, days)}
     # the posterior sets all of these; the sample time of arrays alone is unknown
     values: dict[str, Any] = {n: v[0] if single and v is not None else v for n, v in columns.items()}
     known = isinstance(u, Day) or config is not None
@@ -497,8 +491,6 @@ def _reasons(answer: Answer, days: Days) -> Strings:
 def describe_delay(delay: float, sample_time: float | None) -> str:
     """Return a delay in samples and, if T_s is known, as a travel time.
 
-    Examples
-    --------
     >>> describe_delay(6.0, 133.0), describe_delay(6.0, None), describe_delay(float("nan"), 133.0)
     ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
     """
@@ -513,8 +505,6 @@ def describe_delay(delay: float, sample_time: float | None) -> str:
 def describe_days(status: ArrayLike, delay: ArrayLike) -> str:
     """Return the number of days by status, and the range of their delays.
 
-    Examples
-    --------
     >>> describe_days(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
     '3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples'
     """

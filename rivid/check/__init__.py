@@ -24,26 +24,10 @@ LONGEST = 100_000
 
 
 def check(root: Path, config: Config, today: dt.date | dt.datetime | None = None) -> Report:
-    """Read every day of a directory of logs and report its faults.
+    """Read every day of a directory of logs, or of one file, and report its faults.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    today : date or aware datetime, optional
-        A log of this day may be unfinished; see :func:`rivid.logs.days.read_window`.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    NoDataError
-        If there is no log.
-    ConfigError
-        If the configuration names columns that no log has.
+    A log of `today` or later may be unfinished; see :func:`rivid.logs.days.read_window`. NoDataError if there
+    is no log; ConfigError if the configuration names columns that no log has.
     """
     catalog = find_days(root, config)
     refuse_columns(root, catalog.days, config)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from rivid.types import ONE_DAY
+from rivid.text import day_range, spans
 
 Status = Literal["ok", "pending", "failed"]
 Values = Mapping[str, Any]
@@ -165,14 +165,9 @@ def _text(template: str, values: Values) -> str:
 class Finding:
     """A fault or a remark, once for all the days that it applies to.
 
-    Attributes
-    ----------
-    code : str
-        Key of :data:`TEXTS`.
-    values : mapping
-        Columns, numbers [SI units unless the key ends otherwise] and dates of the text.
-    days : dict of date to mapping
-        The days that it applies to, each with its own values; empty for the whole record.
+    `code` is a key of :data:`TEXTS`, `values` are columns, numbers [SI units unless the key ends otherwise]
+    and dates of its text. `days` are the days that it applies to, each with its own values; empty for the
+    whole record.
     """
 
     code: str
@@ -281,29 +276,19 @@ class Report:
 def list_dates(dates: Iterable[dt.date]) -> str:
     """Return spans of consecutive dates, the first few of them, and the number of days.
 
-    Examples
-    --------
     >>> list_dates([dt.date(2008, 3, 1), dt.date(2008, 3, 2), dt.date(2008, 3, 9)])
     '2008-03-01 to 2008-03-02, 2008-03-09 (3 days)'
     """
     ordered = sorted(dates)
-    spans: list[list[dt.date]] = []
-    for date in ordered:
-        if spans and date - spans[-1][1] == ONE_DAY:
-            spans[-1][1] = date
-        else:
-            spans.append([date, date])
-    listed = [f"{first} to {last}" if first != last else f"{first}" for first, last in spans[:MOST_RANGES]]
-    more = ", ..." if len(spans) > MOST_RANGES else ""
+    ranges = [day_range(*ends) for ends in spans(ordered)]
+    more = ", ..." if len(ranges) > MOST_RANGES else ""
     count = f" ({len(ordered)} days)" if len(ordered) > 1 else ""
-    return ", ".join(listed) + more + count
+    return ", ".join(ranges[:MOST_RANGES]) + more + count
 
 
 def times(ratio: float) -> str:
     """Format a factor with three digits.
 
-    Examples
-    --------
     >>> times(35.31), times(999.7)
     ('35.3', '1,000')
     """
@@ -313,8 +298,6 @@ def times(ratio: float) -> str:
 def span(seconds: float) -> str:
     """Format a duration: in minutes below two hours.
 
-    Examples
-    --------
     >>> span(3600), span(86400 / 4)
     ('60 min', '6.0 h')
     """

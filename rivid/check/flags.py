@@ -14,18 +14,16 @@ from rivid.config import Config
 from rivid.errors import ConfigError
 from rivid.logs.days import find_days, read_series
 from rivid.logs.spec import MICRO, day_bounds
-from rivid.results.store import TEXT, described, safe_for_spreadsheets, to_table, write_csv, write_parquet
+from rivid.results.store import described, safe_for_spreadsheets, to_table, write_csv, write_parquet
 from rivid.types import Bools, Ints
 
-SCHEMA, MEANINGS = described(
-    [
-        ("time", pa.timestamp("ms", "UTC"), "", "of the value; of a day that cannot be read, its midnight"),
-        ("column", TEXT, "", "u_Qi, u_Qo, h_L or Q_L; empty for a whole day that cannot be read"),
-        ("flag", TEXT, "", "`fault`: needs action; `remark`; `failed`: the day cannot be used"),
-        ("rule", TEXT, "", "code of the finding, such as `jump` or `unit.factor`"),
-        ("reason", TEXT, "", "the finding for this day, in words"),
-    ]
-)
+SCHEMA, MEANINGS = described("""
+time | moment | | of the value; of a day that cannot be read, its midnight
+column | text | | u_Qi, u_Qo, h_L or Q_L; empty for a whole day that cannot be read
+flag | text | | `fault`: needs action; `remark`; `failed`: the day cannot be used
+rule | text | | code of the finding, such as `jump` or `unit.factor`
+reason | text | | the finding for this day, in words
+""")
 """flags.csv and flags.parquet: a row for each flagged value and rule."""
 NAMED = {"constant.inflow": ("u_Qi",), "constant.outflow": ("u_Qo",), "swapped": ("u_Qi", "u_Qo")}
 """Columns of findings that do not name theirs, by code or kind."""
@@ -42,20 +40,9 @@ def columns_of(finding: Finding, date: dt.date, every: Collection[str]) -> tuple
 
 
 def flags(report: Report, root: Path, config: Config) -> pa.Table:
-    """The table of flags.
+    """Return the table of flags, of :data:`SCHEMA`, in order of days.
 
-    Parameters
-    ----------
-    report : Report
-        Of :func:`rivid.check.check`.
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-
-    Returns
-    -------
-    pyarrow.Table
-        Of :data:`SCHEMA`, in order of days.
+    `report` is that of :func:`rivid.check.check`, `root` is DATA_DIR, or one file.
     """
     rows: list[tuple[dt.datetime, str, str, str, str]] = []
     failed = {day.date: day.reason for day in report.days if day.status == "failed"}
@@ -105,10 +92,7 @@ def _seconds(clock: str) -> float:
 def read_maintenance(path: Path) -> list[dt.date]:
     """Dates of maintenance: lines of a file that begin with one, as 2008-03-14; other lines are comments.
 
-    Raises
-    ------
-    ConfigError
-        Where the file cannot be read, or holds no date.
+    ConfigError where the file cannot be read, or holds no date.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -154,12 +154,8 @@ NO_FIT = Fit(0.0, np.nan, np.nan, np.nan, np.nan)
 class Fits:
     """Fits of the days of a record.
 
-    Attributes
-    ----------
-    longest : float
-        The longest delay of [reach] by its hydraulics [s].
-    right, reverse : dict of date to Fit
-        The best fit if the inflow raises and the outflow lowers the output, and if it is the other way round.
+    `longest` is the longest delay of [reach] by its hydraulics [s]. `right` and `reverse` are, by day, the
+    best fit if the inflow raises and the outflow lowers the output, and if it is the other way round.
     """
 
     def __init__(self, record: Record) -> None:

@@ -7,7 +7,8 @@ import numpy as np
 
 from rivid.check.findings import Finding
 from rivid.check.record import BELIEVED, Fit, Fits, Record, consecutive
-from rivid.config import UNITS, Config
+from rivid.config import Config
+from rivid.input_config import UNITS
 
 # Flows
 FLOW_MARGIN = 1.2
@@ -117,10 +118,8 @@ class Flows:
 
     def _units(self, large: str, small: str, ratio: float) -> tuple[str, str]:
         """Return the units that the larger flow may be in, and the smaller one."""
-        return (
-            _nearest(ratio, self.too_large[large], FLOW_MARGIN),
-            _nearest(ratio, self.too_small[small], FLOW_MARGIN),
-        )
+        by_large, by_small = self.too_large[large], self.too_small[small]
+        return _nearest(ratio, by_large, FLOW_MARGIN), _nearest(ratio, by_small, FLOW_MARGIN)
 
     def _which_unit(self, large: str, small: str, ratio: float) -> tuple[str, dict[str, str | float]]:
         """Return which of two flows is in another unit, by the level or the usual range."""

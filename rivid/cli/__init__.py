@@ -131,12 +131,6 @@ def _interrupt(number: int, frame: Any) -> None:
     raise _Interrupted
 
 
-def _handle_signals() -> None:
-    for name in ("SIGINT", "SIGTERM", "SIGALRM"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), _interrupt)
-
-
 def _ignore_signals() -> None:
     """Ignore signals and stop the alarm, so that nothing interrupts the exit.
 
@@ -165,7 +159,9 @@ def main() -> None:
         os.environ.setdefault(name, "1")  # before numpy: days are parallel, one thread each
     os.environ["MPLBACKEND"] = "agg"  # before matplotlib: that of a notebook or a typing error stops figures
     _open_closed_streams()
-    _handle_signals()
+    for name in ("SIGINT", "SIGTERM", "SIGALRM"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _interrupt)
     try:
         from rivid.cli.console import print_error
 
@@ -189,19 +185,14 @@ def main() -> None:
             raise
         code = 1
     if _received:
+        from rivid.cli.console import print_error
+
         code = 128 + _received[0]
-        _report_interruption()
+        what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
+        kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
+        with suppress(OSError, ValueError):  # stderr may be closed
+            print_error(f"{what}{kept}")
     sys.exit(code)
-
-
-def _report_interruption() -> None:
-    """Print one line, if stderr is still open."""
-    from rivid.cli.console import print_error
-
-    what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
-    kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
-    with suppress(OSError, ValueError):
-        print_error(f"{what}{kept}")
 
 
 def _run() -> int:

@@ -101,10 +101,7 @@ def _toml(value: object) -> str:
 def updated(path: Path, name: str, lines: str) -> str:
     """The text of a configuration with these lines in its table `name`; other keys and comments stay.
 
-    Raises
-    ------
-    ConfigError
-        Where the file cannot be read.
+    ConfigError where the file cannot be read.
     """
     from rivid.config import read_toml
 

@@ -2,16 +2,12 @@
 
 import datetime as dt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
-
-if TYPE_CHECKING:
-    from rivid.check import Report
-    from rivid.config import Config
 
 
 @click.command("check")
@@ -52,12 +48,14 @@ def command(
     """
     import json
 
+    from rivid.check import check
     from rivid.check.flags import explained, read_maintenance, write_flags
     from rivid.check.flags import flags as flags_of
     from rivid.cli.locate import configuration, own
     from rivid.config import load_config
     from rivid.errors import ConfigError
     from rivid.fleet.layout import find_fleet
+    from rivid.logs.days import now_at
 
     console = Console(quiet, verbose)
     given, config = config, configuration(config, data_dir, console)
@@ -69,7 +67,7 @@ def command(
             raise ConfigError("--flags and --maintenance are of one reach: give its directory of logs")
         return _fleet(fleet, as_json, quiet, today)
     settings = load_config(config)
-    report = _report(data_dir, settings, today)
+    report = check(data_dir, settings, today or now_at(settings))
     if maintenance is not None:
         report = explained(report, read_maintenance(maintenance))
     if flags is not None:
@@ -84,24 +82,15 @@ def command(
     return report.exit_code
 
 
-def _report(data_dir: Path, settings: "Config", today: dt.date | None) -> "Report":
-    from zoneinfo import ZoneInfo
-
-    from rivid.check import check
-
-    zone = settings.input.time_zone
-    # without a configured zone, the zone of each log determines its day
-    now = dt.datetime.now(ZoneInfo(zone)).date() if zone else dt.datetime.now(dt.UTC)
-    return check(data_dir, settings, today or now)
-
-
 def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.date | None) -> int:
     """Check each reach by itself; an error of one does not stop the others."""
     import json
 
+    from rivid.check import check
     from rivid.check.findings import render, render_sound
     from rivid.errors import RividError
     from rivid.fleet.outcome import worst
+    from rivid.logs.days import now_at
     from rivid.logs.spec import shown
 
     codes: list[int] = []
@@ -109,7 +98,8 @@ def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.date | None) -> i
     for reach in reaches:
         name = shown(reach.name)
         try:
-            report = _report(reach.data_dir, reach.config(), today)
+            settings = reach.config()
+            report = check(reach.data_dir, settings, today or now_at(settings))
         except RividError as error:
             codes.append(error.exit_code)
             answer[name] = {"error": str(error), "exit_code": error.exit_code}

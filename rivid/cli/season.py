@@ -100,21 +100,12 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
 
     had, has = np.isfinite(days.delay), np.isfinite(joined.delay)
     t = law.table
-    classes = (
-        t.discharge_low,
-        t.discharge_high,
-        t.discharge,
-        t.delay,
-        t.low,
-        t.high,
-        t.day_low,
-        t.day_high,
-        t.n,
-    )
+    flows, delays = (t.discharge_low, t.discharge_high, t.discharge), (t.delay, t.low, t.high)
     text = terminal(
         "season", days=days, joined=joined, law=law, reach=abbreviate(days.reach), wrap=wrap,
         unseen=int((~joined.observed).sum()), alone=int(had.sum()), together=int(has.sum()),
         differ=int((had & has & (days.delay != joined.delay)).sum()), new=int((has & ~had).sum()),
-        gone=int((had & ~has).sum()), classes=list(zip(*classes, strict=True)),
+        gone=int((had & ~has).sum()),
+        classes=list(zip(*flows, *delays, t.day_low, t.day_high, t.n, strict=True)),
     )  # fmt: skip
     click.echo(text)

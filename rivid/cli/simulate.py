@@ -98,10 +98,8 @@ def _write(season: "Season", logs: Path, truth: Path) -> list[str]:
         f"{d} on {n} days" for d, n in zip(*np.unique(season.delay, return_counts=True), strict=True)
     )
     hidden = ", ".join(effect.name for effect in season.effects)
-    flow, level = (
-        season.inflow.mean(axis=1),
-        np.nanmax(season.level, axis=1) - np.nanmin(season.level, axis=1),
-    )
+    flow = season.inflow.mean(axis=1)
+    level = np.nanmax(season.level, axis=1) - np.nanmin(season.level, axis=1)
     return [
         f"{scenario.name}, {scenario.reach.name}, seed {season.seed}: {len(season.dates)} days from "
         f"{season.dates[0]} to {season.dates[-1]}",

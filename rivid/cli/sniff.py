@@ -26,7 +26,8 @@ def command(exports: tuple[Path, ...], time_zone: str | None) -> int:
       rivid sniff sample_data/glen_canyon/2024-05-01.csv
       rivid sniff tests/data/exports/french/telereleve.csv --time-zone Etc/GMT-1
     """
-    from rivid.config import InputConfig, parse
+    from rivid.config import parse
+    from rivid.input_config import InputConfig
     from rivid.logs.sniff.propose import sniff
 
     parse({"time_zone": time_zone}, InputConfig, "--time-zone")

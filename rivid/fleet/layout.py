@@ -64,15 +64,11 @@ def find_fleet(
     directory: then each reach has the keys of ``<reach>.toml`` there over those of ``defaults.toml``. A file
     is shared by all reaches. `estimators` replace the configured ones. `beside` returns the configuration in
     the directory of a reach's logs, or None; its keys replace shared ones, and a ConfigError of it becomes
-    the fault of that reach.
-
-    Raises
-    ------
-    ConfigError
-        If the shared configuration cannot be read.
-    NoDataError
-        If there are configurations of a fleet and no reach.
+    the fault of that reach. ConfigError if the shared configuration cannot be read; NoDataError if there are
+    configurations of a fleet and no reach.
     """
+    from rivid.config import merged, read_config
+
     asked = configs is not None and configs.is_dir()
     if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
         if asked:
@@ -87,11 +83,23 @@ def find_fleet(
         return None
     shared = _defaults(configs)
     own = _own(configs) if asked and configs is not None else {}
-    reaches = []
-    for name, path, holds in folders:
-        if holds or name in own:
-            mine = own.pop(name, None)
-            reaches.append(_reach(name, path, shared, mine, configs, data_dir, estimators, beside))
+
+    def made(name: str, path: Path, mine: Path | None) -> Reach:
+        fault = _fault(name, path, data_dir)
+        raw: dict[str, Any] = {}
+        source = mine or configs or "the defaults"
+        try:
+            if beside is not None and not fault:  # not through a link that leads elsewhere
+                mine = mine or beside(path)
+                source = mine or source
+            raw = merged(shared, read_config(mine) if mine else {})
+        except RividError as error:
+            fault = fault or str(error)
+        if estimators:
+            raw = merged(raw, {"run": {"estimators": list(estimators)}})
+        return Reach(name, path, raw, str(source), ConfigError(fault) if fault else None)
+
+    reaches = [made(name, path, own.pop(name, None)) for name, path, holds in folders if holds or name in own]
     for name, path in own.items():
         missing = f"{path} is of a reach without directory of logs: {data_dir / name} does not exist"
         reaches.append(Reach(name, data_dir / name, {}, str(path), NoDataError(missing)))
@@ -120,9 +128,8 @@ def _defaults(configs: Path | None) -> dict[str, Any]:
     if configs is None:
         return {}
     if not configs.is_dir():
-        parse(
-            raw := read_config(configs), Config, str(configs)
-        )  # report a fault of it once, not for each reach
+        raw = read_config(configs)
+        parse(raw, Config, str(configs))  # a fault of it is reported once, not for each reach
         return raw
     path = configs / DEFAULTS
     return read_config(path) if path.exists() else {}
@@ -132,35 +139,6 @@ def _own(configs: Path) -> dict[str, Path]:
     """The files of single reaches, by reach."""
     paths = (path for path in configs.glob("*.toml") if path.name != DEFAULTS)
     return {path.name.removesuffix(".toml"): path for path in paths if not path.name.startswith(".")}
-
-
-def _reach(
-    name: str,
-    path: Path,
-    shared: dict[str, Any],
-    own: Path | None,
-    configs: Path | None,
-    data_dir: Path,
-    estimators: Sequence[str],
-    beside: Callable[[Path], Path | None] | None,
-) -> Reach:
-    from rivid.config import merged, read_config
-
-    fault: RividError | None = None
-    if text := _fault(name, path, data_dir):
-        fault = ConfigError(text)
-    raw: dict[str, Any] = {}
-    source = str(own or configs or "the defaults")
-    try:
-        if beside is not None and not fault:  # not through a link that leads elsewhere
-            own = own or beside(path)
-            source = str(own or source)
-        raw = merged(shared, read_config(own) if own else {})
-    except RividError as error:
-        fault = fault or ConfigError(str(error))
-    if estimators:
-        raw = merged(raw, {"run": {"estimators": list(estimators)}})
-    return Reach(name, path, raw, source, fault)
 
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:

@@ -106,8 +106,6 @@ class Outcome:
 def worst(codes: Iterable[int]) -> int:
     """The exit code of a fleet: the worst of its reaches, in the order of :data:`WORST_FIRST`.
 
-    Examples
-    --------
     >>> worst([0, 3, 10, 0]), worst([])
     (10, 0)
     """
@@ -125,11 +123,10 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
     e = recent.estimator if recent else lead
     dates = e.dates if e else []
     days = day_numbers(dates).astype(np.int64)
+    t50 = recent is not None and recent.quantity == "t50"
     values = np.full(len(dates), np.nan)
     if recent:
-        values = np.where(recent.decided, recent.estimator.delay, np.nan)
-        if recent.quantity == "t50":
-            values = np.where(recent.decided, recent.values, np.nan)
+        values = np.where(recent.decided, recent.values if t50 else recent.estimator.delay, np.nan)
     week = days > (days[-1] if len(days) else 0) - WEEK
     failed: dict[str, str] = {}
     for one in results.estimators:
@@ -142,7 +139,7 @@ def outcome_of(reach: str, config: "Config", summary: "Summary", content: str) -
         dropped=summary.dropped, failures=summary.failures, new_failures=summary.new_failures,
         bad_files=len(summary.bad_files), content=content, first=str(dates[0]) if dates else "",
         last=str(dates[-1]) if dates else "", estimator=e.estimator if e else "",
-        quantity="t50" if recent and recent.quantity == "t50" else "delay" if e else "",
+        quantity="t50" if t50 else "delay" if e else "",
         sample_time=config.reach.sample_time, answered_week=int(np.isfinite(values[week]).sum()),
         days_week=int(week.sum()), band=band(days, values), moved=trend["moved"] if trend else None,
         change=trend["now"] - trend["before"] if trend else 0.0,

@@ -13,49 +13,35 @@ from rivid.fleet.outcome import Outcome, worst
 from rivid.report.attention import BAND_DAYS
 from rivid.report.page import write_page
 from rivid.report.summary import LEVEL
-from rivid.results.store import (
-    FLAG,
-    NUMBER,
-    TEXT,
-    WHOLE,
-    described,
-    safe_for_spreadsheets,
-    write_csv,
-    write_parquet,
-)
+from rivid.results.store import described, safe_for_spreadsheets, write_csv, write_parquet
 
 SCHEMA_VERSION = 1
 
 SILENT_AFTER = 2
 """A reach is silent where its last log is so many days older than the fleet's latest, or more."""
 
-FLEET, MEANINGS = described(
-    [
-        ("reach", TEXT, "", "its name: that of its directory of logs"),
-        ("code", WHOLE, "", "exit code that its run alone would have"),
-        ("error", TEXT, "", "why it could not be run; empty otherwise"),
-        ("data_sets", WHOLE, "", "data sets of its logs"),
-        ("failures", WHOLE, "", "of these, that failed"),
-        ("bad_files", WHOLE, "", "files that are no logs"),
-        ("first", TEXT, "", "first day of its record"),
-        ("last", TEXT, "", "last day of its record"),
-        ("estimator", TEXT, "", "estimator of the band"),
-        ("quantity", TEXT, "", "`delay`, or `t50` of a river"),
-        ("sample_time_s", NUMBER, "s", "T_s"),
-        ("answered_last_week", WHOLE, "days", "of the last seven, with an answer"),
-        ("days_last_week", WHOLE, "days", "of the last seven, with a row"),
-        ("median", NUMBER, "samples", "of the 365 days before the last week"),
-        ("band_low", NUMBER, "samples", "below it lies a twentieth of that year's days"),
-        ("band_high", NUMBER, "samples", "above it lies a twentieth"),
-        ("median_last_week", NUMBER, "samples", "of the last seven days"),
-        ("above_last_week", WHOLE, "days", "of the last seven above the band"),
-        ("below_last_week", WHOLE, "days", "of the last seven below the band"),
-        (
-            "left_band", FLAG, "",
-            "the delay has moved in the last week, by the test of the report; empty without a test",
-        ),
-    ]
-)  # fmt: skip
+FLEET, MEANINGS = described("""
+reach | text | | its name: that of its directory of logs
+code | whole | | exit code that its run alone would have
+error | text | | why it could not be run; empty otherwise
+data_sets | whole | | data sets of its logs
+failures | whole | | of these, that failed
+bad_files | whole | | files that are no logs
+first | text | | first day of its record
+last | text | | last day of its record
+estimator | text | | estimator of the band
+quantity | text | | `delay`, or `t50` of a river
+sample_time_s | number | s | T_s
+answered_last_week | whole | days | of the last seven, with an answer
+days_last_week | whole | days | of the last seven, with a row
+median | number | samples | of the 365 days before the last week
+band_low | number | samples | below it lies a twentieth of that year's days
+band_high | number | samples | above it lies a twentieth
+median_last_week | number | samples | of the last seven days
+above_last_week | whole | days | of the last seven above the band
+below_last_week | whole | days | of the last seven below the band
+left_band | flag | | the delay has moved in the last week, by the test of the report; empty without a test
+""")
 """A row per reach: fleet.csv and fleet.parquet; the delay, or t50, in samples."""
 
 
@@ -116,9 +102,8 @@ def _before(out: Path) -> dict[str, Any]:
 def _row(o: Outcome) -> dict[str, Any]:
     b = o.band or {}
     return {
-        "reach": o.reach, "code": o.code, "error": o.error, "data_sets": o.data_sets,
-        "failures": o.failures, "bad_files": o.bad_files, "first": o.first, "last": o.last,
-        "estimator": o.estimator, "quantity": o.quantity, "sample_time_s": o.sample_time or None,
+        **{name: value for name, value in vars(o).items() if name in FLEET.names},
+        "sample_time_s": o.sample_time or None,
         "answered_last_week": o.answered_week, "days_last_week": o.days_week,
         "median": b.get("median"), "band_low": b.get("low"), "band_high": b.get("high"),
         "median_last_week": b.get("week_median"), "above_last_week": b.get("above"),
@@ -131,18 +116,19 @@ def _context(
     outcomes: Sequence[Outcome], found: dict[str, Any], before: dict[str, Any], name: str
 ) -> dict[str, Any]:
     had = before.get("data_sets_of") or {}
-    chosen = {
-        kind: [o for o in outcomes if o.reach in names]
-        for kind in ("failing", "left_band", "silent", "changed")
-        for names in [set(found[kind])]
-    }
+
+    def widths(o: Outcome) -> float:  # the change of the last week, in widths of the band
+        return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
+
+    of = {o.reach: o for o in outcomes}
+    chosen = {k: [of[reach] for reach in found[k]] for k in ("failing", "left_band", "silent", "changed")}
     return {
         "name": name,
         "found": found,
         "made": _minute(found["made"]),
         "since": _minute(before.get("made", "")),
         "failing": sorted(chosen["failing"], key=lambda o: (not o.error, o.reach)),
-        "moved": sorted(chosen["left_band"], key=_distance, reverse=True),
+        "moved": sorted(chosen["left_band"], key=widths, reverse=True),
         "tested": sum(o.moved is not None for o in outcomes),
         "level": LEVEL,
         "silent": chosen["silent"],
@@ -155,8 +141,3 @@ def _context(
 def _minute(made: str) -> str:
     """A time of fleet.json, to the minute; empty where there is none."""
     return f"{dt.datetime.fromisoformat(made):%Y-%m-%d %H:%M} UTC" if made else ""
-
-
-def _distance(o: Outcome) -> float:
-    """The change of the last week, in widths of the band."""
-    return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))

@@ -15,7 +15,7 @@ from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.spec import shown
 from rivid.results.store import Store, last_record
 from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
-from rivid.run.workers import DRAWING, ESTIMATING, Engine, Here, Progress, cores, each, processes
+from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes
 
 SHARED_ABOVE = 4 * ONE_PROCESS_BELOW
 """New days from which a reach is shared out, where workers would otherwise be idle."""
@@ -32,14 +32,8 @@ def run_fleet(
     """Run every reach into OUT/<reach>, store its outcome, and yield it as the reach finishes.
 
     With a shard, every N-th reach is run, whole. `progress` counts reaches. The default engine has as many
-    processes as there are cores, and reaches to run.
-
-    Raises
-    ------
-    ConfigError
-        If OUT is inside DATA_DIR or the reverse.
-    LockedError
-        If another run of the fleet holds OUT.
+    processes as there are cores, and reaches to run. ConfigError if OUT is inside DATA_DIR or the reverse;
+    LockedError if another run of the fleet holds OUT.
     """
     _refuse_places(data_dir, out)
     shard = options.shard
@@ -99,7 +93,7 @@ def run_reach(
         options = replace(options, most_new=SHARED_ABOVE)
     try:
         config = reach.config()
-        summary = run(reach.data_dir, out, config, options, None, engine or Here())
+        summary = run(reach.data_dir, out, config, options, None, engine or Engine())
         content = str(last_record(out).get("content") or "")
         outcome = outcome_of(reach.name, config, summary, content)
     except TooManyError:

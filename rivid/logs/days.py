@@ -84,16 +84,9 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class Catalog:
-    """The content of DATA_DIR.
+    """The content of DATA_DIR: the days in date order, and the files by relative path.
 
-    Attributes
-    ----------
-    days : list of DaySource
-        In date order.
-    bad_files : list of (str, str)
-        Relative path, printable, and reason, of files of no day.
-    files : dict of FileFacts
-        By relative path.
+    `bad_files` are the relative path, printable, and the reason, of files of no day.
     """
 
     days: list[DaySource]
@@ -108,30 +101,11 @@ FEW_ROWS, FEW_BYTES = 4, 8192
 def find_days(
     root: Path, config: Config, known: Mapping[str, FileFacts] | None = None, *, verify: bool = False
 ) -> Catalog:
-    """List the days in a directory of logs.
+    """List the days in DATA_DIR, or in one file; hidden files and files that are no logs are ignored.
 
-    Hidden files and files that are no logs are ignored.
-
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    known : mapping of str to FileFacts, optional
-        The `files` of an earlier catalog.
-    verify : bool
-        Hash every file, also where size and modification time are as known.
-
-    Returns
-    -------
-    Catalog
-
-    Raises
-    ------
-    NoDataError
-        Where there is no log.
-    ConfigError
-        Where the configuration is for exports of the long layout.
+    `known` are the `files` of an earlier catalog; with `verify`, files of known size and times are hashed
+    again too. NoDataError where there is no log, ConfigError where the configuration is for exports of the
+    long layout.
     """
     key = 'layout = "long"' if config.input.layout == "long" else "hold" if config.input.hold else ""
     if key:
@@ -153,7 +127,8 @@ def find_days(
         try:
             files[name] = facts = _look(path, within, spec, settings, (known or {}).get(name), verify)
         except DataError as error:
-            bad.append((shown(name), _without_name(str(error), shown(name))))
+            reason = str(error).removeprefix(shown(name)).lstrip(" ,:")  # both are shown together
+            bad.append((shown(name), reason or str(error)))
             continue
         if is_day_file(name):
             date, part = _date_of(name), (name, facts.digest, facts.digest)
@@ -301,11 +276,6 @@ def _hash(path: Path, size: int) -> tuple[str, int]:
     return sha256(content).hexdigest(), rows
 
 
-def _without_name(reason: str, name: str) -> str:
-    """The reason without the file name that it begins with: both are shown together."""
-    return reason.removeprefix(name).lstrip(" ,:") or reason
-
-
 UNLIKE = 0.02
 """Part of an interval by which the steps of a log may differ from it: clocks are rounded."""
 
@@ -331,8 +301,6 @@ class Grid:
 def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
     """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
 
-    Examples
-    --------
     >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
     650
     """
@@ -494,22 +462,11 @@ class ChangedError(DataError):
 
 @dataclass(frozen=True)
 class DataSet:
-    """Samples of consecutive days at T_s.
+    """Samples of consecutive days at T_s; each series has the shape (N,).
 
-    Attributes
-    ----------
-    date : date
-        The last day's.
-    inflow : ndarray, (N,)
-        u_Qi [m3/s].
-    outflow : ndarray, (N,), or None
-        u_Qo [m3/s]; None where it is not logged, and for a river.
-    output : ndarray, (N,)
-        Level h_L [m], or a river's discharge Q_L [m3/s].
-    n_filled : int
-        Samples that bridge a gap in any column.
-    notes : str
-        What was dropped, masked or sorted, with counts; empty where nothing was.
+    `date` is the last day's. `inflow` u_Qi and `outflow` u_Qo are in m3/s; the outflow is None where it is
+    not logged, and for a river. `output` is the level h_L [m], or a river's discharge Q_L [m3/s]. `n_filled`
+    samples bridge a gap in any column. `notes` are counts of what was dropped, masked or sorted, or empty.
     """
 
     date: dt.date
@@ -528,12 +485,8 @@ def spans_of(root: Path, source: DaySource, config: Config) -> tuple[list[Span],
     """Cut a day's log into data sets of `[run] window`; return them and the zone of the log.
 
     They follow each other from the first row on, and again from the first row after each pause that no data
-    set may hold. The rest of a stretch, shorter than a data set, is left out.
-
-    Raises
-    ------
-    DataError
-        Where the log of the day cannot be read, or is too short.
+    set may hold. The rest of a stretch, shorter than a data set, is left out. DataError where the log of the
+    day cannot be read, or is too short.
     """
     spec, length = spec_of(config), round(config.run.window_s * MICRO)
     series, zone = _day(_folder(root), source, spec, Counter())
@@ -560,30 +513,12 @@ def read_window(
     today: dt.date | dt.datetime | None = None,
     span: Span | None = None,
 ) -> DataSet:
-    """Read consecutive days, or a span of one day, and put them on one grid.
+    """Read consecutive days, in date order, or a span of :func:`spans_of`, and put them on one grid.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or the one file that was given for it.
-    sources : sequence of DaySource
-        In date order.
-    config : Config
-    today : date or aware datetime, optional
-        A log of this day may be unfinished; of a moment, the day is that of the log's own zone.
-    span : (int, int), optional
-        A data set of :func:`spans_of`.
-
-    Returns
-    -------
-    DataSet
-
-    Raises
-    ------
-    DataError
-        The reason for which these days cannot be used; it names file and, where known, line.
-    PendingError
-        Where the last day is `today` or later and its log is not finished.
+    `root` is DATA_DIR, or the one file that was given for it. A log of `today` may be unfinished; of a moment
+    (aware), the day is that of the log's own zone. DataError with the reason for which these days cannot be
+    used; it names file and, where known, line. PendingError where the last day is `today` or later and its
+    log is not finished.
     """
     spec, folder, last = spec_of(config), _folder(root), sources[-1]
     try:
@@ -597,6 +532,12 @@ def read_window(
         if torn and _may_grow(folder, last, spec, today):
             raise PendingError(f"the log of {last.date} is being written: {error}") from None
         raise DataError(str(error)) from None
+
+
+def now_at(config: Config) -> dt.date | dt.datetime:
+    """Today in the time zone of the reach; without one the current time, dated by the offset of a log."""
+    moment, zone = dt.datetime.now(dt.UTC), config.input.time_zone
+    return moment.astimezone(ZoneInfo(zone)).date() if zone else moment
 
 
 def _folder(root: Path) -> Path:
@@ -622,17 +563,8 @@ def _may_grow(root: Path, source: DaySource, spec: Spec, today: dt.date | dt.dat
 def refuse_columns(root: Path, days: Sequence[DaySource], config: Config) -> None:
     """Refuse, before any work, a configuration that names columns which the logs do not have.
 
-    Parameters
-    ----------
-    root : Path
-    days : sequence of DaySource
-        All days; the first, the middle and the last are read.
-    config : Config
-
-    Raises
-    ------
-    ConfigError
-        Where a column is missing or doubled in each of these; one odd log among others fails its day only.
+    The first, the middle and the last of all days are read. ConfigError where a column is missing or doubled
+    in each of these; one odd log among others fails its day only.
     """
     folder, spec = _folder(root), spec_of(config)
     reasons = []
@@ -801,22 +733,8 @@ def read_series(
 ) -> tuple[TimedValues, dt.tzinfo | None, list[str]]:
     """Values of some days as they are logged, on no grid; days that cannot be read are left out.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    sources : sequence of DaySource
-        In date order.
-    config : Config
-
-    Returns
-    -------
-    dict of str to (ndarray, ndarray)
-        Times [us UTC] and values of each canonical column, shape (n,) each; empty where no day can be read.
-    datetime.tzinfo or None
-        Zone of the last day that was read.
-    list of str
-        Reasons of the days that were left out.
+    Returns times [us UTC] and values of each canonical column, shape (n,) each, empty where no day can be
+    read; the zone of the last day that was read, or None; and the reasons of the days that were left out.
     """
     spec, folder = spec_of(config), _folder(root)
     parts: list[TimedValues] = []

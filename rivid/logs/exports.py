@@ -29,25 +29,15 @@ from rivid.logs.log import (
     LARGEST,
     days_of,
     in_utc,
-    logged_twice,
     read_table,
+    repeated,
     table_of,
     too_large,
     undeclared,
     zone_of,
 )
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
-from rivid.logs.spec import (
-    MANY,
-    MICRO,
-    Signal,
-    Spec,
-    clocks_change,
-    day_bounds,
-    is_day_file,
-    shown,
-    spec_of,
-)
+from rivid.logs.spec import MANY, MICRO, Signal, Spec, clocks_change, day_bounds, is_day_file, shown, spec_of
 from rivid.logs.text import FLAG, Columns, Fault, Table, UndeclaredError
 from rivid.logs.write import Format, rows_as_bytes
 from rivid.types import ONE_DAY, Floats, Ints
@@ -223,13 +213,8 @@ def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault])
     order = np.argsort(times, kind="stable")
     times, values, statuses = times[order], values[order], statuses[order]
     there = np.flatnonzero(statuses == ValueStatus.USED)
-    again = np.flatnonzero(np.diff(times[there]) == 0) + 1
-    for at in again.tolist():
-        old, new = there[at - 1], there[at]
-        if values[old] != values[new]:
-            text = logged_twice(name, int(times[new]), zone, values[old], values[new])
-            places = [_place(pieces, int(order[i])) for i in (new, old)]
-            faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
+    again, found = repeated(name, times, values, there, zone, lambda row: _place(pieces, int(order[row])))
+    faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
     unreadable = sum(len(columns.bad) for columns in all_columns)
     return Series(name, times, values, statuses, unsorted, unreadable)
@@ -503,11 +488,7 @@ def _advice(columns: Sequence[Canonical], series: TimedValues, grid: Grid) -> st
     return ""
 
 
-OF_DAY = {
-    "refused": ValueStatus.REFUSED,
-    "pending": ValueStatus.PENDING,
-    "differs": ValueStatus.STANDING,
-}
+OF_DAY = {"refused": ValueStatus.REFUSED, "pending": ValueStatus.PENDING, "differs": ValueStatus.STANDING}
 """Status of the values of a day that is not used."""
 KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 """Keys of `[input]` on how days are made of values, not on what a file looks like."""
@@ -515,17 +496,10 @@ KEPT = ("time_zone", "max_gap", "max_filled", "not_sentinels")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of an ingest.
+    """The result of an ingest, its days in date order.
 
-    Attributes
-    ----------
-    days : list of DayResult
-        In date order.
-    ledger : dict
-        The account of the values; see :func:`ledger_of`.
-    run_config : Path
-    notes : list of str
-        Tags and columns that were not read.
+    `ledger` is the account of the values (:func:`ledger_of`), `notes` are tags and columns that were not
+    read.
     """
 
     days: list[DayResult]
@@ -569,38 +543,15 @@ def ingest(
     today: dt.date | None = None,
     run_config: Path | None = None,
 ) -> Outcome:
-    """Make daily logs of exports.
+    """Make daily logs in `out`, DATA_DIR, of exports: files of one dialect, or none with ``[input] query``.
 
-    The configuration that it wrote next to the logs is written again where nothing but that changes; where
-    logs differ, or the file was edited, it stays.
-
-    Parameters
-    ----------
-    exports : sequence of Path
-        Files of one dialect; none where the rows come from ``[input] query``.
-    out : Path
-        DATA_DIR.
-    config : Config
-    format : {"csv", "csv.gz", "parquet"}
-    first, last : date, optional
-        First and last local day that is written.
-    force : bool
-        Overwrite what differs.
-    dry_run : bool
-        Write nothing.
-    today : date, optional
-        From this day on, a log may be unfinished; default: by the clock.
-    run_config : Path, optional
-        File for the configuration of the logs; default: ``<out>_run.toml``.
-
-    Raises
-    ------
-    ConfigError
-        Where the exports are not as declared, or something in place must not be overwritten.
-    DataError
-        Where a file cannot be read.
-    NoDataError
-        Where the exports hold no value of the required columns.
+    `first` and `last` are the first and last local day that is written; `force` overwrites what differs,
+    `dry_run` writes nothing. From `today` on (default: by the clock), a log may be unfinished. The
+    configuration of the logs goes to `run_config` (default: ``<out>_run.toml``). One that this function wrote
+    is written again where nothing but that changes; where logs differ, or the file was edited, it stays.
+    ConfigError where the exports are not as declared, or something in place must not be overwritten;
+    DataError where a file cannot be read; NoDataError where the exports hold no value of the required
+    columns.
     """
     spec = spec_of(config)
     run_config = run_config or run_config_of(out)

@@ -31,24 +31,10 @@ Rows = Iterator[Sequence[Any]]
 
 
 def as_text(content: bytes, name: str) -> bytes:
-    """The content of an export as text.
+    """The content of an unpacked export as UTF-8: the table of a file of a known format; any other as it is.
 
-    Parameters
-    ----------
-    content : bytes
-        Of the file, unpacked.
-    name : str
-        The file, in messages.
-
-    Returns
-    -------
-    bytes
-        UTF-8: the table of a file of a known format; `content` itself of any other.
-
-    Raises
-    ------
-    DataError
-        Where the file is damaged, holds no values or too many, or its library is not installed.
+    `name` is the file, in messages. DataError where the file is damaged, holds no values or too many, or its
+    library is not installed.
     """
     kind = next((kind for kind, (is_of, _) in FORMATS.items() if is_of(content)), None)
     if kind is None:

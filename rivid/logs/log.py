@@ -8,6 +8,7 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 import datetime as dt
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -598,8 +599,16 @@ def make_log(table: Table, spec: Spec) -> Log:
         first = np.r_[True, steps > 0]
         timed["duplicates dropped"] = times[~first]
         group = np.cumsum(first) - 1
-        for name in values:
-            values[name] = _merged(name, values[name], group, times, columns, order, zone, dated)
+        origin = np.arange(len(times)) if order is None else order
+        for name, column in values.items():  # values that agree, or are there only once, are joined
+            there = np.flatnonzero(np.isfinite(column))
+            again, found = repeated(
+                name, times, column, there, zone, lambda row: columns.place(int(origin[row]))
+            )
+            dated += found
+            kept = np.delete(there, again)
+            values[name] = np.full(int(group[-1]) + 1, np.nan)
+            values[name][group[kept]] = column[kept]
         times = times[first]
     return Log(table.name, spec, zone, times, values, tuple(sorted(dated)), timed, table.digest)
 
@@ -669,34 +678,17 @@ def too_large(name: str, signal: Signal, columns: Columns, row: int, value: floa
     )
 
 
-def logged_twice(name: str, time: int, zone: dt.tzinfo, old: float, new: float) -> str:
-    """The message for two values of one time."""
-    moment = clock(time, zone, with_date=True)
-    return f"{moment} is logged twice with different {name}: {old:.6g} and {new:.6g}"
-
-
-def _merged(
-    name: str,
-    values: Floats,
-    group: Ints,
-    times: Ints,
-    columns: Columns,
-    order: Ints | None,
-    zone: dt.tzinfo,
-    faults: list[Fault],
-) -> Floats:
-    """One value per time: values that agree, or are there only once, are joined; others are faults."""
-    there = np.flatnonzero(np.isfinite(values))
-    repeated = np.r_[False, group[there][1:] == group[there][:-1]] if len(there) else np.zeros(0, bool)
-    for at in np.flatnonzero(repeated):
-        old, new = there[at - 1], there[at]
+def repeated(
+    name: str, times: Ints, values: Floats, there: Ints, zone: dt.tzinfo, place: Callable[[int], str]
+) -> tuple[Ints, list[Fault]]:
+    """Which of the rows `there` repeat the time of the one before, and a fault where values differ."""
+    again, faults = np.flatnonzero(np.diff(times[there]) == 0) + 1, []
+    for old, new in zip(there[again - 1].tolist(), there[again].tolist(), strict=True):
         if values[old] != values[new]:
-            places = [columns.place(int(i if order is None else order[i])) for i in (new, old)]
-            text = logged_twice(name, int(times[new]), zone, values[old], values[new])
-            faults.append(Fault(int(times[new]), f"{places[0]}: {text} ({places[1]})"))
-    merged = np.full(int(group[-1]) + 1, np.nan)
-    merged[group[there[~repeated]]] = values[there[~repeated]]
-    return merged
+            moment = clock(int(times[new]), zone, with_date=True)
+            text = f"{moment} is logged twice with different {name}: {values[old]:.6g} and {values[new]:.6g}"
+            faults.append(Fault(int(times[new]), f"{place(new)}: {text} ({place(old)})"))
+    return again, faults
 
 
 def may_hold(values: Floats) -> bool:
@@ -705,11 +697,6 @@ def may_hold(values: Floats) -> bool:
     A sentinel far from all other values is the least or the greatest of them.
     """
     return float(np.fmin.reduce(values)) in _NEGATIVE or float(np.fmax.reduce(values)) in _POSITIVE
-
-
-def _below_sentinels(values: Floats) -> bool:
-    """Whether all values are smaller in size than any sentinel of their sign."""
-    return bool(np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE))
 
 
 def sentinels_in(values: Floats) -> list[float]:
@@ -740,7 +727,8 @@ def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> li
         if source not in columns.numbers:
             continue  # it is in another file
         values = columns.numbers[source]
-        if not (many_days or may_hold(values)) or _below_sentinels(values):
+        small = np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE)
+        if small or not (many_days or may_hold(values)):
             continue
         there = ~np.isin(values, given.sentinels)
         suspects = there & np.isin(values, SENTINELS)

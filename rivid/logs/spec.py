@@ -19,10 +19,10 @@ from typing import BinaryIO
 from zoneinfo import ZoneInfo
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rivid.config import FLOWS, UNITS, Config, InputConfig
+from rivid.config import Config
 from rivid.errors import ConfigError, DataError
+from rivid.input_config import FLOWS, UNITS, InputConfig
 from rivid.logs import suffix_of
 from rivid.types import Ints
 
@@ -239,39 +239,30 @@ def to_utc(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tup
     refused: list[tuple[int, str]] = []
     for d in days[edges[:, 0] != edges[:, 1]]:
         rows = np.flatnonzero(day == d)
-        _change_clocks(naive, utc, rows, zone, ambiguous, refused)
+        utc[rows], wrong = _change_clocks(naive[rows], zone, ambiguous)
+        refused += [(int(rows[i]), reason) for i, reason in wrong]
     return utc, refused
 
 
-def _change_clocks(
-    naive: Ints,
-    utc: Ints,
-    rows: NDArray[np.intp],
-    zone: dt.tzinfo,
-    ambiguous: str,
-    refused: list[tuple[int, str]],
-) -> None:
-    """The rows of a day on which clocks change; offsets change at quarters of an hour only."""
-    quarter = naive[rows] // _QUARTER
-    quarters = np.unique(quarter)
-    offsets = {
-        int(q): (_offset(int(q) * _QUARTER, zone), _offset(int(q) * _QUARTER, zone, 1)) for q in quarters
-    }
+def _change_clocks(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tuple[int, str]]]:
+    """The times of a day on which clocks change; offsets change at quarters of an hour only."""
+    utc, refused, quarter = naive.copy(), list[tuple[int, str]](), naive // _QUARTER * _QUARTER
+    offsets = {q: (_offset(q, zone), _offset(q, zone, 1)) for q in np.unique(quarter).tolist()}
     second_turn, before = ambiguous == "second", None
-    for i, q in zip(rows, quarter, strict=True):
-        first, second = offsets[int(q)]
+    for i, (time, q) in enumerate(zip(naive.tolist(), quarter.tolist(), strict=True)):
+        first, second = offsets[q]
         if first < second:
-            moment = EPOCH + int(naive[i]) * _MICROSECOND
-            refused.append((int(i), f"{moment} does not exist in {zone} (clocks go forward)"))
+            refused.append((i, f"{EPOCH + time * _MICROSECOND} does not exist in {zone} (clocks go forward)"))
         elif first > second:
             if ambiguous == "error":
-                moment = EPOCH + int(naive[i]) * _MICROSECOND
+                twice = f"{EPOCH + time * _MICROSECOND} occurs twice in {zone} (clocks go back)"
                 advice = 'log offsets, or set [input] ambiguous = "first", "second" or "order"'
-                refused.append((int(i), f"{moment} occurs twice in {zone} (clocks go back): {advice}"))
+                refused.append((i, f"{twice}: {advice}"))
             elif ambiguous == "order":
-                second_turn = second_turn or (before is not None and naive[i] < before)
-                before = int(naive[i])
-        utc[i] = naive[i] - (second if first > second and second_turn else first)
+                second_turn = second_turn or (before is not None and time < before)
+                before = time
+        utc[i] = time - (second if first > second and second_turn else first)
+    return utc, refused
 
 
 def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:

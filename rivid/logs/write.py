@@ -35,29 +35,11 @@ def write_days(
 ) -> list[Path]:
     """Write days into a directory: a file for each (2008-03-14.csv) or one for each month (2008-03.parquet).
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it is missing.
-    days : iterable of (date, columns)
-        In date order. The columns, of shape (N,), are some of u_Qi, u_Qo, Q_L [m3/s], h_L [m], alike in all
-        days of a file; NaN is written as an empty cell or null. The first sample is at local midnight.
-    sample_time : float
-        T_s [s]; times are rounded to the millisecond.
-    offset : timedelta
-        Offset of local time from UTC.
-    format : {"csv", "csv.gz", "parquet"}
-    layout : {"day", "month"}
-
-    Returns
-    -------
-    list of Path
-        The files, in date order.
-
-    Raises
-    ------
-    RividError
-        Where a column is not canonical or of another length, or the disk refuses.
+    The days are in date order. Their columns, of shape (N,), are some of u_Qi, u_Qo, Q_L [m3/s], h_L [m],
+    alike in all days of a file; NaN is written as an empty cell or null. The first sample is at local
+    midnight, which is `offset` from UTC; times at T_s, `sample_time` [s], are rounded to the millisecond.
+    Returns the files, in date order. RividError where a column is not canonical or of another length, or the
+    disk refuses.
     """
     paths, zone = [], dt.timezone(offset)
     for stem, group in groupby(days, key=lambda day: stem_of(day[0], layout)):

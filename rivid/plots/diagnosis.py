@@ -303,11 +303,8 @@ def means(
     Days of one `block` (shape (days,)) may be alike; blocks are taken as independent. The last bin holds its
     upper edge. Returns the mean of the driver, the mean of the series and the half width of its interval,
     each of shape (bins,): NaN where a bin has no samples or, for the interval, fewer than :data:`FEWEST`
-    blocks.
-
-    Notes
-    -----
-    The variance of a ratio of sums over blocks, by linearisation, with Student's t on blocks less one.
+    blocks. The variance is that of a ratio of sums over blocks, by linearisation, with Student's t on blocks
+    less one.
     """
     k = max(len(edges) - 1, 0)
     there = used & np.isfinite(series) & np.isfinite(driver)

@@ -25,15 +25,7 @@ from rivid.results.read import (
     leading_response,
     thirds,
 )
-from rivid.text import (
-    count,
-    day_range,
-    delays,
-    probability,
-    response_unit,
-    samples_first,
-    statuses,
-)
+from rivid.text import count, day_range, delays, probability, response_unit, samples_first, statuses
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
 """How the names of these figures begin in OUT/figures."""
@@ -46,16 +38,12 @@ Drawn = tuple[Figure, str, dict[str, Any]]
 
 
 def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list[FigureFile]:
-    """Draw every figure of a run into OUT/figures, over those there; equal results give equal bytes.
+    """Draw every figure of a run into OUT/figures, over those there (Figs 12-18); equal results, equal bytes.
 
     Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
     delay_discharge, where it estimates delays; then the responses of one `day`, a typical one by default. For
     a river, t50 and t50_discharge of the leading estimator. ConfigError where `day` is not among the results,
     RividError where a file cannot be written.
-
-    Notes
-    -----
-    Source: Figs 12-18.
     """
     folder = out / "figures"
     drawn = [draw(results, job, folder, day=day) for job in jobs(results)]

@@ -91,17 +91,13 @@ def tdr(
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
 ) -> Axes:
-    """Time-day representation: the impulse response of each day as a grey column, black is high.
+    """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
-    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape
-    (n, M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
+    `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
+    M), is NaN on days without a response. `lag`, shape (n,), is marked on each day, the delay d or t50
     [samples], NaN for no mark; the legend calls it `label`. `low` and `high`, shape (n,), are the ends of the
     90 % set of delays [samples], drawn where the set holds more than one. `sample_time` [s] adds an axis in
     minutes. `greys` are the values that are white and black, by default those of the figure's own responses.
-
-    Notes
-    -----
-    Source: section VI, Figs 13-16.
     """
     x, M = np.asarray(day, float), fir.shape[1]
     at = (x - x[0]).astype(int)
@@ -245,11 +241,10 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
     with_delay = found(e)
-    degenerate = np.array([s == "degenerate" for s in e.status], bool)
     classes = {
-        "data decide": ~e.prior_only & ~degenerate,
-        "data do not decide": e.prior_only & ~degenerate,
-        "degenerate": degenerate,
+        "data decide": ~e.prior_only & ~e.degenerate,
+        "data do not decide": e.prior_only & ~e.degenerate,
+        "degenerate": e.degenerate,
     }
     whole = max(int(with_delay.sum()), 1)
     return {
@@ -259,13 +254,9 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
 
 
 def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> Axes:
-    """Share of days at each candidate delay, with the prior or the mean probability over it.
+    """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
     The legend is `counted`: it has numbers of days; without them several panels can share it.
-
-    Notes
-    -----
-    Source: Fig. 18.
     """
     places, days = candidates(e), found(e)
     top = np.zeros(len(places))
@@ -316,14 +307,13 @@ def delay_map(
 ) -> Axes:
     """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
-    Notes
-    -----
-    Source: Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at
-    tau / T_s - 1.
+    Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at tau / T_s -
+    1.
     """
     x, tried = day_numbers(e.dates), candidates(e)
     if tried.size:
-        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=_bins(ax, 16))
+        bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
+        style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
         ax.yaxis.grid(True)
     if e.probability is not None:
         at = (x - x[0]).astype(int)
@@ -345,11 +335,6 @@ def delay_map(
     else:
         style.no_ticks(ax, "y")
     return ax
-
-
-def _bins(ax: Axes, most: int) -> int:
-    """Intervals between ticks of a y axis: `most` on panels of two inches and more."""
-    return max(min(round(7 * style.inches(ax)[1]), most), 4)
 
 
 def probability_cells(
@@ -413,12 +398,10 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
 
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds.
+    """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds (5).
 
-    Notes
-    -----
-    Source: (5). The first sample at which the output moves is d + 1, so the travel time of the wave lies
-    between d T_s and (d + 1) T_s.
+    The first sample at which the output moves is d + 1, so the travel time of the wave lies between d T_s and
+    (d + 1) T_s.
     """
     label = "mean inflow of the day [m³/s]"
     shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
@@ -484,11 +467,9 @@ def _medians(values: Floats) -> Floats:
 
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """t50 of each day over the record, on an x axis of day numbers.
+    """t50 of each day over the record, on an x axis of day numbers, and the bounds (5).
 
-    Notes
-    -----
-    Source: the bounds are (5). A travel time tau compares with t50 directly, at tau / T_s.
+    A travel time tau compares with t50 directly, at tau / T_s.
     """
     shown = has_t50(e)
     _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)
@@ -533,7 +514,7 @@ def _t50_days(
     low, high = t50_window(e.t50[shown], [tau for tau in bounds if tau.size])
     style.lag_ticks(ax, low, high, bins=10)
     outside = shown & ((e.t50 < low) | (e.t50 > high))
-    degenerate = shown & ~outside & np.array([s == "degenerate" for s in e.status], bool)
+    degenerate = shown & ~outside & e.degenerate
     size = grow * float(np.clip(160 / np.sqrt(len(e.dates)) / 2.4, 2.4, 6.0))
     for name, days, kind in (
         ("t50", shown & ~outside & ~degenerate, "data decide"),
@@ -550,8 +531,6 @@ def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
 
     `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
 
-    Examples
-    --------
     >>> low, high = t50_window(np.array([24.0, 26.0, 30.0]), [np.array([22.0, 33.0]), np.array([8.0, 9.0])])
     >>> round(low, 1), round(high, 1)
     (21.3, 33.7)

@@ -19,16 +19,9 @@ Curve = tuple[Floats, str, str]
 
 
 def picture(title: str, note: str, panels: Sequence[Panel], between: float = 0.34) -> Picture:
-    """Return a figure with a heading and panels below each other.
+    """Return a figure with a heading and panels below each other, from the top, `between` apart [inch].
 
-    Parameters
-    ----------
-    title, note : str
-        The heading, and a line of facts under it.
-    panels : sequence of (float, callable)
-        Height [inch] and drawing function of each, from the top.
-    between : float
-        Gap between panels [inch].
+    `note` is a line of facts under the `title`.
     """
     with style.styled():
         heights = [tall for tall, _ in panels]

@@ -111,12 +111,8 @@ def _drawing(sheet: Sheet, note: str, height: float) -> tuple[Figure, Axes]:
 
 
 def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str = style.INK) -> None:
-    ax.annotate(
-        "",
-        end,
-        start,
-        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0},
-    )
+    look = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", end, start, arrowprops=look)
 
 
 def reach(sheet: Sheet, year: Year, *_: Any) -> Figure:
@@ -174,13 +170,8 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
     ax.plot([14, 14], [23, 13], color=style.INK, lw=1.3)
     ax.plot([68.5, 78], [13, 13], color=style.INK, lw=1.3)
     ax.plot([88, 88, 42], [23, 3.5, 3.5], color=style.INK, lw=1.3)
-    for x, y, sign in (
-        (35.6, 15.0, "+"),
-        (39.4, 9.6, "−"),
-        (75.4, 24.8, "+"),
-        (79.2, 19.4, "−"),
-        (79.2, 26.0, "+"),
-    ):
+    signs = ((35.6, 15.0, "+"), (39.4, 9.6, "−"), (75.4, 24.8, "+"), (79.2, 19.4, "−"), (79.2, 26.0, "+"))
+    for x, y, sign in signs:
         ax.text(x, y, sign)
     ax.text(6, 24.2, "u_Qi")
     ax.text(45, 14.2, "u_Qo")
@@ -494,11 +485,8 @@ def _tdr(name: str) -> Callable[..., Figure]:
         note += f" · alpha = {config.jmap.alpha:g} (m³/s)²" if name in ("map", "jmap-uniform") else ""
         note += f" · sigma_d = {estimated.delay_scale:g} T_s" if name == "jmap" else ""
         fir = e.fir[e.answered]
-        note += (
-            f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
-            if len(fir)
-            else ""
-        )
+        if len(fir):
+            note += f" · h[0] > h[1] on {share(int((fir[:, 0] > fir[:, 1]).sum()), len(fir))} of days"
         figure, (ax,) = sheet(note)
         style.date_axis(ax, e.dates[0], e.dates[-1])
         greys = estimates.grey_limits(np.concatenate([estimated.of(one).fir for one in IN_GREY]))
@@ -523,13 +511,8 @@ def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[Casc
         return f"halved on {listed(names)}" if names else "halved nowhere"
 
     sure = [replace(r, delay=r.posterior) for r in reaches]
-    figure, panels = sheet(
-        f"the operators' interval is {halved(reaches)} (a), {halved(sure)} (b)",
-        [3.0],
-        2,
-        gap=(0.35, 0.0),
-        top=1.2,
-    )
+    note = f"the operators' interval is {halved(reaches)} (a), {halved(sure)} (b)"
+    figure, panels = sheet(note, [3.0], 2, gap=(0.35, 0.0), top=1.2)
     low, high = (f(r.length for r in reaches) / 1000 for f in (min, max))
     room = max(0.15 * (high - low), 0.12 * high)
     every = np.concatenate([r.delay for r in (*reaches, *sure)])

@@ -211,8 +211,6 @@ class CascadeReach:
 def shortest(delay: Floats, held: float = HELD) -> tuple[int, int]:
     """The shortest interval of whole delays that holds a share of the days; the lowest of equals.
 
-    Examples
-    --------
     >>> shortest(np.array([1.0, 6, 6, 6, 7, 7, 7, 7, 7, 15]), 0.8)
     (6, 7)
     """

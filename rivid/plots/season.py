@@ -14,7 +14,7 @@ from rivid.plots import style
 from rivid.plots.estimates import DASHED, flow_axis, probability_cells
 from rivid.plots.files import FigureFile
 from rivid.results.read import day_numbers
-from rivid.results.season import Joined, SeasonDays
+from rivid.results.season import NAME, Joined, SeasonDays
 from rivid.text import count, day_range, duration
 from rivid.types import Floats
 
@@ -30,25 +30,19 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
     first, last = days.dates[0], days.dates[-1]
     with style.styled():
         figure, (ax,) = style.sheet(
-            "Delay over the season: posterior-season",
+            f"Delay over the season: {NAME}",
             f"{days.reach} · {WAYS[joined.direction]} · {count(len(days.dates), 'day')}, "
             f"{day_range(first, last)}",
             [2.42],
         )
         style.date_axis(ax, first, last)
         style.key(season(ax, days, joined))
-        files = [
-            style.written(
-                figure, folder / "season.png", "Delay over the season", estimator="posterior-season"
-            )
-        ]  # fmt: skip
+        files = [style.written(figure, folder / "season.png", "Delay over the season", estimator=NAME)]
         title, shown = "Delay and discharge: the law", int(_known(days).sum())
-        formula = (
-            f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}, "
-            f"{law.b_low:.2f} to {law.b_high:.2f}"
-            if law.status == "ok"
-            else f"no law: {law.message}"
-        )
+        formula = f"no law: {law.message}"
+        if law.status == "ok":
+            formula = f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}"
+            formula += f", {law.b_low:.2f} to {law.b_high:.2f}"
         figure, (ax,) = style.sheet(title, f"{days.reach} · {formula} · {count(shown, 'day')}", [2.62])
         style.key(delay_law(ax, days, law))
         path = folder / "delay_law.png"

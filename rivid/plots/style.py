@@ -107,8 +107,6 @@ SYMBOL = re.compile(
 def set_symbols(text: str) -> str:
     """A text with the paper's symbols as mathematics.
 
-    Examples
-    --------
     >>> set_symbols("beta_h of sigma_hD², in T_s")
     '$\\\\beta_h$ of $\\\\sigma_{hD}^2$, in $T_s$'
     """
@@ -326,8 +324,6 @@ def hour_axis(ax: Axes, every: int = 6) -> None:
 def power_of_ten(values: Floats) -> tuple[float, str]:
     """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4".
 
-    Examples
-    --------
     >>> power_of_ten(np.array([-3.1e-4, 2e-5])), power_of_ten(np.array([0.4, 2.0]))
     ((10000.0, '10⁻⁴ '), (1.0, ''))
     """
@@ -358,8 +354,6 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
     Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
     under the first of its labels.
 
-    Examples
-    --------
     >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14))[2]
     ['14 Mar\\n2008']
     """
@@ -414,8 +408,6 @@ def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
 def thinned(ticks: Ticks, most: int) -> Ticks:
     """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays.
 
-    Examples
-    --------
     >>> thinned(([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2)[2]
     ['Nov\\n2023', 'Jan\\n2024']
     >>> thinned(([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2)[2]

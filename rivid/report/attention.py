@@ -91,8 +91,6 @@ def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
 def band(values: Floats) -> tuple[float, float] | None:
     """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty.
 
-    Examples
-    --------
     >>> band(np.array([6.0, 7.0] * 20 + [9.0, np.nan]))
     (6.0, 7.0)
     """
@@ -106,8 +104,6 @@ def band(values: Floats) -> tuple[float, float] | None:
 def outside(values: Floats, limits: tuple[float, float]) -> Bools:
     """Return the values further from a band than its width and one sample; False for NaN.
 
-    Examples
-    --------
     >>> outside(np.array([6.0, 8.0, 9.0, np.nan]), (6.0, 7.0))
     array([False, False,  True, False])
     """
@@ -120,9 +116,7 @@ def far(recent: LastWeek) -> list[Row]:
     limits, e = band(recent.values), recent.estimator
     if limits is None:
         return []
-    listed = np.array([status == "degenerate" for status in e.status], bool)
-    if recent.quantity != "t50":
-        listed |= e.at_bound
+    listed = e.degenerate if recent.quantity == "t50" else e.degenerate | e.at_bound
     return [
         _row(
             e.dates[i],
@@ -141,12 +135,9 @@ def far(recent: LastWeek) -> list[Row]:
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:
     """Count the days of the rows for the estimators that represent the reach.
 
-    Returns
-    -------
-    dict
-        `links` (first and last day inside the last week, kind, index of the row), `days` of the last week,
-        `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
-        `no_log`: whether a day of the last week has no log.
+    Returns `links` (first and last day inside the last week, kind, index of the row), `days` of the last
+    week, `earlier` days and the `latest` of them, `others`: days that only other estimators report, and
+    `no_log`: whether a day of the last week has no log.
     """
     lead = leading(results)
     representing = {recent.estimator.estimator} | (

@@ -55,7 +55,6 @@ def write_report(
         shown = [(k, row) for k, row in enumerate(rows) if recent.estimator.estimator in row["estimators"]]
         place = {date: k for k, row in reversed(shown) for date in dates_of(row, results)}
     represents = s["passage"] or s["record"]
-    names = [e.estimator for e in results.estimators]
     context = {
         "s": s,
         "look": counted(results, recent, rows) if recent else None,
@@ -70,16 +69,14 @@ def write_report(
         "weeks": WEEKS,
         "clear": CLEAR,
         "unit": results.output_unit.replace("m3", "m³"),
-        "not_judged": any(ESTIMATORS[name].unjudged for name in names),
+        "not_judged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
         "estimators": [
             {
                 "name": e.estimator,
-                "words": ESTIMATORS[e.estimator].words,
+                "traits": ESTIMATORS[e.estimator],
                 "facts": facts(results, e),
                 "passage": passage(results, e),
                 "with_delay": estimates_delay(e),
-                "probable": ESTIMATORS[e.estimator].has_probability,
-                "judged": not ESTIMATORS[e.estimator].unchecked,
             }
             for e in results.estimators
             if e.dates
@@ -133,19 +130,14 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Sections of the configuration as text, and the values in use where the configuration has "bounds"."""
-    sections = []
-    used = [
-        (name, _plain(summary[name]))
-        for name in ("d_min", "d_max", "order", "delay_scale")
-        if name in summary
+    names = ("d_min", "d_max", "order", "delay_scale")
+    tables = {"in use": {name: summary[name] for name in names if name in summary}}
+    tables |= {f"[{section}]": keys for section, keys in (summary.get("config") or {}).items()}
+    return [
+        (section, [(str(k), _plain(v)) for k, v in keys.items()])
+        for section, keys in tables.items()
+        if isinstance(keys, Mapping) and (keys or section != "in use")
     ]
-    if used:
-        sections.append(("in use", used))
-    config = summary.get("config") or {}
-    for section, keys in config.items():
-        if isinstance(keys, Mapping):
-            sections.append((f"[{section}]", [(str(k), _plain(v)) for k, v in keys.items()]))
-    return sections
 
 
 def _plain(value: Any) -> str:

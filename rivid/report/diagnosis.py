@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import tomli_w
 
 from rivid.atomic import write_text
@@ -23,22 +24,21 @@ from rivid.plots.files import FigureFile
 from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
 from rivid.report.page import data_uri, write_page
+from rivid.results.store import described, to_table, write_parquet
 from rivid.text import count, day_range, number
 
 BAND = 1.959964
 """Standard deviations to either side of a 95 % band."""
-FLOWS = ("w_m3s", "low", "high", "w_before_m3s", "low_before", "high_before")
-"""Columns of unexplained_inflow.parquet after `time`."""
-MEANINGS: dict[str, tuple[str, str]] = {
-    "time": ("", "local time without zone, as in the logs"),
-    "w_m3s": ("m3/s", "inflow that no log explains, with the named effects in the model"),
-    "low": ("m3/s", "lower end of its 95 % band"),
-    "high": ("m3/s", "upper end of its 95 % band"),
-    "w_before_m3s": ("m3/s", "the same without the named effects"),
-    "low_before": ("m3/s", "lower end of its 95 % band"),
-    "high_before": ("m3/s", "upper end of its 95 % band"),
-}
-"""Unit and meaning of each column of unexplained_inflow.parquet."""
+SCHEMA, MEANINGS = described("""
+time | clock | | local time without zone, as in the logs
+w_m3s | number | m3/s | inflow that no log explains, with the named effects in the model
+low | number | m3/s | lower end of its 95 % band
+high | number | m3/s | upper end of its 95 % band
+w_before_m3s | number | m3/s | the same without the named effects
+low_before | number | m3/s | lower end of its 95 % band
+high_before | number | m3/s | upper end of its 95 % band
+""")
+"""unexplained_inflow.parquet: a row for each used sample."""
 MOST_PARAMETERS = 12
 """Parameters on the card of an effect; diagnosis.json holds all."""
 WIDTH, INDENT = 80, 11
@@ -96,33 +96,23 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
             files.append(plots.draw_loop(folder, loop.shown, words, named=named))
         if evidence is not None and evidence.record.used.any():
             windows = [(quantities.name(f.name), *f.where.dates) for f in diagnosis.effects if f.where.dates]
-            files += [
-                plots.draw_day(folder, evidence, named=named),
-                plots.draw_map(folder, evidence, named=named),
-                plots.draw_inflow(folder, evidence, named=named, windows=windows),
-            ]
+            files += [draw(folder, evidence, named=named) for draw in (plots.draw_day, plots.draw_map)]
+            files.append(plots.draw_inflow(folder, evidence, named=named, windows=windows))
     return [file for file in files if file is not None]
 
 
 def write_inflow(path: Path, evidence: Evidence | None) -> None:
-    """Write the unexplained inflow with its 95 % band, a row per used sample; see :data:`MEANINGS`."""
-    import pyarrow as pa
-
-    from rivid.results.store import to_table, write_parquet
-
-    schema = pa.schema([("time", pa.timestamp("ms")), *((name, pa.float64()) for name in FLOWS)])
-    columns: dict[str, Any] = {name: [] for name in schema.names}
+    """Write the unexplained inflow with its 95 % band, a row per used sample; see :data:`SCHEMA`."""
+    columns: dict[str, Any] = {name: [] for name in SCHEMA.names}
     if evidence is not None:
         record, kept = evidence.record, evidence.record.used
         midnight = np.datetime64(dt.datetime.combine(record.dates[0], dt.time()), "ms")
         time = midnight + np.round(1000.0 * record.time[kept]).astype("timedelta64[ms]")
-        series = (
-            (evidence.inflow_after, evidence.inflow_after_sd),
-            (evidence.inflow_before, evidence.inflow_before_sd),
-        )
+        e = evidence
+        series = (e.inflow_after, e.inflow_after_sd), (e.inflow_before, e.inflow_before_sd)
         bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
-        columns = {"time": pa.array(time), **dict(zip(FLOWS, bands, strict=True))}
-    write_parquet(to_table(columns, schema), path)
+        columns = dict(zip(SCHEMA.names, [pa.array(time), *bands], strict=True))
+    write_parquet(to_table(columns, SCHEMA), path)
 
 
 def write_diagnosis_page(

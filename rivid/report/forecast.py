@@ -1,35 +1,29 @@
 """forecast.csv, forecast.parquet, the JSON lines and the page of a forecast."""
 
 import json
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
-
-import pyarrow as pa
 
 from rivid.config import Config
 from rivid.forecast import Forecast
 from rivid.report.page import data_uri, write_page
-from rivid.results.store import FLAG, NUMBER, TEXT, described, finite, to_table, write_csv, write_parquet
+from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import HOUR
 
-SCHEMA, MEANINGS = described(
-    [
-        ("time", pa.timestamp("ms", "UTC"), "", "of the sample"),
-        ("reach", TEXT, "", "its name"),
-        ("horizon_h", NUMBER, "h", "after the origin of the forecast"),
-        ("median", NUMBER, "output unit", "of the output: level or discharge"),
-        ("low_50", NUMBER, "output unit", "lower end of the 50 % band"),
-        ("high_50", NUMBER, "output unit", "its upper end"),
-        ("low_90", NUMBER, "output unit", "lower end of the 90 % band"),
-        ("high_90", NUMBER, "output unit", "its upper end"),
-        ("inflow_m3s", NUMBER, "m3/s", "u_Qi, announced or assumed"),
-        ("outflow_m3s", NUMBER, "m3/s", "u_Qo, announced or assumed; empty for a river"),
-        ("announced", FLAG, "", "the flows are those of the logs"),
-        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
-    ]
-)
+SCHEMA, MEANINGS = described("""
+time | moment | | of the sample
+reach | text | | its name
+horizon_h | number | h | after the origin of the forecast
+median | number | output unit | of the output: level or discharge
+low_50 | number | output unit | lower end of the 50 % band
+high_50 | number | output unit | its upper end
+low_90 | number | output unit | lower end of the 90 % band
+high_90 | number | output unit | its upper end
+inflow_m3s | number | m3/s | u_Qi, announced or assumed
+outflow_m3s | number | m3/s | u_Qo, announced or assumed; empty for a river
+announced | flag | | the flows are those of the logs
+output_unit | text | | `m` for a level, `m3/s` for a discharge
+""")
 """A row for each sample after the origin."""
 
 
@@ -65,12 +59,6 @@ def lines(found: Forecast, config: Config) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class _Row:
-    time: datetime
-    values: tuple[str, ...]
-
-
 def headline(found: Forecast, config: Config) -> str:
     """The forecast in a sentence: where the output goes, when, and how sure that is."""
     s, q = found.series, found.quantiles
@@ -101,7 +89,7 @@ def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
         at = s.now + 1 + k
         output = tuple(f"{v:.{digits}f}" for v in q[:, k])
         flows = tuple(f"{v[at]:.0f}" for v in ((s.inflow, s.outflow) if pool else (s.inflow,)))
-        rows.append(_Row(s.moment(at), (*output, *flows)))
+        rows.append((s.moment(at), (*output, *flows)))
     assumed = found.announced < q.shape[1]
     context = {
         "reach": reach.name, "at": s.moment(s.now), "delay_s": found.delay_s, "rows": rows, "pool": pool,

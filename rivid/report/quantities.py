@@ -52,8 +52,6 @@ def printable(text: str) -> str:
 def name(code: str) -> str:
     """Return the name of an effect in words.
 
-    Examples
-    --------
     >>> name("diurnal_inflow")
     'diurnal inflow'
     """
@@ -82,8 +80,6 @@ def _fixed(value: float, decimals: int) -> str:
 def estimate(e: Estimate) -> str:
     """Return a value with its unit and 95 % interval, to the digits that the interval supports.
 
-    Examples
-    --------
     >>> estimate(Estimate("amplitude", 6.0412, "m3/s", 5.83, 6.25))
     '6.04 m³/s (5.83 to 6.25)'
     >>> estimate(Estimate("place", 0.5, "-", math.nan, math.nan))
@@ -103,8 +99,6 @@ def estimate(e: Estimate) -> str:
 def size(effect: NamedEffect, brief: bool = False) -> str:
     """Return the main parameter of an effect, or the range of one that varies; empty without parameters.
 
-    Examples
-    --------
     >>> e = Estimate("amplitude", 6.04, "m3/s", 5.83, 6.25)
     >>> effect = NamedEffect("diurnal_inflow", "flow", 0.0, (), None, None, (e,), Where(), None, {})
     >>> size(effect), size(effect, brief=True)
@@ -126,8 +120,6 @@ def size(effect: NamedEffect, brief: bool = False) -> str:
 def converted(e: Estimate, first_day: dt.date | None = None) -> str:
     """Return a value in a second form: per cent, minutes, a time of day or a date; empty where none applies.
 
-    Examples
-    --------
     >>> converted(Estimate("error", -0.1, "-", -0.11, -0.09))
     '-10.0 %'
     >>> converted(Estimate("offset", 532.0, "s", 520, 544))
@@ -153,8 +145,6 @@ def converted(e: Estimate, first_day: dt.date | None = None) -> str:
 def clock(hour: float) -> str:
     """Return an hour of the day as HH:MM.
 
-    Examples
-    --------
     >>> clock(6.5), clock(24.0)
     ('06:30', '24:00')
     """
@@ -165,8 +155,6 @@ def clock(hour: float) -> str:
 def when(where: Where) -> str:
     """Return dates, hours and regime of an effect.
 
-    Examples
-    --------
     >>> when(Where()), when(Where(hours=(22, 6), regime="at low flow"))
     ('on all days, at all hours', 'from 22:00 to 06:00, at low flow')
     """
@@ -184,8 +172,6 @@ def when(where: Where) -> str:
 def p_value(p: float) -> str:
     """Return a p-value, never as zero.
 
-    Examples
-    --------
     >>> p_value(0.0002), p_value(0.0), p_value(0.0123)
     ('p = 0.0002', 'p < 0.0001', 'p = 0.012')
     """
@@ -197,8 +183,6 @@ def p_value(p: float) -> str:
 def error(value: float | None, factor: float = 1.0) -> str:
     """Return an error to three digits or fewer; a dash where there is none.
 
-    Examples
-    --------
     >>> error(0.1234, 1000), error(0.0043, 1000), error(math.nan)
     ('123', '4.3', '–')
     """
@@ -211,8 +195,6 @@ def error(value: float | None, factor: float = 1.0) -> str:
 def period(seconds: float) -> str:
     """Return a duration in minutes, hours or days, to three digits.
 
-    Examples
-    --------
     >>> period(2700), period(43200), period(604800)
     ('45 min', '12 h', '7 days')
     """
@@ -225,8 +207,6 @@ def period(seconds: float) -> str:
 def closed(share: float) -> str:
     """Return the share of the gap that is closed.
 
-    Examples
-    --------
     >>> closed(0.974), closed(-0.2), closed(0.999)
     ('97 % of the gap is closed', 'the gap is not smaller', '99.9 % of the gap is closed')
     """
@@ -261,8 +241,6 @@ def gap_rows(gap: Gap, factor: float = 1.0) -> list[Errors]:
 def percent(share: float) -> str:
     """Return a share, which may be negative, in per cent.
 
-    Examples
-    --------
     >>> percent(0.864), percent(-0.12), percent(-0.001), percent(math.nan)
     ('86 %', '-12 %', '0 %', '–')
     """
@@ -272,8 +250,6 @@ def percent(share: float) -> str:
 def explanation(names: Sequence[str], unknown: str | None) -> str:
     """Return an explanation in words.
 
-    Examples
-    --------
     >>> explanation((), None), explanation(("leakage",), "flow")
     ('nothing missing', 'leakage and an unknown flow')
     """

@@ -11,7 +11,6 @@ import numpy as np
 from rivid.report.summary import FEWEST_DAYS, WEEK, WEEKS, LastWeek, weeks_ago
 from rivid.results.read import kinds
 from rivid.text import time_unit
-from rivid.types import Floats
 
 WIDTH, HEIGHT = 720.0, 216.0
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 46.0, 20.0, 40.0
@@ -23,26 +22,18 @@ FRAME = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "width": WIDTH, "heig
 LEAST = 4.0
 """Smallest span of the delays shown [samples]: a calm record looks calm."""
 
-LOOKS = {
-    "data decide": "sure",
-    "data do not decide": "prior",
-    "degenerate": "doubt",
-    "at a bound": "doubt",
-}
+LOOKS = {"data decide": "sure", "data do not decide": "prior", "degenerate": "doubt", "at a bound": "doubt"}
 """Class of the mark of a day by the class of its delay."""
 
 
 def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dict[str, Any] | None:
     """Lay out the last week and the eight before it; `rows` gives the row of a day in the table of days.
 
-    Returns
-    -------
-    dict or None
-        `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt, none),
-        `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y, of
-        each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
-        on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
-        without an answer are marked. None where these weeks have fewer than two days with a value.
+    The result has `marks`: for each day a mapping of position (`x`, `y`), class (`look`: sure, prior, doubt,
+    none), `date`, `value` and `delay` [samples], `status` and table `row`. `medians`: x of both ends and y,
+    of each week. `lags` and `times`: y and text of the ticks, samples on the left, `unit` (minutes or hours)
+    on the right. `dates`: x and text. `week`: x where the last week begins. `floor`: y below which days
+    without an answer are marked. None where these weeks have fewer than two days with a value.
     """
     e = recent.estimator
     ago = weeks_ago(e.dates)
@@ -50,7 +41,9 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     values = recent.values[shown & given]
     if values.size < 2:
         return None
-    low, high = _limits(values)
+    low, high = float(values.min()), float(values.max())
+    short = max(LEAST - (high - low) - 1, 0.0) / 2
+    low, high = max(low - 0.5 - short, 0.0), high + 0.5 + short  # with some air
     floor = HEIGHT - BOTTOM
     first = max(e.dates[-1] - dt.timedelta(days=WEEK * (WEEKS + 1) - 1), e.dates[0])
     step = (WIDTH - LEFT - RIGHT) / ((e.dates[-1] - first).days + 1)
@@ -94,13 +87,6 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     }
 
 
-def _limits(values: Floats) -> tuple[float, float]:
-    """Ends of the delays shown [samples], with some air."""
-    low, high = float(values.min()), float(values.max())
-    short = max(LEAST - (high - low) - 1, 0.0) / 2
-    return max(low - 0.5 - short, 0.0), high + 0.5 + short
-
-
 def _looks(recent: LastWeek) -> list[str]:
     """The class of each day's mark."""
     looks = np.where(np.isfinite(recent.values), "sure", "none").astype(object)
@@ -113,8 +99,6 @@ def _looks(recent: LastWeek) -> list[str]:
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
     """Return round numbers inside a range, at most so many, each with its text.
 
-    Examples
-    --------
     >>> [text for _, text in ticks(4.5, 9.5)], [text for _, text in ticks(3.1, 4.1)]
     (['5', '6', '7', '8', '9'], ['3.2', '3.4', '3.6', '3.8', '4.0'])
     """

@@ -26,7 +26,7 @@ from rivid.results.read import (
     passage,
     rayleigh,
 )
-from rivid.text import NO_ANSWER
+from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
 WEEK = 7
@@ -102,14 +102,11 @@ class LastWeek:
 def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
     """Count and condense the rows of one estimator over the record.
 
-    Returns
-    -------
-    dict
-        Counts of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay: `at_bound`,
-        `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in order
-        (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
-        answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest
-        probability of the delays: `probability`, `least`; NaN where there are none.
+    The counts are of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay:
+    `at_bound`, `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in
+    order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
+    answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
+    the delays: `probability`, `least`; NaN where there are none.
     """
     e, days = estimator, found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
@@ -179,8 +176,6 @@ def last_week(results: Results) -> LastWeek | None:
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
     """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week.
 
-    Examples
-    --------
     >>> weeks_ago([dt.date(2008, 12, 24), dt.date(2008, 12, 25), dt.date(2008, 12, 31)])
     array([1, 0, 0])
     """
@@ -196,20 +191,11 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     Student's t of a new observation is beyond its two-sided 1 % limit. The variance of weeks is not taken
     below the one that their days would give if they were independent.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Delay, travel time or t50 of the decided days [samples].
-    ago : ndarray of int, shape (n,)
-        Weeks before the last one, as of :func:`weeks_ago`.
-
-    Returns
-    -------
-    dict or None
-        Medians [samples] of the last week (`now`) and of all days before (`before`), lowest and highest
-        median of the weeks before (`low`, `high`), `days` of the last week, `weeks` before it that count, `t`
-        and `moved`. None with fewer than three days in the last week, or fewer than four weeks before that
-        have three.
+    `values`, shape (n,), are the delay, travel time or t50 of the decided days [samples], `ago` their weeks
+    before the last one (:func:`weeks_ago`). Returns medians [samples] of the last week (`now`) and of all
+    days before (`before`), lowest and highest median of the weeks before (`low`, `high`), `days` of the last
+    week, `weeks` before it that count, `t` and `moved`. None with fewer than three days in the last week, or
+    fewer than four weeks before that have three.
 
     Notes
     -----
@@ -228,7 +214,8 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     if not len(weeks) or weeks[0] != 0 or len(weeks) <= FEWEST_WEEKS:
         return None
     whole = [values[ago == w] for w in weeks]
-    middles = [_middle(days) for days in whole]
+    # without the lowest and the highest, where that leaves three
+    middles = [np.sort(days)[1:-1] if days.size >= FEWEST_DAYS + 2 else days for days in whole]
     means = np.array([days.mean() for days in middles])
     medians = np.array([np.median(days) for days in whole])
     K = len(weeks) - 1
@@ -248,11 +235,6 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
         "t": change / error if error > 0 else float(np.copysign(np.inf, change)) if change else 0.0,
         "moved": not low <= medians[0] <= high and abs(change) > LIMITS[K] * error,
     }
-
-
-def _middle(days: Floats) -> Floats:
-    """A week's values without the lowest and the highest, where that leaves three."""
-    return np.sort(days)[1:-1] if days.size >= FEWEST_DAYS + 2 else days
 
 
 def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:
@@ -278,8 +260,6 @@ def _ends(values: Floats) -> tuple[float, float] | None:
 def missing(dates: Sequence[dt.date]) -> list[dt.date]:
     """Return the days between the first and the last that have no row: no log of them exists.
 
-    Examples
-    --------
     >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
     [datetime.date(2024, 6, 12)]
     """
@@ -290,27 +270,13 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
     return [day for day in every if day not in there]
 
 
-def joined(days: Sequence[dt.date]) -> list[tuple[dt.date, dt.date]]:
-    """Return days in order as first and last days of unbroken sequences."""
-    runs: list[tuple[dt.date, dt.date]] = []
-    for day in days:
-        if runs and (day - runs[-1][1]).days == 1:
-            runs[-1] = runs[-1][0], day
-        else:
-            runs.append((day, day))
-    return runs
-
-
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
-    Returns
-    -------
-    dict
-        `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`, `last`,
-        `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
-        `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report.
-        Lags are in samples, bounds in seconds.
+    These are `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`,
+    `last`, `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
+    `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags
+    are in samples, bounds in seconds.
     """
     lead, river = leading(results), leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
@@ -327,7 +293,7 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
         "last": dates[-1] if dates else None,
         "days": len(dates),
         "missing": len(gone),
-        "no_log": joined(gone),
+        "no_log": spans(gone),
         "names": [e.estimator for e in results.estimators],
         "now": _now(results, recent) if recent else None,
         "moved": _moved(recent) if recent and np.isfinite(recent.values).any() else None,
@@ -483,11 +449,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "judged": not ESTIMATORS[e.estimator].unjudged,
-        "probable": ESTIMATORS[e.estimator].has_probability,
-        "rayleigh": ESTIMATORS[e.estimator].rayleigh,
-        "method": ESTIMATORS[e.estimator].method,
-        "by_making": ESTIMATORS[e.estimator].degenerates,
+        "traits": ESTIMATORS[e.estimator],
         "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:

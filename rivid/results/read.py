@@ -67,6 +67,11 @@ class EstimatorResults:
         """Rows of status ok or degenerate."""
         return np.array([s in ("ok", "degenerate") for s in self.status], bool)
 
+    @property
+    def degenerate(self) -> Bools:
+        """Rows of status degenerate."""
+        return np.array([s == "degenerate" for s in self.status], bool)
+
 
 @dataclass(frozen=True)
 class Results:
@@ -154,8 +159,11 @@ def _record(out: Path) -> dict[str, Any]:
     return run
 
 
-SAME_NAME = ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s", "bound_kinematic_s")
-"""Attributes of :class:`EstimatorResults` that have the name of their column."""
+NUMBERS = {"delay": "delay_samples", "t50": "t50_samples", "mean_inflow": "mean_inflow_m3s"} | {
+    name: name
+    for name in ("alpha", "noise_sd", "roughness_sd", "condition", "bound_gravity_s", "bound_kinematic_s")
+}
+"""Attributes of :class:`EstimatorResults`, and the columns of these numbers."""
 
 
 def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
@@ -163,39 +171,34 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
     import pyarrow as pa
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)
-    order = [str(name) for name in run["estimators"]]
     assumed = tuple(str(key) for key in run.get("assumed") or ())
     estimators = []
-    for name in order:
+    for name in map(str, run["estimators"]):
         rows = delays.filter(names == name)
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
         if assumed:
             columns |= {f"bound_{wave}_s": np.full(len(rows), None) for wave in ("gravity", "kinematic")}
         sure = _given(_floats(columns["probability"]))
-        dates: list[dt.date] = rows["date"].to_pylist()
+        travel = columns.get("travel_time_s", columns["delay_s"])
         days = rows["date"].cast(pa.int32()).to_numpy()
+        candidates, curve = _matrix(criterion, name, days, "delay_samples", "criterion")
         estimators.append(
             EstimatorResults(
                 estimator=name,
-                dates=dates,
+                dates=rows["date"].to_pylist(),
                 status=[str(s) for s in columns["status"]],
                 messages=[str(s or "") for s in columns["message"]],
-                delay=_floats(columns["delay_samples"]),
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
-                t50=_floats(columns["t50_samples"]),
                 fir=_matrix(fir, name, days, "lag", "value")[1],
-                candidates=(curve := _matrix(criterion, name, days, "delay_samples", "criterion"))[0],
-                criterion=curve[1],
+                candidates=candidates,
+                criterion=curve,
                 probability=sure,
-                travel_s=None
-                if sure is None
-                else _given(_floats(columns.get("travel_time_s", columns["delay_s"]))),
+                travel_s=None if sure is None else _given(_floats(travel)),
                 delay_low=_given(_floats(columns["delay_low"])),
                 delay_high=_given(_floats(columns["delay_high"])),
                 fir_sd=_given(_matrix(fir, name, days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
-                mean_inflow=_floats(columns["mean_inflow_m3s"]),
-                **{key: _floats(columns[key]) for key in SAME_NAME},
+                **{name: _floats(columns[column]) for name, column in NUMBERS.items()},
             )
         )
     return Results(
@@ -281,10 +284,8 @@ def found(estimator: EstimatorResults) -> Bools:
 def decided(estimator: EstimatorResults) -> Bools:
     """Days with a delay that the data decide, shape (n,): neither prior_only nor degenerate by fault."""
     e = estimator
-    degenerate = np.array(
-        [s == "degenerate" and not ESTIMATORS[e.estimator].degenerates for s in e.status], bool
-    )
-    return np.asarray(found(e) & ~e.prior_only & ~degenerate)
+    fault = e.degenerate & (not ESTIMATORS[e.estimator].degenerates)
+    return np.asarray(found(e) & ~e.prior_only & ~fault)
 
 
 def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
@@ -293,7 +294,7 @@ def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
     holds = {
         "data decide": days,
         "data do not decide": days & e.prior_only,
-        "degenerate": days & np.array([s == "degenerate" for s in e.status], bool),
+        "degenerate": days & e.degenerate,
         "at a bound": days & e.at_bound,
     }
     taken = np.zeros(len(e.dates), bool)
@@ -310,25 +311,10 @@ def day_numbers(dates: Sequence[dt.date]) -> Floats:
 
 
 def rayleigh(delays: Floats, scale: float) -> Floats:
-    """Rayleigh prior on the candidates, summing to one.
+    """Rayleigh prior (26), sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
 
-    Parameters
-    ----------
-    delays : ndarray, shape (K,)
-        Candidates d [samples].
-    scale : float
-        sigma_d [samples].
+    (26) is lost in the paper's copy; its terms in (27) and (35) give it back.
 
-    Returns
-    -------
-    ndarray, shape (K,)
-
-    Notes
-    -----
-    Source: (26), lost in the paper's copy; its terms in (27) and (35) give it back.
-
-    Examples
-    --------
     >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
     >>> p[4:8].round(3), round(float(p.sum()), 6)
     (array([0.094, 0.099, 0.099, 0.094]), 1.0)

@@ -20,18 +20,7 @@ from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import stamp_doubt
 from rivid.results.read import refuse_parts
-from rivid.results.store import (
-    DATE,
-    FLAG,
-    NUMBER,
-    TEXT,
-    WHOLE,
-    described,
-    finite,
-    to_table,
-    write_csv,
-    write_parquet,
-)
+from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
 LONGEST = 40_000
@@ -80,14 +69,8 @@ class SeasonDays:
 def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     """The days of a finished run into `out`; `record` is its run.json.
 
-    Raises
-    ------
-    ConfigError
-        If the run has no posterior, or the outflow of its pool is not logged.
-    NoDataError
-        If no day has probabilities.
-    RividError
-        If the tables cannot be read, or span more than :data:`LONGEST` days.
+    ConfigError if the run has no posterior, or the outflow of its pool is not logged; NoDataError if no day
+    has probabilities; RividError if the tables cannot be read, or span more than :data:`LONGEST` days.
     """
     refuse_parts(record, out)
     if "posterior" not in record["estimators"]:
@@ -165,12 +148,8 @@ def join(days: SeasonDays, both_ways: bool = False) -> Joined:
     """Estimate posterior-season from the days of a run.
 
     Without `both_ways` a day uses the days before it only, so that no result changes when days are added.
-
-    Raises
-    ------
-    ConfigError
-        For a river both ways: errors of its days are correlated, and on simulated rivers the 90 % band then
-        held 81 %.
+    ConfigError for a river both ways: errors of its days are correlated, and on simulated rivers the 90 %
+    band then held 81 %.
     """
     if both_ways and days.river:
         raise ConfigError(
@@ -234,41 +213,32 @@ def law_of(days: SeasonDays) -> DelayLaw:
 
 NAME = "posterior-season"
 
-SCHEMA, MEANINGS = described(
-    [
-        ("date", DATE, "", "the calendar day, with a log or without"),
-        ("reach", TEXT, "", "its name"),
-        ("estimator", TEXT, "", f"`{NAME}`"),
-        (
-            "delay_samples",
-            NUMBER,
-            "samples",
-            "most probable delay, the days joined; empty where it is not probable enough",
-        ),
-        ("delay_s", NUMBER, "s", "the travel time, of a river t50"),
-        ("probability", NUMBER, "", "probability of this delay"),
-        ("delay_low", NUMBER, "samples", "shortest delay of the 90 % set"),
-        ("delay_high", NUMBER, "samples", "longest delay of the 90 % set"),
-        ("observed", FLAG, "", "the day alone has probabilities"),
-        ("direction", TEXT, "", "`forward`: from the days before; `both`: from all days"),
-    ]
-)
+SCHEMA, MEANINGS = described("""
+date | date | | the calendar day, with a log or without
+reach | text | | its name
+estimator | text | | `posterior-season`
+delay_samples | number | samples | most probable delay, the days joined; empty where it is not probable enough
+delay_s | number | s | the travel time, of a river t50
+probability | number | | probability of this delay
+delay_low | number | samples | shortest delay of the 90 % set
+delay_high | number | samples | longest delay of the 90 % set
+observed | flag | | the day alone has probabilities
+direction | text | | `forward`: from the days before; `both`: from all days
+""")
 """season.csv and season.parquet: a row per calendar day."""
 
-LAW_SCHEMA, LAW_MEANINGS = described(
-    [
-        ("discharge_low_m3s", NUMBER, "m3/s", "lower edge of the class"),
-        ("discharge_high_m3s", NUMBER, "m3/s", "upper edge of the class"),
-        ("discharge_m3s", NUMBER, "m3/s", "median discharge of its days"),
-        ("delay_s", NUMBER, "s", "travel time by the law; of a river t50"),
-        ("delay_low_s", NUMBER, "s", "lower end of the law's 90 % interval"),
-        ("delay_high_s", NUMBER, "s", "upper end of it"),
-        ("day_low_s", NUMBER, "s", "lower end of the 90 % interval of a single day"),
-        ("day_high_s", NUMBER, "s", "upper end of it"),
-        ("observed_s", NUMBER, "s", "median travel time of the days alone"),
-        ("n", WHOLE, "days", "in the class"),
-    ]
-)
+LAW_SCHEMA, LAW_MEANINGS = described("""
+discharge_low_m3s | number | m3/s | lower edge of the class
+discharge_high_m3s | number | m3/s | upper edge of the class
+discharge_m3s | number | m3/s | median discharge of its days
+delay_s | number | s | travel time by the law; of a river t50
+delay_low_s | number | s | lower end of the law's 90 % interval
+delay_high_s | number | s | upper end of it
+day_low_s | number | s | lower end of the 90 % interval of a single day
+day_high_s | number | s | upper end of it
+observed_s | number | s | median travel time of the days alone
+n | whole | days | in the class
+""")
 """delay_law.csv: a row per class of discharge."""
 
 

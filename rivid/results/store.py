@@ -6,8 +6,7 @@ A row of a *segment* holds one day and estimator with its FIR and criterion as l
 Segments are under OUT/.rivid, keyed by content. A segment is one Parquet file of a batch's rows
 (:data:`SEGMENT`). Its rename is the commit: a killed run leaves whole segments or none. A segment that fails
 its checksums is dropped, and its days are computed again. Long columns of a row, its response and its
-criterion, are read from disk in chunks, so that memory does not grow with the record; a few rows are kept
-whole.
+criterion, are read from disk in chunks, so that memory does not grow with the record.
 
 A run holds `lock`. Shards of one run share OUT: each holds a lock of its own, taken while it holds `lock` for
 a moment; a whole run takes `lock` and then finds no shard at work.
@@ -41,80 +40,50 @@ from rivid.errors import LockedError, RividError
 from rivid.results.read import SCHEMA_VERSION, Results, refuse_newer, results_of
 from rivid.types import Bools, Floats
 
-
-def described(
-    columns: Sequence[tuple[str, pa.DataType, str, str]],
-) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
-    """The schema of columns (name, type, unit, meaning), and unit and meaning of each."""
-    schema = pa.schema([(name, kind) for name, kind, _, _ in columns])
-    return schema, {name: (unit, meaning) for name, _, unit, meaning in columns}
+KINDS = {
+    "date": pa.date32(), "moment": pa.timestamp("ms", "UTC"), "clock": pa.timestamp("ms"),
+    "text": pa.string(), "number": pa.float64(), "whole": pa.int64(), "flag": pa.bool_(),
+}  # fmt: skip
+"""Types of columns, in :func:`described`; a clock is local time without zone."""
 
 
-DATE, TEXT, NUMBER, WHOLE, FLAG = pa.date32(), pa.string(), pa.float64(), pa.int64(), pa.bool_()
+def described(columns: str) -> tuple[pa.Schema, dict[str, tuple[str, str]]]:
+    """The schema of columns, a line ``name | kind | unit | meaning`` each, and their units and meanings."""
+    rows = [[cell.strip() for cell in line.split("|")] for line in columns.strip().splitlines()]
+    schema = pa.schema([(name, KINDS[kind]) for name, kind, _, _ in rows])
+    return schema, {name: (unit, meaning) for name, _, unit, meaning in rows}
 
 
-DELAYS, MEANINGS = described(
-    [
-        ("date", DATE, "", "the day; of a data set of several days, the last"),
-        ("reach", TEXT, "", "name of the reach"),
-        ("estimator", TEXT, "", "its name"),
-        (
-            "status",
-            TEXT,
-            "",
-            "`ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`",
-        ),
-        ("delay_samples", NUMBER, "samples", "the delay d; the level first moves at sample d + 1"),
-        (
-            "delay_s",
-            NUMBER,
-            "s",
-            "d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s",
-        ),
-        (
-            "travel_time_s",
-            NUMBER,
-            "s",
-            "the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s",
-        ),
-        ("at_bound", FLAG, "", "the delay is the shortest or longest tried, or lies outside"),
-        (
-            "prior_only",
-            FLAG,
-            "",
-            "the data do not single this delay out; empty where the estimator cannot decide that",
-        ),
-        ("probability", NUMBER, "", "`posterior`: that the likeliest delay is right"),
-        (
-            "delay_low",
-            NUMBER,
-            "samples",
-            "`posterior`: shortest of the fewest delays that together hold 90 %",
-        ),
-        ("delay_high", NUMBER, "samples", "`posterior`: longest of them"),
-        ("t50_samples", NUMBER, "samples", "rivers: the lag by which half of a step has arrived"),
-        ("alpha", NUMBER, "(m3/s)^2", "regularisation weight, noise over roughness variance"),
-        ("noise_sd", NUMBER, "output unit", "sigma_w, standard deviation of the noise"),
-        ("roughness_sd", NUMBER, "output unit per m3/s", "sigma_hD, of the response's second differences"),
-        ("output_unit", TEXT, "", "`m` for a level, `m3/s` for a discharge"),
-        ("criterion", NUMBER, "", "the least criterion: that of the delay"),
-        ("iterations", WHOLE, "", "rounds of Table VI; 0 where there are none"),
-        ("condition", NUMBER, "", "condition number of U'U; the paper's days have 2e4 to 1e5"),
-        ("n_samples", WHOLE, "samples", "of the data set"),
-        ("n_filled", WHOLE, "samples", "of these, that bridge a gap"),
-        ("mean_inflow_m3s", NUMBER, "m3/s", "mean inflow"),
-        ("mean_level_m", NUMBER, "m", "mean level; empty for a river"),
-        (
-            "froude",
-            NUMBER,
-            "",
-            "Froude number (6) at the mean outflow, or the mean inflow where none is logged",
-        ),
-        ("bound_gravity_s", NUMBER, "s", "travel time of a gravity wave (5): the fastest"),
-        ("bound_kinematic_s", NUMBER, "s", "travel time of a kinematic wave (5): the slowest"),
-        ("message", TEXT, "", "why there is no answer, and remarks on the day"),
-    ]
-)
+DELAYS, MEANINGS = described("""
+date | date | | the day; of a data set of several days, the last
+reach | text | | name of the reach
+estimator | text | | its name
+status | text | | `ok`, `unidentifiable`, `degenerate`, `pending` (today, unfinished) or `failed`
+delay_samples | number | samples | the delay d; the level first moves at sample d + 1
+delay_s | number | s | d T_s; of `posterior` the travel time with its fraction, about d T_s to (d + 1) T_s
+travel_time_s | number | s | the travel time: with its fraction where an estimator has one, else (d + 1/2) T_s
+at_bound | flag | | the delay is the shortest or longest tried, or lies outside
+prior_only | flag | | the data do not single this delay out; empty where the estimator cannot decide that
+probability | number | | `posterior`: that the likeliest delay is right
+delay_low | number | samples | `posterior`: shortest of the fewest delays that together hold 90 %
+delay_high | number | samples | `posterior`: longest of them
+t50_samples | number | samples | rivers: the lag by which half of a step has arrived
+alpha | number | (m3/s)^2 | regularisation weight, noise over roughness variance
+noise_sd | number | output unit | sigma_w, standard deviation of the noise
+roughness_sd | number | output unit per m3/s | sigma_hD, of the response's second differences
+output_unit | text | | `m` for a level, `m3/s` for a discharge
+criterion | number | | the least criterion: that of the delay
+iterations | whole | | rounds of Table VI; 0 where there are none
+condition | number | | condition number of U'U; the paper's days have 2e4 to 1e5
+n_samples | whole | samples | of the data set
+n_filled | whole | samples | of these, that bridge a gap
+mean_inflow_m3s | number | m3/s | mean inflow
+mean_level_m | number | m | mean level; empty for a river
+froude | number | | Froude number (6) at the mean outflow, or the mean inflow where none is logged
+bound_gravity_s | number | s | travel time of a gravity wave (5): the fastest
+bound_kinematic_s | number | s | travel time of a kinematic wave (5): the slowest
+message | text | | why there is no answer, and remarks on the day
+""")
 """A row per day and estimator: delays.csv and delays.parquet; units and meanings, in Markdown."""
 
 MEANINGS |= {
@@ -131,7 +100,7 @@ SEGMENT = pa.schema(
         ("fir_sd", pa.list_(pa.float64())),
         ("first_candidate", pa.int64()),
         ("curve", pa.list_(pa.float64())),
-        ("start", TEXT),
+        ("start", pa.string()),
     ]
 )
 """Rows that workers write: content key of the day, row of delays.csv, FIR, and the criterion of every
@@ -300,13 +269,7 @@ UNFINISHED: dict[str, Any] = {"content": None, "outputs": {}}
 
 
 def last_record(out: Path) -> dict[str, Any]:
-    """The record of the last run into OUT; empty without one.
-
-    Raises
-    ------
-    RividError
-        If a newer rivid wrote it.
-    """
+    """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
     try:
         record = json.loads((out / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -344,8 +307,6 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
 def assumed(config: Config) -> list[str]:
     """Keys of the geometry that are not configured: their defaults are those of another reach (Table I).
 
-    Examples
-    --------
     >>> assumed(Config()), assumed(Config.model_validate({"reach": {"length": 15e3, "bed_level": 90.0}}))
     (['length', 'width', 'depth'], ['width'])
     """
@@ -411,13 +372,11 @@ class Rows:
     """Rows of segments.
 
     `table` has the columns :data:`SHORT`, `message` (of failed days), `spread` (whether the response has
-    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups. `kept` holds
-    all columns of these rows, in their order, where they are few.
+    one), and `unit` and `row`: where the whole row is. `units` are files and their row groups.
     """
 
     table: pa.Table
     units: tuple[tuple[Path, int], ...] = ()
-    kept: pa.Table | None = None
 
     def __len__(self) -> int:
         return len(self.table)
@@ -435,14 +394,11 @@ class Rows:
         n = pa.scalar(len(self.units), pa.int64())
         at = new.table.column_names.index("unit")
         table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
-        few = self.kept is not None and new.kept is not None and len(table) <= CHUNK
-        kept = pa.concat_tables([self.kept, new.kept]) if few else None
-        return Rows(table, self.units + new.units, kept), damaged
+        return Rows(table, self.units + new.units), damaged
 
     def chosen(self, mask: pa.Array) -> "Rows":
         """The rows of a mask."""
-        kept = None if self.kept is None else self.kept.filter(mask)
-        return replace(self, table=self.table.filter(mask), kept=kept)
+        return replace(self, table=self.table.filter(mask))
 
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
         """The rows of the given keys, in order of the keys and then of the estimators.
@@ -457,16 +413,12 @@ class Rows:
         place = place[rows]
         last = np.append(place[1:] != place[:-1], True)[: len(place)]
         order = whole_numbers(rows[last])
-        kept = None if self.kept is None else self.kept.take(order).combine_chunks()
-        return replace(self, table=self.table.take(order).combine_chunks(), kept=kept)
+        return replace(self, table=self.table.take(order).combine_chunks())
 
     def chunks(self) -> Iterator[pa.Table]:
         """All columns of the rows in their order, :data:`CHUNK` at a time."""
         for start in range(0, max(len(self), 1), CHUNK):
-            if self.kept is not None:
-                yield self.kept.slice(start, CHUNK)
-            else:
-                yield self._read(self.table.slice(start, CHUNK))
+            yield self._read(self.table.slice(start, CHUNK))
 
     def _read(self, part: pa.Table) -> pa.Table:
         units, rows = part["unit"].to_numpy(), part["row"].to_numpy()
@@ -515,8 +467,6 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     damaged: list[tuple[Path, str]] = []
     units: list[tuple[Path, int]] = []
     short = [_short(SEGMENT.empty_table(), 0)]
-    kept: list[pa.Table] | None = [SEGMENT.empty_table()]
-    count = 0
     for path in paths:
         try:
             file = _open(path)
@@ -525,45 +475,34 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
                 raise ValueError("another version's columns")
             groups = []
             for group in range(file.num_row_groups):
-                whole = _cast(file.read_row_group(group))
-                groups.append(_short(whole, len(units) + group))
-                count += len(whole)
-                kept = None if kept is None or count > CHUNK else [*kept, whole]
+                groups.append(_short(_cast(file.read_row_group(group)), len(units) + group))
         except (OSError, ValueError, pa.ArrowException) as error:
             damaged.append((path, str(error)))
-            kept = None  # it may hold rows of the damaged one
             continue
         units += [(path, group) for group in range(len(groups))]
         short += groups
-    held = None if kept is None else pa.concat_tables(kept)
-    return Rows(pa.concat_tables(short), tuple(units), held), damaged
+    return Rows(pa.concat_tables(short), tuple(units)), damaged
 
 
 def write_segment(segments: Path, rows: pa.Table) -> Path:
     """Write one batch's rows; the name follows from its keys, so a repeated batch replaces itself."""
-    name = hashlib.sha256("".join(rows["key"].to_pylist()).encode())
-    path = segments / f"{name.hexdigest()[:24]}.parquet"
+    path = segments / f"{hash_of(rows)[:24]}.parquet"
     write_parquet(rows, path)
     return path
 
 
 def write_rows(segments: Path, rows: Rows) -> Path:
     """Write rows as one segment, chunk by chunk."""
-    if len(rows) <= CHUNK:
-        return write_segment(segments, next(rows.chunks()))
-    path = segments / f"{hash_of(rows)[:24]}.parquet"
+    path = segments / f"{hash_of(rows.table)[:24]}.parquet"
     with replacing(path) as scratch, _writer(scratch, SEGMENT) as writer:
         for chunk in rows.chunks():
             writer.write_table(chunk)
     return path
 
 
-def hash_of(rows: Rows) -> str:
+def hash_of(rows: pa.Table) -> str:
     """SHA-256 of the keys in their order."""
-    total = hashlib.sha256()
-    for start in range(0, len(rows), CHUNK):
-        total.update("".join(rows.table["key"].slice(start, CHUNK).to_pylist()).encode())
-    return total.hexdigest()
+    return hashlib.sha256("".join(rows["key"].to_pylist()).encode()).hexdigest()
 
 
 def _open(path: Path) -> pq.ParquetFile:
@@ -572,7 +511,7 @@ def _open(path: Path) -> pq.ParquetFile:
 
 def _cast(table: pa.Table) -> pa.Table:
     if "start" not in table.column_names:  # an earlier version's
-        table = table.append_column("start", pa.nulls(len(table), TEXT))
+        table = table.append_column("start", pa.nulls(len(table), pa.string()))
     if "travel_time_s" not in table.column_names:
         delay, whole = table["delay_s"], pc.is_null(table["probability"])
         middle = pc.multiply(delay, pc.add(1.0, pc.divide(0.5, table["delay_samples"])))
@@ -602,12 +541,8 @@ def _short(whole: pa.Table, unit: int) -> pa.Table:
 class Store:
     """Holds OUT for one run, or for the shard of that name: ``with Store(out) as store``.
 
-    Raises
-    ------
-    LockedError
-        At once, when another run holds OUT. A killed run's lock does not block: the system frees it.
-    RividError
-        When OUT cannot be written.
+    LockedError at once, when another run holds OUT; a killed run's lock does not block: the system frees it.
+    RividError when OUT cannot be written.
     """
 
     def __init__(self, out: Path, shard: str = "") -> None:

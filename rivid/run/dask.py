@@ -9,9 +9,9 @@ import importlib.util
 import pickle
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -52,18 +52,17 @@ VERSION = f"{__version__}, method {METHOD_VERSION}"
 _one_at_a_time = threading.Lock()
 
 
-class Dask:
+class Dask(Engine):
     """Workers of a Dask cluster: ``with Dask() as engine``; it starts with the first task.
 
     `scheduler` is the address of a standing scheduler, ``tcp://host:8786``, or the path of its scheduler
     file, ending in ``.json``. Without: a cluster on this machine of `workers` processes of one thread each,
-    gone when the block ends.
-
-    Raises
-    ------
-    ConfigError
-        Where dask is not installed, or the scheduler file is not there.
+    gone when the block ends. Dask gives up a task that killed its worker and starts another worker: there is
+    none to renew, and no task needs a worker of its own. ConfigError where dask is not installed, or the
+    scheduler file is not there.
     """
+
+    draws = False  # processes of this machine do
 
     def __init__(self, scheduler: str | None = None, workers: int = 1) -> None:
         if importlib.util.find_spec("distributed") is None:
@@ -78,7 +77,6 @@ class Dask:
             )
         self.scheduler = scheduler
         self.workers = workers
-        self.died: tuple[type[BaseException], ...] = ()
         self._client: Any = None
         self._cluster: Any = None
         self._executor: Any = None
@@ -113,18 +111,12 @@ class Dask:
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Execute the task in a worker."""
         self._begin()
+        # a worker has another current directory
+        given = [value.absolute() if isinstance(value, Path) else value for value in arguments]
         # as bytes: the scheduler, often a thread of this process, would unpickle and pickle anything else
-        call = pickle.dumps((task, [_everywhere(value) for value in arguments]))
+        call = pickle.dumps((task, given))
         future: Future[Any] = self._executor.submit(_execute, VERSION, not self.scheduler, call)
         return future
-
-    def renew(self) -> None:
-        """Do nothing: Dask gives up the task that killed its worker, and starts another worker."""
-
-    @contextmanager
-    def one(self) -> Iterator[Engine]:
-        """The same workers: Dask reports which task killed its worker."""
-        yield self
 
     def _begin(self) -> None:
         if self._client is not None:
@@ -176,11 +168,6 @@ class Dask:
         if self._cluster is not None:  # also one that no client has reached
             with suppress(TimeoutError):
                 self._cluster.close(timeout=CLOSING)
-
-
-def _everywhere(value: Any) -> Any:
-    """The argument for a process with another current directory: paths absolute."""
-    return value.absolute() if isinstance(value, Path) else value
 
 
 def _execute(version: str, own: bool, call: bytes) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rivid.run.workers import Engine, Here
+from rivid.run.workers import Engine
 
 if TYPE_CHECKING:
     from rivid.plots.draw import Job
@@ -24,32 +24,25 @@ _read: "tuple[Path, Results] | None" = None
 def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Path]:
     """Draw all figures with an engine's workers, which see OUT, then the report; return the files written.
 
-    The tables and run.json of OUT are written; `summary` is the latter, for the report.
-
-    Raises
-    ------
-    RividError
-        If a file cannot be written.
+    The tables and run.json of OUT are written; `summary` is the latter, for the report. RividError if a file
+    cannot be written.
     """
     global _read
     try:
         # once for each worker, so that all read the results now
         wanted = [engine.submit(_wanted, out) for _ in range(min(engine.slots, MOST_PAINTERS))][0].result()
         # the responses of one day take longest: first, so that they end with the others
-        under_way = {job: engine.submit(_paint, out, job) for job in sorted(wanted, key=_is_quick)}
+        order = sorted(wanted, key=lambda job: job[0] != "fir_day")
+        under_way = {job: engine.submit(_paint, out, job) for job in order}
         drawn = [under_way[job].result() for job in wanted]
         files = [file for file in drawn if file is not None]
         page: Path = engine.submit(_report, out, files, dict(summary)).result()
     except engine.died:  # out of memory, perhaps: one figure at a time needs less
         engine.renew()
-        return draw_with(Here(), out, summary)
+        return draw_with(Engine(), out, summary)
     finally:
         _read = None  # of an engine that is this process
     return [*(file.path for file in files), page]
-
-
-def _is_quick(job: "Job") -> bool:
-    return job[0] != "fir_day"
 
 
 def _results(out: Path) -> "Results":

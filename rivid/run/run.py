@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
 from typing import Any
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +37,7 @@ from rivid.logs.days import (
     Span,
     find_days,
     look_ahead,
+    now_at,
     read_window,
     refuse_columns,
     spans_of,
@@ -70,8 +70,6 @@ from rivid.run.workers import (
     DRAWING,
     ESTIMATING,
     Engine,
-    Here,
-    Processes,
     Progress,
     cores,
     each,
@@ -91,8 +89,6 @@ MOST = 100_000
 class Shard:
     """Part `index` of `count`, counted from 1.
 
-    Examples
-    --------
     >>> Shard.parse("3/16")
     Shard(index=3, count=16)
     """
@@ -148,12 +144,6 @@ class Options:
     shard: Shard | None = None
     most_new: int | None = None
 
-    def now(self, config: Config) -> dt.date | dt.datetime:
-        """Today in the time zone of the reach; without one the current time, dated by the offset of a log."""
-        moment = dt.datetime.now(dt.UTC)
-        zone = config.input.time_zone
-        return self.today or (moment.astimezone(ZoneInfo(zone)).date() if zone else moment)
-
 
 @dataclass(frozen=True)
 class Window:
@@ -191,14 +181,8 @@ def make_plan(
     """Find the days of DATA_DIR and make windows of them.
 
     `known` are the files seen by the last finished run, to avoid hashing them. Where much is new, the workers
-    of the engine read it.
-
-    Raises
-    ------
-    NoDataError
-        If there is no log, no whole window, or none between the dates selected.
-    ConfigError
-        If the logs lack columns that the configuration names.
+    of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
+    selected; ConfigError if the logs lack columns that the configuration names.
     """
     facts = _facts(known or {})
     if engine is not None and not options.verify:
@@ -208,7 +192,7 @@ def make_plan(
     sources = {day.date: day for day in catalog.days}
     length, settings = config.run.window_days, config.as_used()
     del settings["diagnose"]
-    now = options.now(config)
+    now = options.today or now_at(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
     key_of = _under(settings)
@@ -225,11 +209,9 @@ def make_plan(
             part = digest(content, span) if span else content
             windows.append(Window(date, present, key_of(part, unfinished), missing, part, span, start))
     if not windows:
-        takes = (
-            f"{config.run.window} ([run] window)"
-            if config.run.window
-            else (f"{length} days in a row ([run] window_days)")
-        )
+        takes = f"{length} days in a row ([run] window_days)"
+        if config.run.window:
+            takes = f"{config.run.window} ([run] window)"
         raise NoDataError(f"{len(sources)} days of logs in {data_dir}: a data set takes {takes}")
     first, last = options.first or dt.date.min, options.last or dt.date.max
     asked = [w for w in windows if first <= w.date <= last]
@@ -351,18 +333,22 @@ def _read(batch: Batch, window: Window) -> DataSet:
 
 def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
     """Rows without an estimate, and the reason."""
-    windows, reach = [batch.windows[at] for at, _, _, _ in refused], batch.config.reach
-    columns: dict[str, list[Any]] = {
-        "key": [window.key for window in windows],
-        "date": [window.date for window in windows],
-        "start": [window.start for window in windows],
-        "reach": [reach.name] * len(windows),
+    windows = [batch.windows[at] for at, _, _, _ in refused]
+    columns = _named(windows, batch.config) | {
         "estimator": [batch.config.run.estimators[k] for _, k, _, _ in refused],
         "status": [status for _, _, status, _ in refused],
-        "output_unit": [reach.output_unit] * len(windows),
         "message": [printable(" ".join(str(reason).split())[:500]) for _, _, _, reason in refused],
     }
     return to_table(columns, SEGMENT)
+
+
+def _named(windows: Sequence[Window], config: Config) -> dict[str, list[Any]]:
+    """Columns that name a row, for any estimator."""
+    columns: dict[str, list[Any]] = {
+        name: [getattr(window, name) for window in windows] for name in ("key", "date", "start")
+    }
+    given = {"reach": config.reach.name, "output_unit": config.reach.output_unit}
+    return columns | {name: [value] * len(windows) for name, value in given.items()}
 
 
 def _measured(
@@ -384,12 +370,7 @@ def _measured(
             )
     discharge = np.stack(outflow).mean(axis=1) if outflow else mean_inflow
     bounds = reach.bounds(discharge, level)
-    return days, {
-        "key": [window.key for window in windows],
-        "date": [window.date for window in windows],
-        "start": [window.start for window in windows],
-        "reach": [reach.name] * len(sets),
-        "output_unit": [reach.output_unit] * len(sets),
+    return days, _named(windows, config) | {
         "n_samples": [len(data.inflow) for data in sets],
         "n_filled": [data.n_filled for data in sets],
         "mean_inflow_m3s": mean_inflow.tolist(),
@@ -415,7 +396,8 @@ def _rows(
     def given(values: Floats | None) -> Floats:
         return none if values is None else values
 
-    delay = given(answer.delay)
+    delay, travel = given(answer.delay), answer.travel
+    begin, middle = (delay, delay + 0.5) if travel is None else (travel, travel)
     identified: Bools = np.asarray(answer.status != "unidentifiable")
     searched: Bools = np.zeros(n, bool)
     if answer.candidates is not None and answer.curve is not None:
@@ -425,10 +407,8 @@ def _rows(
         "estimator": [name] * n,
         "status": answer.status.tolist(),
         "delay_samples": delay.tolist(),
-        "delay_s": ((delay if answer.travel is None else answer.travel) * reach.sample_time).tolist(),
-        "travel_time_s": (
-            (delay + 0.5 if answer.travel is None else answer.travel) * reach.sample_time
-        ).tolist(),
+        "delay_s": (begin * reach.sample_time).tolist(),
+        "travel_time_s": (middle * reach.sample_time).tolist(),
         "noise_sd": np.sqrt(given(answer.noise_variance)).tolist(),
         "roughness_sd": np.sqrt(given(answer.roughness_variance)).tolist(),
         "iterations": [0] * n if answer.iterations is None else answer.iterations.tolist(),
@@ -511,12 +491,8 @@ def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
 def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: Done) -> None:
     """Estimate batches as workers become free and write their segments, in a directory that all workers see.
 
-    `done` is called with the number of windows of each batch that is finished.
-
-    Raises
-    ------
-    RividError
-        If a worker does not see DATA_DIR or OUT.
+    `done` is called with the number of windows of each batch that is finished. RividError if a worker does
+    not see DATA_DIR or OUT.
     """
     for (_, batch, _), _, lost in each(((work, batch, segments) for batch in batches), engine):
         if lost:
@@ -528,10 +504,7 @@ def run_batches(batches: Iterable[Batch], segments: Path, engine: Engine, done: 
 def work(batch: Batch, segments: Path) -> None:
     """Estimate a batch and write its segment, in a worker.
 
-    Raises
-    ------
-    RividError
-        If it does not see the directory of the logs or of the segments: a lost disk is no failed day.
+    RividError if it does not see the directory of the logs or of the segments: a lost disk is no failed day.
     """
     for place in (batch.root, segments):
         if not place.exists():
@@ -629,23 +602,11 @@ def run(
 ) -> Summary:
     """Estimate what is new in DATA_DIR and bring OUT up to date.
 
-    Parameters
-    ----------
-    data_dir, out : Path
-        Directories of the logs and of the results.
-    config : Config
-    options : Options
-        With a shard, its days are estimated and stored, and nothing else of OUT is changed.
-    progress : callable, optional
-        ``progress(total)`` returns a context; its value is called with each number of finished days.
-    engine : Engine, optional
-        Executes batches; by default as many processes as pay off. Figures are drawn by processes of this
-        machine, also where a cluster estimates.
-
-    Raises
-    ------
-    NoDataError, LockedError, ConfigError, RividError
-        If the run cannot begin; nothing has been computed then.
+    With a shard, its days are estimated and stored, and nothing else of OUT is changed. ``progress(total)``
+    returns a context; its value is called with each number of finished days. The `engine` executes batches,
+    by default as many processes as pay off; figures are drawn by processes of this machine, also where a
+    cluster estimates. If the run cannot begin, nothing has been computed when one of NoDataError,
+    LockedError, ConfigError and RividError is raised.
     """
     began, started = time.perf_counter(), dt.datetime.now(dt.UTC)
     painters = min(options.workers or cores(), MOST_PAINTERS)
@@ -654,9 +615,8 @@ def run(
     if config.run.window:  # figures and report are of whole days
         options = replace(options, figures=False)
     draws = options.figures and not options.shard and engine is None and painters > 1
-    own = processes(
-        options.workers or cores(), DRAWING if draws else ESTIMATING
-    )  # begin with their first task
+    # they begin with their first task
+    own = processes(options.workers or cores(), DRAWING if draws else ESTIMATING)
     with Store(out, options.shard.name if options.shard else "") as store:
         before = last_record(out)
         with nullcontext(engine) if engine else own as executing:
@@ -671,7 +631,7 @@ def run(
                 if draws:
                     warm(DRAWING)  # while this process reads and estimates
                 few = engine is None and options.workers is None and len(new) < ONE_PROCESS_BELOW
-                estimating = Here() if few else executing
+                estimating = Engine() if few else executing
                 batches = _batches(data_dir, config, new, planned, estimating)
                 with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
                     run_batches(batches, store.segments, estimating, done)
@@ -679,7 +639,7 @@ def run(
         rows = (store.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
         summary, failed = _summarise(rows, planned, new, kept, config, before, store)
         if not options.shard:
-            content = digest(hash_of(rows), config.as_used(), summary.bad_files, SCHEMA_VERSION)
+            content = digest(hash_of(rows.table), config.as_used(), summary.bad_files, SCHEMA_VERSION)
             current = before.get("content") == content and is_whole(out, before, options.figures)
             if options.force or not current:
                 now = describe(config, data_dir, started) | {
@@ -804,7 +764,7 @@ def _write(
         (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
         return files
     write_record(out, now | UNFINISHED | {"failed": before.get("failed", [])})
-    if isinstance(engine, Here | Processes):
+    if engine is not None and engine.draws:
         return files + draw_with(engine, out, now)
     with processes(painters, DRAWING) as painting:
         return files + draw_with(painting, out, now)

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context, parent_process
-from typing import Any, Protocol
+from typing import Any
 
 ESTIMATING = ("rivid.run.run",)
 """Modules of a worker that estimates batches."""
@@ -45,67 +45,53 @@ IN_FLIGHT = 2
 """Tasks submitted per worker: while one runs, the next is at hand."""
 
 
-class Engine(Protocol):
-    """Executes tasks, `slots` at a time.
+class Engine:
+    """Executes tasks, `slots` at a time; this one in this process alone.
 
     A task that is lost with its worker raises one of `died` from its future; :meth:`renew` then starts new
-    workers. Any other exception is raised by the task itself.
+    workers. Any other exception is raised by the task itself. `draws`: its workers draw figures too.
     """
+
+    died: tuple[type[BaseException], ...] = ()
+    draws = True
 
     @property
     def slots(self) -> int:
         """Tasks that run at a time."""
-        ...
-
-    died: tuple[type[BaseException], ...]
-    """Exceptions that report the death of a worker."""
+        return 1
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute a task; task, arguments and result are pickled."""
-        ...
-
-    def renew(self) -> None:
-        """Replace the workers after one died."""
-        ...
-
-    def one(self) -> AbstractContextManager["Engine"]:
-        """An engine of a single worker, for a task that may kill it."""
-        ...
-
-
-class Here:
-    """This process alone."""
-
-    slots = 1
-    died: tuple[type[BaseException], ...] = ()
-
-    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute the task at once."""
+        """Execute a task; for workers, task, arguments and result are pickled."""
         future: Future[Any] = Future()
         future.set_result(task(*arguments))
         return future
 
     def renew(self) -> None:
-        """Do nothing: without this process there is no run."""
+        """Replace the workers after one died."""
 
     @contextmanager
     def one(self) -> Iterator["Engine"]:
-        """This engine."""
+        """An engine of a single worker, for a task that may kill it."""
         yield self
 
 
-class Processes:
+class Processes(Engine):
     """Worker processes of this machine: ``with Processes(4) as engine``; they end with the block.
 
     `modules` are imported once for all workers.
     """
 
-    died: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    died = (BrokenExecutor,)
 
     def __init__(self, workers: int, modules: Sequence[str] = ESTIMATING) -> None:
-        self.slots = workers
+        self.workers = workers
         self.modules = modules
         self._pool: ProcessPoolExecutor | None = None
+
+    @property
+    def slots(self) -> int:
+        """The workers."""
+        return self.workers
 
     def __enter__(self) -> "Processes":
         return self
@@ -118,7 +104,7 @@ class Processes:
         if self._pool is None:
             warm(self.modules)
             context = get_context("forkserver" if os.name == "posix" else "spawn")
-            self._pool = ProcessPoolExecutor(self.slots, mp_context=context, initializer=_begin)
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_begin)
         try:
             return self._pool.submit(task, *arguments)
         except BrokenExecutor as error:  # a worker died in between: reported like that of any task
@@ -148,7 +134,7 @@ class Processes:
 
 def processes(workers: int, modules: Sequence[str] = ESTIMATING) -> AbstractContextManager[Engine]:
     """An engine of so many worker processes; for one, this process."""
-    return Processes(workers, modules) if workers > 1 else nullcontext(Here())
+    return Processes(workers, modules) if workers > 1 else nullcontext(Engine())
 
 
 def each(tasks: Iterable[tuple[Any, ...]], engine: Engine) -> Iterator[tuple[tuple[Any, ...], Any, bool]]:

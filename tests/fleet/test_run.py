@@ -149,7 +149,7 @@ def test_a_large_reach_that_is_left_over_is_shared_out(data, whole, tmp_path, mo
         seen.append((reach.name, outcome is None, engine is not None))
         return outcome
 
-    class Two(fleet_run.Here):
+    class Two(fleet_run.Engine):
         slots = 2
 
     monkeypatch.setattr(fleet_run, "run_reach", run_reach)

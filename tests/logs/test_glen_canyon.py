@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rivid.check import check
-from rivid.config import UNITS, load_config
+from rivid.config import load_config
+from rivid.input_config import UNITS
 from rivid.logs.days import find_days, read_window
 
 HOME = Path(__file__).parents[2]

@@ -14,7 +14,6 @@ from rivid.report.summary import (
     LIMITS,
     WEEKS,
     facts,
-    joined,
     last_week,
     leading,
     missing,
@@ -23,6 +22,7 @@ from rivid.report.summary import (
     weeks_ago,
 )
 from rivid.results.store import assumed, describe
+from rivid.text import spans
 from tests.plots.synthetic import dates_of, results, river, without_answers
 from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel
 
@@ -340,9 +340,9 @@ def test_missing_days_are_those_between_the_first_and_the_last(seed):
     assert len(gone) == 15 and not set(gone) & set(dates)
     assert sorted([*gone, *dates]) == [dates[0] + dt.timedelta(days=k) for k in range(55)]
     assert missing([]) == missing(dates[:1]) == []
-    spans = joined(gone)
-    assert sum((last - first).days + 1 for first, last in spans) == 15
-    assert len(spans) == sum((b - a).days > 1 for a, b in zip(dates, dates[1:], strict=False))
+    gaps = spans(gone)
+    assert sum((last - first).days + 1 for first, last in gaps) == 15
+    assert len(gaps) == sum((b - a).days > 1 for a, b in zip(dates, dates[1:], strict=False))
 
 
 def test_an_estimator_from_other_software_is_summarised_too():

@@ -11,7 +11,7 @@ import pytest
 from rivid.config import Config
 from rivid.results.read import load_results
 from rivid.run.run import Options, run
-from rivid.run.workers import Here, Processes
+from rivid.run.workers import Engine, Processes
 from tests.daily import write_days
 
 DEADLY = """
@@ -101,7 +101,7 @@ def test_nothing_is_imported_from_the_current_directory(engine, tmp_path):
 
 
 def test_new_files_of_many_days_are_listed_by_the_engine_with_the_same_results(tmp_path, monkeypatch):
-    class Two(Here):
+    class Two(Engine):
         slots = 2
         tasks: list = []
 

@@ -73,11 +73,8 @@ def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> boo
     if texts is None or texts <= {""} or is_unit_column(column):
         return False
     low = column.lower()
-    if re.search(rf"{_QUALITY}|qc|remark|code|zone", low) or {
-        "tz",
-        "utc",
-        "gmt",
-    } & set(re.split(r"[^a-z]+", low)):
+    zone = {"tz", "utc", "gmt"} & set(re.split(r"[^a-z]+", low))
+    if zone or re.search(rf"{_QUALITY}|qc|remark|code|zone", low):
         return True
     if any(low != name.lower() and low.startswith(name.lower()) for name in read):
         return True
@@ -421,10 +418,7 @@ def _river(flows: Group, questions: Questions) -> Roles:
     elif not _unmistakable(ins, outs, flows):
         many = "more than two discharges" if len(order) > 2 else "two discharges"
         questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))
-        instead = {
-            "u_Qi": _distinct([[c] for c in order], ins),
-            "Q_L": _distinct([[c] for c in order], outs),
-        }
+        instead = {"u_Qi": _distinct([[c] for c in order], ins), "Q_L": _distinct([[c] for c in order], outs)}
     groups = {"u_Qi": ins, "Q_L": outs}
     return {role: group for role, group in groups.items() if group}, "river", instead
 
@@ -491,11 +485,8 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
         ins = [c for c in called_out if c not in outs and sites[c.name] != sites[outs[0].name]][:1]
     guessed = "guessed by its name"
     first = "it is only the first discharge" if ins and ins[0].role == "flow" else guessed
-    return (
-        ins,
-        outs,
-        (first, "its name does not determine it" if outs and outs[0].role == "flow" else guessed),
-    )
+    second = "its name does not determine it" if outs and outs[0].role == "flow" else guessed
+    return ins, outs, (first, second)
 
 
 def _ask_which(ins: Group, outs: Group, flows: Group, why: tuple[str, str], questions: Questions) -> None:
@@ -517,10 +508,7 @@ def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dic
             by_site.setdefault(sites[column.name], []).append(column)
     whole = [_leaving(group) for group in by_site.values()]
     left = [[c] for c in flows if c not in ins and c not in outs]
-    return {
-        "u_Qi": _distinct([outs, *whole, *left], ins),
-        "u_Qo": _distinct([ins, *whole, *left], outs),
-    }
+    return {"u_Qi": _distinct([outs, *whole, *left], ins), "u_Qo": _distinct([ins, *whole, *left], outs)}
 
 
 def _distinct(groups: Sequence[Group], but: Group) -> list[Group]:

@@ -16,10 +16,7 @@ MARKS = ("#", "!", "%", "//")
 """Prefixes of lines without data, in the order in which they are tried."""
 ZRXP_TAG = "#REXCHANGE([^|]+)"
 """Regular expression of the comment of a ZRXP file that holds the tag of the rows below."""
-_DATES = (
-    *("%d/%m/%Y", "%m/%d/%Y", "%d.%m.%Y", "%d-%m-%Y", "%m-%d-%Y"),
-    *("%Y/%m/%d", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y"),
-)
+_DATES = "%d/%m/%Y %m/%d/%Y %d.%m.%Y %d-%m-%Y %m-%d-%Y %Y/%m/%d %d/%m/%y %m/%d/%y %d.%m.%y".split()
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H:%M:%S.%f", "%H.%M.%S", "%H.%M")
 FORMATS: tuple[str | None, ...] = (
     None,

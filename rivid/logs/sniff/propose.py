@@ -9,15 +9,7 @@ from typing import Any
 from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
-from rivid.logs.sniff.columns import (
-    Flags,
-    Group,
-    find_flags,
-    find_tags,
-    guess_column,
-    guess_marks,
-    roles_of,
-)
+from rivid.logs.sniff.columns import Flags, Group, find_flags, find_tags, guess_column, guess_marks, roles_of
 from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
@@ -42,23 +34,10 @@ FILL_IN = (
 
 
 def sniff(path: Path | Sequence[Path], time_zone: str | None = None) -> "Proposal":
-    """Propose an `[input]` block for an export: text, plain or gzipped.
+    """Propose an `[input]` block for an export, text, plain or gzipped: one file, or several of one dialect.
 
-    Parameters
-    ----------
-    path : Path, or sequence of Path
-        One file, or several of one dialect that belong together.
-    time_zone : str, optional
-        Zone of its clock, where its times carry no offset.
-
-    Returns
-    -------
-    Proposal
-
-    Raises
-    ------
-    DataError
-        Where a file is no table with a header and times.
+    `time_zone` is that of its clock, where its times carry no offset. DataError where a file is no table with
+    a header and times.
     """
     paths = [path] if isinstance(path, Path) else list(dict.fromkeys(path))
     return Proposal([_look(each) for each in paths], ", ".join(shown(p.name) for p in paths[:3]), time_zone)
@@ -100,14 +79,8 @@ def _look(path: Path) -> Layout:
 class Proposal:
     """The keys of `[input]` for files of one dialect, and the questions that they leave open.
 
-    Attributes
-    ----------
-    toml : str
-        A configuration that `load_config` accepts, with comments.
-    open_questions : list of str
-        What the files alone do not state.
-    open_keys : tuple of str
-        Keys of `[input]` that these are about.
+    `toml` is a configuration that `load_config` accepts, with comments; `open_questions` are what the files
+    alone do not state, and `open_keys` the keys of `[input]` that these are about.
     """
 
     def __init__(self, layouts: list[Layout], name: str, time_zone: str | None) -> None:
