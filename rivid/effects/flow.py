@@ -460,7 +460,7 @@ class GateHeadEffect(Effect):
         "little is sent down. An orifice at 4 m of head has 0.12 1/m."
     )
 
-    gain: float = quantity(0.1, "1/m", -0.5, 2.0, "relative gain of the outflow for each metre of level")
+    gain: float = quantity(0.1, "1/m", 0.0, 2.0, "relative gain of the outflow for each metre of level")
 
     def changes(self, world: World) -> Changes:
         return Changes(gate=Gate(head=self.gain * self.active(world), reference=world.level))
