@@ -65,10 +65,6 @@ BANKS = 1.0, 1.0, 4.0
 CELLS = 24
 """Of a channel. In five development seasons 16 found an effect as well as 24 to 32, to 3 % of its gain, in
 half the time; in a sixth, 12 km long with a gauge of 1 mm, a leak gained 50 nats with 16 and 92 with 24."""
-MODES = 5
-"""Of width and bed: with three, waves in a reach as uneven as gates and bends make it bent fall and depth to
-their limits, and a leak or a gate took 1,200 to 1,700 nats of what the channel could not hold; with seven it
-gained no more than 71 nats beside 1,022 with five."""
 FALL = 0.15
 """Fall of the bed of a pool, first guess, in depths: its uncertainty is more."""
 STARTS, START_SD = 20, 0.7
@@ -158,8 +154,8 @@ class HydraulicResponse:
         width_sd: float = 0.05,
         depth_sd: float = 0.15,
         manning_sd: float = 0.25,
-        width_modes: int = MODES,
-        bed_modes: int = MODES,
+        width_modes: int = 3,
+        bed_modes: int = 3,
         corrections: bool = True,
         cells: int = CELLS,
         gate_time: float = 30.0,
