@@ -80,8 +80,9 @@ def section(h: float, n: Nodes, i: int) -> tuple[float, float, float, float]:
 
 @njit(cache=True, error_model="numpy")
 def step(
-    z: Floats, Q: Floats, up: float, down: float, q: Floats, dt: float, dx: float, n: Nodes, work: Floats
-) -> bool:
+    z: Floats, Q: Floats, up: float, down: float, q: Floats, dt: float, dx: float, n: Nodes, work: Floats,
+    theta: float,
+) -> bool:  # fmt: skip
     """One time step: z and Q (nodes,) are overwritten; q (nodes - 1,) enters each box [m2/s].
 
     `up` and `down` are the discharges at the ends at the new time. False where a node runs dry.
@@ -107,23 +108,23 @@ def step(
             Ak, Bk, Kk, dKk = section(z[k] - n.bed[k], n, k)
             # continuity
             r1 = 0.5 * (Ai + Ak - A0[i] - A0[k]) / dt
-            r1 += (THETA * (Q[k] - Q[i]) + (1.0 - THETA) * (Q0[k] - Q0[i])) / dx - q[j]
-            a1, b1, c1, d1 = 0.5 * Bi / dt, -THETA / dx, 0.5 * Bk / dt, THETA / dx
+            r1 += (theta * (Q[k] - Q[i]) + (1.0 - theta) * (Q0[k] - Q0[i])) / dx - q[j]
+            a1, b1, c1, d1 = 0.5 * Bi / dt, -theta / dx, 0.5 * Bk / dt, theta / dx
             # momentum
-            Am = 0.5 * (THETA * (Ai + Ak) + (1.0 - THETA) * (A0[i] + A0[k]))
-            slope = (THETA * (z[k] - z[i]) + (1.0 - THETA) * (z0[k] - z0[i])) / dx
+            Am = 0.5 * (theta * (Ai + Ak) + (1.0 - theta) * (A0[i] + A0[k]))
+            slope = (theta * (z[k] - z[i]) + (1.0 - theta) * (z0[k] - z0[i])) / dx
             fi, fk = Q[i] * abs(Q[i]) / (Ki * Ki), Q[k] * abs(Q[k]) / (Kk * Kk)
             old = Q0[i] * abs(Q0[i]) / (K0[i] * K0[i]) + Q0[k] * abs(Q0[k]) / (K0[k] * K0[k])
-            drag = 0.5 * (THETA * (fi + fk) + (1.0 - THETA) * old)
+            drag = 0.5 * (theta * (fi + fk) + (1.0 - theta) * old)
             Mi, Mk = Q[i] * Q[i] / Ai, Q[k] * Q[k] / Ak
             r2 = 0.5 * (Q[i] + Q[k] - Q0[i] - Q0[k]) / dt
-            r2 += (THETA * (Mk - Mi) + (1.0 - THETA) * (M0[k] - M0[i])) / dx + G * Am * (slope + drag)
-            a2 = THETA * Mi * Bi / Ai / dx + G * 0.5 * THETA * Bi * (slope + drag)
-            a2 += G * Am * THETA * (-1.0 / dx - fi * dKi / Ki)
-            c2 = -THETA * Mk * Bk / Ak / dx + G * 0.5 * THETA * Bk * (slope + drag)
-            c2 += G * Am * THETA * (1.0 / dx - fk * dKk / Kk)
-            b2 = 0.5 / dt - THETA * 2.0 * Q[i] / Ai / dx + G * Am * THETA * abs(Q[i]) / (Ki * Ki)
-            d2 = 0.5 / dt + THETA * 2.0 * Q[k] / Ak / dx + G * Am * THETA * abs(Q[k]) / (Kk * Kk)
+            r2 += (theta * (Mk - Mi) + (1.0 - theta) * (M0[k] - M0[i])) / dx + G * Am * (slope + drag)
+            a2 = theta * Mi * Bi / Ai / dx + G * 0.5 * theta * Bi * (slope + drag)
+            a2 += G * Am * theta * (-1.0 / dx - fi * dKi / Ki)
+            c2 = -theta * Mk * Bk / Ak / dx + G * 0.5 * theta * Bk * (slope + drag)
+            c2 += G * Am * theta * (1.0 / dx - fk * dKk / Kk)
+            b2 = 0.5 / dt - theta * 2.0 * Q[i] / Ai / dx + G * Am * theta * abs(Q[i]) / (Ki * Ki)
+            d2 = 0.5 / dt + theta * 2.0 * Q[k] / Ak / dx + G * Am * theta * abs(Q[k]) / (Kk * Kk)
             # dQ_i out of both, dz_i by continuity, dQ_k by momentum
             e1, e2 = a1 + b1 * E[i], a2 + b2 * E[i]
             r1, r2 = -r1 - b1 * F[i], -r2 - b2 * F[i]
@@ -172,6 +173,7 @@ def run(
     exchange: ExchangeArrays, leak_box: NDArray[np.int64], pond_box: NDArray[np.int64],
     operators: OperatorArrays,
     nodes: Nodes, dx: float, gate_time: float, z: Floats, level: Floats, released: Floats,
+    theta: float,
 ) -> int:  # fmt: skip
     """Go through all samples and write the outflow of operators; the sample that failed, or -1."""
     n, boxes = len(time), len(nodes.bed) - 1
@@ -212,7 +214,7 @@ def run(
             way = min(1.0, (m + 1) * dt / gate_time) if gate_time > 0.0 else 1.0
             up = from_up + way * (inflow[k] - from_up)
             down = from_down + way * (released[k] - from_down)
-            if not step(z, Q, up, down, q, dt, dx, nodes, work):
+            if not step(z, Q, up, down, q, dt, dx, nodes, work, theta):
                 return k
     return -1
 
@@ -224,6 +226,16 @@ class Box:
     length: float
     nodes: Nodes
     gate_time: float
+    theta: float = THETA
+
+    def arrival(self, flow: float, level: float) -> float:
+        """Travel time of a small wave [s] through a steady flow [m3/s] that has a level [m] at its end."""
+        n, dx = self.nodes, self.length / (len(self.nodes.bed) - 1)
+        z = np.empty(len(n.bed))
+        steady(level, flow, dx, n, z)
+        A, B = np.array([section(h, n, i)[:2] for i, h in enumerate(z - n.bed)]).T
+        slow = 1.0 / (flow / A + np.sqrt(G * A / B))
+        return float(dx * 0.5 * (slow[1:] + slow[:-1]).sum())
 
     def simulate(
         self,
@@ -257,7 +269,7 @@ class Box:
             exchange_arrays(changes, (1, n)), np.array([box(a.place) for a in changes.leaks], np.int64),
             np.array([box(a.place) for a in changes.ponds], np.int64),
             operators, nodes, self.length / boxes, self.gate_time,
-            np.full(boxes + 1, float(start)), level, released,
+            np.full(boxes + 1, float(start)), level, released, self.theta,
         )  # fmt: skip
         if failed >= 0:
             raise RividError(f"the boxes run dry or blow up at {time[failed]:g} s")

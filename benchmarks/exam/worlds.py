@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.exam.answering import Logs
-from benchmarks.exam.box import Box, Nodes
+from benchmarks.exam.box import THETA, Box, Nodes
 from benchmarks.exam.river import RiverWater
 from rivid.core.hydraulics import GRAVITY
 from rivid.effects import Effect
@@ -225,13 +225,15 @@ def _flows(
 class BoxWater(Water):
     """The reach as boxes in compound sections; unevenness of its own from the scenario's seed."""
 
+    boxes, theta = BOXES, THETA
+
     @cached_property
     def box(self) -> Box:
         """The boxes."""
         c, reach = self.scenario.channel, self.scenario.reach
         assert c is not None
         rng = np.random.default_rng([self.scenario.seed, 41])
-        x = np.linspace(0.0, reach.length, BOXES + 1)
+        x = np.linspace(0.0, reach.length, self.boxes + 1)
 
         def uneven(size: float) -> Floats:
             """Random bends along the reach."""
@@ -241,12 +243,16 @@ class BoxWater(Water):
         depth = self.level - c.bed_level
         nodes = Nodes(
             bed=c.bed_level + c.slope * (reach.length - x) + uneven(0.05 * depth),
-            bottom=reach.width * np.exp(uneven(0.15)), bank=np.full(BOXES + 1, c.side_slope),
-            bankfull=np.full(BOXES + 1, rng.uniform(1.02, 1.3) * depth),
-            plain=np.full(BOXES + 1, rng.uniform(0.0, 0.5) * reach.width),
-            manning=c.manning * np.exp(uneven(0.12)), usual=np.zeros(BOXES + 1), growth=np.zeros(BOXES + 1),
+            bottom=reach.width * np.exp(uneven(0.15)), bank=np.full(self.boxes + 1, c.side_slope),
+            bankfull=np.full(self.boxes + 1, rng.uniform(1.02, 1.3) * depth),
+            plain=np.full(self.boxes + 1, rng.uniform(0.0, 0.5) * reach.width),
+            manning=c.manning * np.exp(uneven(0.12)), usual=np.zeros(self.boxes + 1), growth=np.zeros(self.boxes + 1),
         )  # fmt: skip
-        return Box(reach.length, nodes, c.gate_time)
+        return Box(reach.length, nodes, c.gate_time, self.theta)
+
+    def arrival(self, flow: Floats, level: Floats) -> Floats:
+        """As of the base class, in the sections of the boxes."""
+        return np.array([self.box.arrival(q, h) for q, h in zip(flow, level, strict=True)])
 
     def run(
         self, time: Floats, inflow: Floats, outflow: Floats | OperatorArrays, usual_flow: Floats,

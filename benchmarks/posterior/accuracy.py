@@ -1,12 +1,14 @@
 """Scores of p(d | y) on many seeds of both kinds of worlds, counted the way the page shows them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.posterior.score import Scores, score, together
-from benchmarks.posterior.worlds import worlds
+from benchmarks.posterior.worlds import random_worlds, worlds
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -77,3 +79,44 @@ def reliability(said: Floats, is_true: Bools, edges: Floats) -> list[Bin]:
         if here.any():
             bins.append(Bin(float(said[here].mean()), int(is_true[here].sum()), int(here.sum())))
     return bins
+
+
+def _between(key: str, bounds: tuple[float, ...], unit: float = 1.0) -> Callable[[dict[str, Any]], str]:
+    """Name of the interval of a factor, in units of `unit`."""
+    names = [f"{a:g} to {b:g}" for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return lambda f: names[int(np.searchsorted(bounds[1:-1], f[key] / unit, side="right"))]
+
+
+FACTORS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "all": lambda f: "",
+    "water": lambda f: str(f["water"]),
+    "gauge's noise [mm]": _between("gauge_noise_m", (0.5, 1.0, 2.0, 4.0), 1e-3),
+    "gauge's step [mm]": lambda f: f"{1e3 * f['gauge_step_m']:02.0f}",
+    "stilling well [s]": lambda f: "none" if f["well_s"] == 0.0 else _between("well_s", (10, 60, 120))(f),
+    "well and gate [samples]": _between("lag", (0.0, 0.3, 0.6, 1.0, 4.0)),
+    "length [km]": _between("length_m", (2, 4, 8, 12, 20), 1e3),
+    "sample time [s]": _between("sample_time_s", (60, 100, 200, 350, 600)),
+    "control": lambda f: str(f["operators"]),
+    "programme": lambda f: str(f["programme"]),
+}
+"""Factors of the exam's worlds by which the scores are split."""
+
+
+def by_factor(seeds: range, days: int, rough: bool = False) -> dict[tuple[str, str], Scores]:
+    """Scores of the exam's worlds for each factor and each of its values, in their order."""
+    every = [(f, score(w, s)) for w, s, f in random_worlds(seeds, days, rough)]
+    none = np.zeros((days, 0))  # candidates differ from world to world
+    every = [(f, replace(s, probability=none, is_true=none.astype(bool))) for f, s in every]
+    found = {}
+    for factor, value in FACTORS.items():
+        groups: dict[str, list[Scores]] = {}
+        for f, s in every:
+            groups.setdefault(value(f), []).append(s)
+        found |= {(factor, name): together(groups[name]) for name in sorted(groups, key=_first_number)}
+    return found
+
+
+def _first_number(name: str) -> tuple[float, str]:
+    """Intervals by their lower bound."""
+    head = name.split(" ")[0]
+    return (float(head) if head.replace(".", "").isdigit() else -1.0, name)

@@ -25,6 +25,10 @@ TARGETS: tuple[tuple[str, str, Callable[[Scores], bool]], ...] = (
 )
 
 
+ByFactor = dict[tuple[str, str], Scores]
+"""Scores by factor and its value."""
+
+
 def share(k: int, n: int, digits: int = 1) -> str:
     """A share in per cent with its interval."""
     low, high = wilson(k, n)
@@ -69,7 +73,14 @@ def placed(s: Scores) -> list[str]:
     return [share(int(s.in_band[s.known].sum()), known), f"{np.nanmedian(s.band):.2f}"]
 
 
-def page(found: list[Found], drawn: list[Found], known: list[Limit], head: str, tail: str) -> str:
+def page(
+    found: list[Found],
+    drawn: list[Found],
+    known: list[Limit],
+    exam: tuple[ByFactor, ByFactor],
+    head: str,
+    tail: str,
+) -> str:
     """The whole page."""
     by_truth = groups(found)
     head_row = ["", "days", *(f"{what} [%], {aim}" for what, aim, _ in TARGETS)]
@@ -87,7 +98,7 @@ def page(found: list[Found], drawn: list[Found], known: list[Limit], head: str, 
             if f.kind == kind
         ]
         text += f"{what} [%]:\n\n" + table(short, rows) + "\n"
-    text += drawn_section(drawn, short[2:])
+    text += drawn_section(drawn, short[2:]) + random_section(*exam)
     text += reliability_section(found) + null_section(found)
     return text + limit_section(known) + speed_section(found) + tail
 
@@ -105,6 +116,25 @@ def drawn_section(drawn: list[Found], head: list[str]) -> str:
         f"{len(drawn)} reaches drawn at random, none of which took part, by the time that a gate needs [%]:\n\n"
         + table(["gate [samples]", "reaches", *head], rows)
         + "\n"
+    )
+
+
+def random_section(exam: ByFactor, rough: ByFactor) -> str:
+    """The exam's random worlds, split by factor."""
+    head = ["factor", "", "days", "answered", "exact", "within one", "coverage", "sure and wrong",
+            "place in its band", "width of the band [samples]"]  # fmt: skip
+    rows = [[factor, name, *numbers(s), *placed(s)] for (factor, name), s in exam.items()]
+    worst = [
+        ["gauge of 10 mm, steps of 20 mm", "", *numbers(s), *placed(s)]
+        for (f, _), s in rough.items()
+        if f == "all"
+    ]
+    return (
+        "## Random worlds, by factor\n\nPools of the exam with nothing hidden ([exam.md](exam.md)): box scheme, Saint-Venant or "
+        "linear store; operators by hand, automatic\nor on a schedule; a stilling well in half of them. Eight days each, the delays that "
+        "`rivid bounds` proposes from a geometry known to some percent,\nseeds that took no part. The box scheme has boxes that a "
+        "wave passes in one time step, since in the exam's 24 its short waves run ahead\nof the front; the true travel time is that "
+        "of the boxes' own sections [%]:\n\n" + table(head, rows + worst) + "\n"
     )
 
 

@@ -7,7 +7,7 @@ from scipy.special import expit, logsumexp
 from scipy.stats import logistic, norm
 
 from rivid.core.posterior.daily import posterior
-from rivid.core.posterior.front import MODELS, log_evidence, structures
+from rivid.core.posterior.front import LAG_TAPS, LAGGED, LAGS, LEAST_LAGGED, MODELS, log_evidence, structures
 from rivid.core.posterior.noise import DRIFT_MEMORY, gram, noise_bank, spectral_factor
 from rivid.core.settings import GUARD, PosteriorSettings
 from tests import examples
@@ -39,6 +39,37 @@ def regression(name, y, u, o, one, d, w, rows):
     response = at(dy, 0) - at(dy, 1)
     X = [v(du, d + 1)] + ([] if o is None else [at(do, 1)])
     return response, np.stack([*X, at(one, 0)], axis=1)
+
+
+def shown(series, lag):
+    """What a gauge behind a lag [samples] shows of a series that began at rest."""
+    left = np.exp(-1.0 / lag)
+    taps = lfilter([1 - (1 - left) * lag, (1 - left) * lag - left], [1, -left], np.eye(1, LAG_TAPS)[0])
+    taps[-1] += 1 - taps.sum()
+    return lfilter(taps, [1.0], series)
+
+
+def slow_models(y, u, o, structure, first, last, n_lags):
+    """Every model of an equation: (log evidence, noise, lag or None, inflow and outflow behind it, d, w)."""
+    kinds = list(noise_bank()[structure.noises])
+    where = [(d, w) for d in range(first, last + 1) for w in np.arange(10, 0, -1) / 10]
+    models = [
+        (slow_evidence(y, u, o, structure, C, len(kinds), d, w, n_lags), C, None, u, o, d, w)
+        for C in kinds
+        for d, w in where
+    ]
+    if o is None or structure.name == "first order":
+        return models
+    top = [max(m[0] for m in models if m[1] is C) for C in kinds]
+    best, worth = kinds[int(np.argmax(top))], logsumexp(top) - max(top)
+    models = [(m[0] + np.log(1 - LAGGED), *m[1:]) for m in models]
+    for lag in LAGS:
+        behind = shown(u, lag), shown(o, lag)
+        for d, w in where:
+            if structure.is_store or d >= LEAST_LAGGED:
+                log = slow_evidence(y, *behind, structure, best, len(kinds), d, w, n_lags)
+                models.append((log + worth + np.log(LAGGED / len(LAGS)), best, lag, *behind, d, w))
+    return models
 
 
 def slow_evidence(y, u, o, structure, C, n_kinds, d, w, n_lags):
@@ -168,16 +199,13 @@ def slow_posterior(u, y, o, s):
     y, u, o = y - y[0], u - u[0], o - o[0]
     within, between, places, stores = [], [], [], []
     for structure in structures(True):
-        kinds = noise_bank()[structure.noises]
         store = structure.is_store
         logs, priors = [], []
-        for C in kinds:
-            for d in range(first, last + 1):
-                for w in np.arange(10, 0, -1) / 10:
-                    logs.append(slow_evidence(y, u, o, structure, C, len(kinds), d, w, last + 4))
-                    priors.append(0.1 if store else (1 - s.sharp) / 10 + (s.sharp if w == 1 else 0))
-                    places.append(d + 1 - w)
-                    stores.append(store)
+        for log, _, _, _, _, d, w in slow_models(y, u, o, structure, first, last, last + 4 + LAG_TAPS - 1):
+            logs.append(log)
+            priors.append(0.1 if store else (1 - s.sharp) / 10 + (s.sharp if w == 1 else 0))
+            places.append(d + 1 - w)
+            stores.append(store)
         logs, priors = np.array(logs), np.array(priors)
         inside = np.exp((logs - logs.max()) / (s.store_temperature if store else s.wave_temperature)) * priors
         within.append(inside / inside.sum())
@@ -216,29 +244,26 @@ def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outfl
     d_hat = result.candidates[np.argmax(result.probability[0])]
     u, y, o = (a[0] - a[0, 0] for a in (u, y, o))
     models = []
+    out = o if with_outflow else None
+    n_lags = s.d_max + GUARD + 4 + (LAG_TAPS - 1 if with_outflow else 0)
     for structure in structures(with_outflow):
-        kinds = noise_bank()[structure.noises]
-        for C in kinds:
-            for d in range(1, 9):
-                for w in np.arange(10, 0, -1) / 10:
-                    x = d + 1 - w
-                    if np.floor(x + 1e-9) == d_hat:
-                        out = o if with_outflow else None
-                        log = slow_evidence(y, u, out, structure, C, len(kinds), d, w, s.d_max + GUARD + 4)
-                        models.append((log, structure, C, d, w))
+        for model in slow_models(y, u, out, structure, 1, 8, n_lags):
+            if np.floor(model[-2] + 1 - model[-1] + 1e-9) == d_hat:
+                models.append((model[0], structure, *model[1:]))
     models = sorted(models, key=lambda m: -m[0])[:MODELS]
     weight = np.exp((np.array([m[0] for m in models]) - models[0][0]) / s.between_temperature)
     weight /= weight.sum()
     h = np.zeros(s.order)
-    for share, (_, structure, C, d, w) in zip(weight, models, strict=True):
-        white = [None if a is None else lfilter([1.0], C, a) for a in (y, u, o if with_outflow else None)]
-        rows = np.arange(s.d_max + GUARD + 4, N)
+    for share, (_, structure, C, lag, *behind, d, w) in zip(weight, models, strict=True):
+        white = [None if a is None else lfilter([1.0], C, a) for a in (y, *behind)]
+        rows = np.arange(n_lags, N)
         response, X = regression(structure.name, *white, lfilter([1.0], C, np.ones(N)), d, w, rows)
         theta = np.linalg.lstsq(X, response, rcond=None)[0]
         front = np.zeros(s.order)
         for tap in range(structure.taps):
             front[d + 1 + tap] += theta[tap] * w
             front[d + 2 + tap] += theta[tap] * (1 - w)
+        front = front if lag is None else shown(front, lag)
         a = [-1.0] if structure.is_store else list(-theta[structure.taps :][: structure.order])
         h += share * lfilter([1.0], [1.0, *a], front)
     assert np.allclose(result.fir[0], h, atol=1e-4 * np.abs(h).max())

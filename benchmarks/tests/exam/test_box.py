@@ -38,7 +38,7 @@ def test_no_volume_is_lost_or_made(seed):
     for _ in range(300):
         new_up, new_down = (300.0 + 0.9 * (flow - 300.0) + rng.normal(0.0, 5.0) for flow in (up, down))
         q[:] = rng.normal(0.0, 1e-3, 24)
-        assert step(z, Q, new_up, new_down, q, dt, dx, n, work)
+        assert step(z, Q, new_up, new_down, q, dt, dx, n, work, THETA)
         passed += dt * (THETA * (new_up - new_down) + (1.0 - THETA) * (up - down) + q.sum() * dx)
         up, down = new_up, new_down
     assert abs(passed) > 1e3

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rivid.core.fir import as_days
-from rivid.core.posterior.front import SHARES, Fronts, averaged_fir, log_evidence, structures
+from rivid.core.posterior.front import LAG_TAPS, SHARES, Fronts, averaged_fir, log_evidence, structures
 from rivid.core.posterior.noise import gram, noise_bank
 from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.types import Bools, Floats, Ints, Strings
@@ -265,8 +265,9 @@ def weighted_fronts(
     """Fronts, their weights (:func:`weights`), which equations are stores, and the probability of a front."""
     first, last = candidates_of(s)
     stores = [kind.is_store for kind in structures(o is not None)]
-    G, n_rows = gram(u, y, o, noise_bank(), last + 4)
-    evidence, nothing = log_evidence(G, n_rows, o is not None, first, last)
+    more = LAG_TAPS - 1 if o is not None else 0  # only the outflow shows a lag of the gauge
+    G, n_rows = gram(u, y, o, noise_bank(), last + 4, more)
+    evidence, nothing = log_evidence(G, n_rows, o is not None, first, last, more)
     q, link = weights(evidence, nothing, stores, s)
     return (G, n_rows, evidence, o is not None), q, stores, link
 

@@ -8,10 +8,15 @@ the rest comes a lag later: ``v[k] = w u[k-d-1] + (1 - w) u[k-d-2]``. The equati
 - store: ``y[k] - y[k-1] = b v[k] + g o[k-1] + c``, (7) and (8): a balance of volumes;
 - drifting store: the same with an unlogged inflow that varies slowly.
 
+A stilling well, and a gate that needs longer than a sample, delay what the gauge shows of the inflow and of
+the outflow alike. Each equation also has inflow and outflow behind a lag of first order (:data:`LAGS`): the
+outflow acts at the gauge, so its response in the level shows the lag, and the front is where the water is.
+
 In a short and smooth reach the wave is reflected twice: it comes back after three travel times, and the
 level may follow that echo more clearly than the front. :func:`echoes` excludes echoes.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +37,21 @@ LEAST_ECHOED = 2
 
 LEAST_FRONT = 0.6
 """Smallest log likelihood that a front adds to its echo, as a share of what the echo adds to the front."""
+
+LAGS = (0.3, 0.8, 2.0)
+"""Time constants of the lag of the gauge [samples]; well below the first, the place moves by less than its
+error."""
+
+LAG_TAPS = 4
+"""Lags of its response; what comes later is put on the last."""
+
+LAGGED = 0.1
+"""Prior share of days with a lag: of 0.1, 0.25 and 0.5 that of the highest log score of the true delay on
+worlds of development with and without a stilling well (`benchmarks/posterior`)."""
+
+LEAST_LAGGED = 2
+"""Smallest delay of a wave behind a lag: below, it is reflected within the time of the lag, and the lag and
+the front cannot be told apart."""
 
 SURE_T = 9.0
 """Beyond so many standard errors a jump is positive (a chance of 1e-19 is none)."""
@@ -70,44 +90,118 @@ def structures(with_outflow: bool) -> tuple[Structure, ...]:
     )
 
 
+def lag_taps(lag: float) -> Floats:
+    """What a gauge with a lag [samples] shows of a unit at lags 0 to ``LAG_TAPS - 1``; the sum is one.
+
+    Between samples the level is a straight line, as in :func:`rivid.reach.gauge.stilled`.
+
+    Examples
+    --------
+    >>> lag_taps(0.5).round(2).tolist()
+    [0.57, 0.37, 0.05, 0.01]
+    """
+    left = np.exp(-1.0 / lag)
+    now = 1.0 - (1.0 - left) * lag
+    later = (1.0 - left - now * (1.0 - left)) * left ** np.arange(LAG_TAPS - 1)
+    taps = np.append(now, later)
+    taps[-1] += 1.0 - taps.sum()
+    return np.asarray(taps, float)
+
+
+@lru_cache(maxsize=32)
+def _lagging(lag: float, n_columns: int) -> Floats:
+    """Matrix (K, n_columns) from the columns of :func:`rivid.core.posterior.noise.gram` with `more` lags to
+    those of inflow and outflow behind a lag."""
+    more = LAG_TAPS - 1
+    out = np.zeros((n_columns - 2 * more, n_columns))
+    lead = 1 + O_LAGS + Y_LAGS + 1
+    where = [*range(more - 1, -1, -1)]  # of the outflow's lags O_LAGS + 1 and above
+    outflow = [*range(more + 1, more + 1 + O_LAGS), *where]
+    for k, c in enumerate(lag_taps(lag)):
+        for i in range(O_LAGS):
+            out[1 + i, outflow[i + k]] += c
+        for i in range(lead, len(out)):
+            out[i, more + i + k] += c
+    for i in (0, *range(1 + O_LAGS, lead)):
+        out[i, more + i] = 1.0
+    return out
+
+
 def log_evidence(
-    G: Floats, n_rows: int, with_outflow: bool, first: int, last: int
+    G: Floats, n_rows: int, with_outflow: bool, first: int, last: int, more: int = 0
 ) -> tuple[list[Floats], list[Floats]]:
     """Log evidence of each equation, kind of noise and place of the front.
 
     `G` (K, K, kinds, days) is that of :func:`rivid.core.posterior.noise.gram`, with at least ``last + 4``
     lags of u; the candidates are ``0 <= first <= last``. Returns for each of :func:`structures` an array
     (kinds, candidates, shares, days), minus infinity where u does not move enough, and one without any front
-    (kinds, days).
+    (kinds, days). With `more` lags in G, the kinds of noise are followed by :data:`LAGS`, each with the kind
+    of noise that is likeliest without a lag: it is the gauge's own, behind the lag, and changes little.
     """
     kinds = structures(with_outflow)
-    _, _, plain, drift = (s.noises for s in kinds)
-    o = O_LAGS if with_outflow else 0
-    size = np.ascontiguousarray(np.einsum("iifb->ifb", G))
+    inner = G[more : len(G) - more, more : len(G) - more]
+    noises = tuple(s.noises for s in kinds)
+    left, u_size = _left(inner, noises, O_LAGS if with_outflow else 0)
+    scores = [_scores(R, U, n_rows, s, first, last) for R, U, s in zip(left, u_size, kinds, strict=True)]
+    fronts, nothing = [front for front, _ in scores], [none for _, none in scores]
+    is_echo = np.zeros((last - first + 1, G.shape[-1]), bool)
+    if with_outflow:  # without it an echo cannot be distinguished from a command
+        second = left[1][:, :, :N_PLAIN]
+        is_echo = echoes(second, fronts[0], fronts[1], u_size[0], n_rows, first, last)
+        for wave in fronts[:2]:
+            np.copyto(wave, -np.inf, where=is_echo[:, None])
+    if more:
+        best, worth = zip(*(_likeliest_noise(f) for f in fronts), strict=True)
+        own = np.stack([of_kind(G[:, :, s.noises], k) for s, k in zip(kinds[1:], best[1:], strict=True)])
+        maps = np.array([_lagging(lag, len(G)) for lag in LAGS])
+        half = np.matmul(np.concatenate(maps), own).reshape(*own.shape[:2], *maps.shape)
+        lagged = np.moveaxis(np.matmul(half, maps.swapaxes(1, 2)), (3, 4, 0, 2, 1), (0, 1, 2, 3, 4))
+        lagged = lagged.reshape(*lagged.shape[:2], -1, lagged.shape[-1])  # K, K, equations' lags, days
+        which = tuple(slice(max(j - 1, 0) * len(LAGS), j * len(LAGS)) for j in range(len(kinds)))
+        left, u_size = _left(lagged, which, O_LAGS)
+        for j, s in enumerate(kinds[1:], 1):  # the first order with the lag's pole is of second order
+            front, none = _scores(left[j], u_size[j], n_rows, s, first, last)
+            if not s.is_store:
+                front[:, : max(LEAST_LAGGED - first, 0)] = -np.inf
+                np.copyto(front, -np.inf, where=is_echo[:, None])
+            with_lag, without = worth[j] + np.log(LAGGED), np.log(1.0 - LAGGED)
+            fronts[j] = np.concatenate([fronts[j] + without, front + with_lag])
+            nothing[j] = np.concatenate([nothing[j] + without, none + with_lag])
+    return fronts, nothing
 
+
+def of_kind(G: Floats, kind: Ints) -> Floats:
+    """The matrices of one kind of noise for each day, shape (days, K, K)."""
+    return np.ascontiguousarray(np.moveaxis(G, (2, 3), (1, 0))[np.arange(G.shape[-1]), kind])
+
+
+def _likeliest_noise(fronts: Floats) -> tuple[Ints, Floats]:
+    """Kind of noise with the likeliest front of each day, and the log evidence of all kinds over its own, as
+    a share of the number of kinds."""
+    top = fronts.max(axis=(1, 2))
+    best = np.argmax(top, axis=0)
+    with np.errstate(invalid="ignore"):
+        worth = np.log(np.exp(top - top.max(axis=0)).sum(axis=0) / len(top))
+    return best, np.where(np.isfinite(worth), worth, -np.log(len(top)))
+
+
+def _left(G: Floats, noises: tuple[slice, ...], o: int) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    """What is left of the response and u's lags in each of :func:`structures`, with its kinds of noise; the
+    sums of squares of u's lags."""
+    _, _, plain, drift = noises
+    size = np.ascontiguousarray(np.einsum("iifb->ifb", G))
     rest, size = _eliminate(G, size)  # of the constant; left: o1, o2, y1, y2, y0, u1 ...
     drifting = _drifting(rest[:, :, drift], o)
-    if with_outflow:
+    if o:
         drifting, _ = _eliminate(drifting, np.maximum(size[:1, drift], 1e-300))
         rest, size = _eliminate(rest, size)  # of o1; left: o2, y1, y2, y0, u1 ...
-    store = _combined(
-        rest[:, :, plain], {o + 1 if with_outflow else 2: 1.0, o - 1 if with_outflow else 0: -1.0}
-    )
+    store = _combined(rest[:, :, plain], {o + 1 if o else 2: 1.0, o - 1 if o else 0: -1.0})
     for _ in range(o - 1):
         rest, size = _eliminate(rest, size)
     rest, size = _eliminate(rest, size)  # of y1; left: y2, y0, u1 ...
     second, _ = _eliminate(rest, size)
-    u_size = size[2:]
-    left = (rest[1:, 1:, plain], second, store, drifting)
-    scores = [
-        _scores(R, u_size[:, s.noises], n_rows, s, first, last) for R, s in zip(left, kinds, strict=True)
-    ]
-    fronts = [front for front, _ in scores]
-    if with_outflow:  # without it an echo cannot be distinguished from a command
-        is_echo = echoes(second[:, :, plain], fronts[0], fronts[1], u_size[:, plain], n_rows, first, last)
-        for wave in fronts[:2]:
-            np.copyto(wave, -np.inf, where=is_echo[:, None])
-    return fronts, [nothing for _, nothing in scores]
+    left = (rest[1:, 1:, noises[0]], second[:, :, noises[1]], store, drifting)
+    return left, tuple(size[2:][:, kind] for kind in noises)
 
 
 def echoes(
@@ -183,36 +277,37 @@ def _scores(R: Floats, u_size: Floats, n: int, s: Structure, first: int, last: i
     """Profile likelihood less half ln n for each parameter, with the chance that the front is positive."""
     lag = np.arange(first + 1, last + 2)
     yy = R[0, 0]
-    aa, ab, bb, a0, b0 = R[lag, lag], R[lag, lag + 1], R[lag + 1, lag + 1], R[lag, 0], R[lag + 1, 0]
-    if s.taps == 2:
-        ac, bc, cc, c0 = R[lag, lag + 2], R[lag + 1, lag + 2], R[lag + 2, lag + 2], R[lag + 2, 0]
-    out = np.empty((len(yy), len(lag), len(SHARES), yy.shape[1]))
-    penalty = 0.5 * s.parameters * np.log(n) + np.log(len(yy))
-    dead = ~(aa > SMALLEST_PIVOT * u_size[first : last + 1])
+    w = SHARES[:, None, None]
+    v = 1.0 - w
+    aa, ab, bb, a0, b0 = (
+        part[:, None]
+        for part in (R[lag, lag], R[lag, lag + 1], R[lag + 1, lag + 1], R[lag, 0], R[lag + 1, 0])
+    )
+    dead = ~(aa > SMALLEST_PIVOT * u_size[first : last + 1, None])
     with np.errstate(divide="ignore", invalid="ignore"):
-        for i, w in enumerate(SHARES):
-            v = 1.0 - w
-            g00 = w * w * aa + 2.0 * w * v * ab + v * v * bb
-            r0 = w * a0 + v * b0
-            without = yy
-            if s.taps == 2:
-                g11 = w * w * bb + 2.0 * w * v * bc + v * v * cc
-                g01 = w * w * ab + w * v * (ac + bb) + v * v * bc
-                r1 = w * b0 + v * c0
-                slope = g01 / g11
-                g00 -= slope * g01
-                r0 -= slope * r1
-                without = yy - r1 * r1 / g11
-            theta = r0 / g00
-            rss = np.maximum(without - theta * r0, 1e-13 * yy)
-            t = r0 * np.sqrt(n / (g00 * rss))
-            score = -0.5 * n * np.log(rss) - penalty
-            doubtful = t < SURE_T
-            score[doubtful] += log_ndtr(np.maximum(t[doubtful], LEAST_T))
-            out[:, :, i] = np.where(dead | ~np.isfinite(score), -np.inf, score).swapaxes(0, 1)
+        g00 = w * w * aa + 2.0 * w * v * ab + v * v * bb  # (candidates, shares, kinds, days)
+        r0 = w * a0 + v * b0
+        without = yy
+        if s.taps == 2:
+            ac, bc, cc, c0 = (
+                part[:, None]
+                for part in (R[lag, lag + 2], R[lag + 1, lag + 2], R[lag + 2, lag + 2], R[lag + 2, 0])
+            )
+            g11 = w * w * bb + 2.0 * w * v * bc + v * v * cc
+            r1 = w * b0 + v * c0
+            slope = (w * w * ab + w * v * (ac + bb) + v * v * bc) / g11
+            g00 -= slope * (slope * g11)
+            r0 -= slope * r1
+            without = yy - r1 * r1 / g11
+        rss = np.maximum(without - r0 * r0 / g00, 1e-13 * yy)
+        score = -0.5 * n * np.log(rss) - (0.5 * s.parameters * np.log(n) + np.log(len(yy)))
+        t = r0 * np.sqrt(n / (g00 * rss))
+        doubtful = t < SURE_T
+        score[doubtful] += log_ndtr(np.maximum(t[doubtful], LEAST_T))
+        score[np.broadcast_to(dead, score.shape) | ~np.isfinite(score)] = -np.inf
         fewer = 0.5 * (s.parameters - s.taps) * np.log(n) + np.log(len(yy))
         nothing = np.where(yy > 0.0, -0.5 * n * np.log(yy) - fewer, -np.inf)
-    return out, nothing
+    return np.ascontiguousarray(np.moveaxis(score, 2, 0)), nothing
 
 
 MODELS = 4
@@ -248,13 +343,18 @@ def averaged_fir(
         weight /= weight.sum(axis=0)
     H, V = np.zeros((MODELS, days, order)), np.zeros((MODELS, days, order))
     start = 0
-    for part, s in zip(parts, structures(with_outflow), strict=True):
+    for which, (part, s) in enumerate(zip(parts, structures(with_outflow), strict=True)):
         stop = start + part.size // days
         rank, day = np.nonzero((chosen >= start) & (chosen < stop) & np.isfinite(weight))
         if len(rank):
             noise, d, w = np.unravel_index(chosen[rank, day] - start, part.shape[:3])
-            matrices = np.moveaxis(G[:, :, noise + s.noises.start, day], 2, 0)
-            h, variance = _responses(matrices, s, d + first, SHARES[w], n_rows, order, with_outflow)
+            bank = G[:, :, s.noises]
+            lag = np.maximum(noise - bank.shape[2], -1)  # of :data:`LAGS`; -1 is none
+            if (lag >= 0).any():
+                own, _ = _likeliest_noise(evidence[which][: bank.shape[2]])
+                noise = np.where(lag < 0, noise, own[day])
+            matrices = np.moveaxis(bank[:, :, noise, day], 2, 0)
+            h, variance = _responses(matrices, s, d + first, SHARES[w], n_rows, order, with_outflow, lag)
             H[rank, day], V[rank, day] = h, variance
         start = stop
     mean = np.einsum("md,mdk->dk", weight, H)
@@ -294,10 +394,20 @@ def _regressors(
 
 
 def _responses(
-    G: Floats, s: Structure, d: Ints, w: Floats, n_rows: int, order: int, with_outflow: bool
+    G: Floats, s: Structure, d: Ints, w: Floats, n_rows: int, order: int, with_outflow: bool, lag: Ints
 ) -> tuple[Floats, Floats]:
-    """h and its variance, shape (models, M), of models of one equation; `G` has shape (models, K, K)."""
-    X, response = _regressors(s, d, w, G.shape[-1], with_outflow)
+    """h and its variance, shape (models, M), of models of one equation; `G` has shape (models, K, K), `lag`
+    is the place in :data:`LAGS`, -1 for none."""
+    K, more = G.shape[-1], (LAG_TAPS - 1 if with_outflow else 0)
+    X, response = (np.pad(a, [(0, 0)] * (a.ndim - 1) + [(more, more)]) for a in
+                   _regressors(s, d, w, K - 2 * more, with_outflow))  # fmt: skip
+    shown = np.zeros((len(d), LAG_TAPS))
+    shown[:, 0] = 1.0
+    for i, each in enumerate(LAGS):
+        behind = lag == i
+        if behind.any():
+            shown[behind] = lag_taps(each)
+            X[behind] = np.matmul(X[behind, :, more : K - more], _lagging(each, K))
     G = np.ascontiguousarray(G)
     half = np.matmul(X, G)
     Z, z = np.matmul(half, X.swapaxes(1, 2)), np.matmul(half, response[:, None])[..., 0]
@@ -321,6 +431,10 @@ def _responses(
         gradient[every, tap, d + 1 + tap] = w
         gradient[every, tap, d + 2 + tap] += 1.0 - w
     gradient = gradient[:, :, :order]
+    at_once = gradient[:, : s.taps].copy()
+    gradient[:, : s.taps] *= shown[:, :1, None]
+    for k in range(1, LAG_TAPS):  # behind the lag
+        gradient[:, : s.taps, k:] += shown[:, k, None, None] * at_once[..., :-k]
     _recur(gradient[:, : s.taps], a)
     h = np.sum(theta[:, : s.taps, None] * gradient[:, : s.taps], axis=1)
     for k in range(s.order):  # by each lag of the level: h, later by the lag, through 1 / A

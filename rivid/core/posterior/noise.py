@@ -99,35 +99,41 @@ def columns(with_outflow: bool) -> tuple[str, ...]:
     return ("one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0")
 
 
-def gram(u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int) -> tuple[Floats, int]:
+def gram(
+    u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int, more: int = 0
+) -> tuple[Floats, int]:
     """Gram matrices (K, K, kinds, days) of the regressors, prewhitened, and the number of rows.
 
     u, y and o (None where not logged) are deviations from the day's first sample, shape (days, N). Columns
-    are as :func:`columns` names them, then u's lags 1 to `n_lags`; the N - n_lags rows are those for which
-    every lag lies in the day. Products run over the leading columns and u's first lag only. Lags of u among
-    themselves follow from it: ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at
-    the other.
+    are as :func:`columns` names them, then u's lags 1 to `n_lags`; `more` lags of o stand before them, the
+    longest first, and `more` of u behind. The rows are those for which every lag lies in the day. Products
+    run over the leading columns and u's first lag only. Lags of u among themselves follow from it:
+    ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
     """
     days, N = u.shape
     series = np.stack([y, u] if o is None else [y, u, o], axis=1)
     white = prewhiten(series, polynomials)
     one = prewhiten(np.ones((1, 1, N)), polynomials)[0, :, 0]
+    n_lags += more
     n = N - n_lags
-    names = columns(o is not None)
+    names = (*(f"o{O_LAGS + k}" for k in range(more, 0, -1)), *columns(o is not None))
     lead = len(names)
     rows = np.empty((days, len(polynomials), lead + 1, lead + n_lags))
     inflow = white[:, :, 1]
-    windows = sliding_window_view(inflow[..., : N - 1], n, axis=-1)[:, :, ::-1]  # row r holds lag r + 1
+    windows = sliding_window_view(white[..., : N - 1], n, axis=-1)[..., ::-1, :]  # row r holds lag r + 1
+    parts = [(0, Y_LAGS, lead - 1 - Y_LAGS)]  # series, its lags, where they begin
+    if o is not None:
+        parts.append((2, O_LAGS, more + 1))
     X = np.empty((lead + n_lags, n))  # of one day and kind at a time: it stays near the processor
     for day in range(days):
         for kind in range(len(polynomials)):
-            for i, name in enumerate(names):
-                if name == "one":
-                    X[i] = one[kind, n_lags:]
-                else:
-                    k = int(name[1:])
-                    X[i] = white[day, kind, 0 if name[0] == "y" else 2, n_lags - k : N - k]
-            X[lead:] = windows[day, kind]
+            X[more] = one[kind, n_lags:]
+            X[lead - 1] = white[day, kind, 0, n_lags:]
+            for i, lags, begin in parts:
+                X[begin : begin + lags] = windows[day, kind, i, :lags]
+            if more:
+                X[:more] = windows[day, kind, 2, O_LAGS + more - 1 : O_LAGS - 1 : -1]
+            X[lead:] = windows[day, kind, 1]
             np.matmul(X[: lead + 1], X.T, out=rows[day, kind])
     G = np.empty((lead + n_lags, lead + n_lags, len(polynomials), days))
     G[: lead + 1] = np.moveaxis(rows, (0, 1), (3, 2))
