@@ -45,6 +45,7 @@ class Made:
     others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
+    predicted: Any = field(default_factory=lambda: RECORD.output)
 
     @property
     def effects(self):
