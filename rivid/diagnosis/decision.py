@@ -249,16 +249,6 @@ def _lacking(model: Model, effect: Effect) -> Model:
     return replace(model, effects=tuple(e for e, _ in kept), free=tuple(names for _, names in kept))
 
 
-def lasting(one: Explanation, other: Explanation, record: Record) -> Explanation:
-    """`one` with errors of forecasts in which an error of the level decays no faster than by `other`.
-
-    Operators hold the level: any leak forecasts that it comes back, and has a small error after a day. One
-    that is there also leaves less water unexplained.
-    """
-    noise = replace(one.noise, recall=other.noise.recall)
-    return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
-
-
 def errors_without(one: Explanation, effect: Effect, made: Floats, record: Record) -> DayErrors:
     """Errors of forecasts if an explanation lacked an effect, which makes `made` (days, n) of the output.
 
@@ -456,8 +446,6 @@ class Study:
             if not self._material(one, replace(one, errors=left), active):
                 return False
         if not self._material(as_volume(one, less), less, active):
-            return False
-        if one.noise.recall < less.noise.recall and not self._removes(lasting(one, less, self.record), less):
             return False
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
 

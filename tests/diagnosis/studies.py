@@ -45,7 +45,6 @@ class Made:
     others: tuple = ()
     model: Any = field(default_factory=lambda: MODEL)
     residual: Any = field(default_factory=lambda: RECORD.output)
-    predicted: Any = field(default_factory=lambda: RECORD.output)
 
     @property
     def effects(self):

@@ -188,23 +188,6 @@ def test_a_name_is_sure_over_all_explanations_that_hold_it():
     assert not study.contradicted
 
 
-@pytest.mark.parametrize(("left", "named"), [(0.8, ("leakage",)), (1.2, ())])
-def test_a_leak_leaves_less_water_unexplained(left, named, monkeypatch):
-    """Operators hold the level: a leak of 63 m2/s that was none took 96 % of the squared error after a day,
-    by forecasts that return to the usual level, and left errors of the volume a quarter larger."""
-    nothing = explained()
-    leak = explained("leakage", 9.0, 0.9, parent=nothing, noise=replace(LOUD, recall=0.99), predicted=None)
-    asked = []
-
-    def errors(record, residual, noise, horizons):
-        asked.append(noise.recall)
-        return nothing.errors._replace(squares=left * nothing.errors.squares)
-
-    monkeypatch.setattr("rivid.diagnosis.decision.day_errors", errors)
-    assert study_of(nothing, leak).core(leak) == (named, "")
-    assert asked == [1.0]  # as without the leak
-
-
 def test_an_effect_in_front_of_which_an_immaterial_one_stands_is_named_alone():
     nothing = explained()
     small = explained("outflow_lag", 3.0, 0.01, parent=nothing)
