@@ -317,9 +317,17 @@ class _Search:
                 )
                 for steps in (STEPS, 0)
             )  # fmt: skip
-            one = self.add(next(one for one in tried if one is not None))
+            made = next((one for one in tried if one is not None), None)
+            if made is None:
+                self.notes.append(
+                    f"the response {reach.name} was passed over: some flows are too much for it"
+                )
+                continue
+            one = self.add(made)
             if promise >= best and not dynamics:
                 promising.append(one)
+        if not self.pool:
+            raise RividError(self.notes[-1])
         return sorted(promising or self.pool, key=self.score, reverse=True)
 
     def _calibrated(self, reach: Response, part: Record) -> tuple[float, Explanation]:
