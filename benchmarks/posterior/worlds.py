@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.exam.box import LONGEST
 from benchmarks.exam.worlds import WIDEST, BoxWater, draw
-from rivid.core.hydraulics import propose_delays
+from rivid.core.hydraulics import GRAVITY, propose_delays
 from rivid.core.settings import PosteriorSettings
 from rivid.errors import ConfigError, RividError
 from rivid.simulation import Season, simulate
@@ -281,7 +281,7 @@ class FineBox(BoxWater):
     def boxes(self) -> int:  # type: ignore[override]
         """Number of boxes."""
         r, flow = self.scenario.reach, self.scenario.flow.mean
-        travel = r.length / (flow * r.length / (r.surface_area * r.depth) + np.sqrt(9.81 * r.depth))
+        travel = r.length / (flow * r.length / (r.surface_area * r.depth) + np.sqrt(GRAVITY * r.depth))
         return max(6, round(travel / (r.sample_time / np.ceil(r.sample_time / LONGEST))))
 
 
@@ -320,7 +320,7 @@ def random_worlds(
             r, T_s, off = s.reach, season.sample_time, {k: 1.0 + v for k, v in world.off.items()}
             if np.ptp(season.true_level) > WIDEST * r.depth:
                 continue
-            told = propose_delays(
+            proposed = propose_delays(
                 r.discharge_range, length=off["length"] * r.length, sample_time=T_s,
                 width=off["width"] * r.surface_area / r.length, depth=off["depth"] * r.depth,
             )  # fmt: skip
@@ -330,7 +330,7 @@ def random_worlds(
                     world.kind, season.inflow, season.level, season.outflow, season.delay,
                     season.travel_time / T_s, T_s,
                 ),
-                PosteriorSettings(d_max=told.d_max, order=told.order),
+                PosteriorSettings(d_max=proposed.d_max, order=proposed.order),
                 replace(world, scenario=s).factors() | {"lag": (s.level.lag + gate) / T_s},
             ))  # fmt: skip
             break

@@ -51,7 +51,7 @@ worlds of development with and without a stilling well (`benchmarks/posterior`).
 
 LEAST_LAGGED = 2
 """Smallest delay of a wave behind a lag: below, it is reflected within the time of the lag, and the lag and
-the front cannot be told apart."""
+the front cannot be separated."""
 
 SURE_T = 9.0
 """Beyond so many standard errors a jump is positive (a chance of 1e-19 is none)."""
