@@ -410,8 +410,10 @@ class Study:
         names, unknown = self.core(parent)
         if one.added is None and one.unknown in ("", parent.unknown):
             return names, unknown
-        if one.added is None and (self.excess(parent) or self.large(one) or self._returns(one, parent)):
-            return names, one.unknown
+        if one.added is None:
+            beyond = self.beyond(parent, self.opened, MATERIAL)
+            if beyond or self.large(one) or self._returns(one, parent):
+                return names, one.unknown
         if parent.parent is None and not parent.unknown:  # of several responses, the best one
             parent = self.first
         if one.added is None:
@@ -482,14 +484,6 @@ class Study:
         amplitude = float(getattr(one.added, "amplitude"))  # noqa: B009 - every seiche has one
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
-
-    def excess(self, one: Explanation) -> bool:
-        """Whether a share of an explanation's squared error is beyond its own weather, gauge and misfit.
-
-        Their error is that of as many days drawn from its noise.
-        """
-        drawn = replace(one, errors=self._drawn(one, one.noise, np.random.default_rng(0)))
-        return self._removes(drawn, one)
 
     def beyond(self, one: Explanation, days: Bools, least: float) -> bool:
         """Whether a share of the squared error on some days is beyond that of seasons drawn from its noise.

@@ -450,11 +450,7 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
     RividError
         Where the reach cannot carry the flows with it.
     """
-    model, noise = parent.model, parent.model.noise
-    assert noise is not None
-    p = len(model.reach.parameters)
-    opened = parent.weights > 0.0
-    root = np.sqrt(parent.weights)[:, None]
+    model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
     for share in SHARES:  # the columns hold near the fit, and its response may have bent to the effect
         try:
@@ -465,18 +461,16 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
                 model, reach=reach, effects=(*model.effects, candidate.make(share)),
                 free=(*model.free, candidate.free),
             )  # fmt: skip
-            left = residual_of(record, larger.baseline(record)) - parent.coded
-            white = noise.whiten(np.where(record.used, left, np.nan), activity=record.activity)
+            tried.append((squares_left(larger, parent, record), share, larger))
         except RividError:
             continue
-        tried.append((float(((white * root)[opened] ** 2).sum()), share, larger))
     if not tried:
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     _, share, larger = min(tried, key=lambda one: one[0])
     for key in set(candidate.free) & set(candidate.effect.stepwise):
         larger = best_step(larger, key, parent, record)
     return fitted(
-        larger, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        larger, record, parent.weights > 0.0, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
         fresh=2 if share > 1.0 else 0,
     )  # fmt: skip
@@ -509,15 +503,18 @@ def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: fl
 
 def best_step(model: Model, key: str, parent: Explanation, record: Record) -> Model:
     """The model with the best value of such a parameter of its last effect."""
+    others = stepped(model.effects[-1], key, record)
+    models = [replace(model, effects=(*model.effects[:-1], other)) for other in others]
+    return min(models, key=lambda one: squares_left(one, parent, record))
+
+
+def squares_left(model: Model, parent: Explanation, record: Record) -> float:
+    """Squares of what a model leaves of the open days, whitened by the noise and weights of `parent`."""
     opened = parent.weights > 0.0
-    root, few = np.sqrt(parent.weights[opened])[:, None], record.take(opened)
-    costs, models = [], []
-    for other in stepped(model.effects[-1], key, record):
-        models.append(replace(model, effects=(*model.effects[:-1], other)))
-        left = residual_of(few, models[-1].baseline(few)) - parent.coded[opened]
-        white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
-        costs.append(float(((white * root) ** 2).sum()))
-    return models[int(np.argmin(costs))]
+    few = record.take(opened)
+    left = residual_of(few, model.baseline(few)) - parent.coded[opened]
+    white = parent.noise.whiten(np.where(few.used, left, np.nan), activity=few.activity)
+    return float(parent.weights[opened] @ (white * white).sum(axis=1))
 
 
 LEAST_EVENTS = 8.0

@@ -30,6 +30,7 @@ from rivid.diagnosis.search import (
     candidate_of,
     scatter_of,
     screened,
+    squares_left,
     stepped,
     swung,
     whole_season,
@@ -72,7 +73,7 @@ COARSE = 3
 BRIEF = 3
 """Steps of a fit after which many are compared."""
 FINALISTS = 3
-"""Fits that are not compared before they end."""
+"""Fits that are not compared before they end, and values of an effect from which it is scanned."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""
 Report = Callable[[float, str], None]
@@ -234,6 +235,9 @@ class _Search:
         """The likeliest coarse response of each kind on some days, from all its starts."""
         self.grown: dict[int, tuple[Library, Way]] = {}
         """How each explanation extends its parent, by its identity."""
+        self.deepened: dict[tuple[str, tuple[str, ...]], set[str]] = {}
+        """Names fitted with their own response, by kind of response and the names beside: a better fit of
+        these is no reason to scan again."""
         self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, 0.3, ""
@@ -521,9 +525,11 @@ class _Search:
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
         nominal = self._nominal(parent.model)
+        before = self.deepened.setdefault((nominal.name, parent.names), set())
         starts = [(one, nominal) for one in _firsts(tried)[:DEEP]]
-        if not parent.names:
+        if not parent.names and not before:
             starts += self._scanned(parent, library)
+        starts = [(one, reach) for one, reach in starts if one.effect.name not in before]
         found: dict[str, tuple[float, Candidate, Model]] = {}
         for one, reach in starts:
             name = one.effect.name
@@ -534,6 +540,7 @@ class _Search:
                 continue
             if name not in found or likely > found[name][0]:
                 found[name] = likely, one, model
+        before |= {one.effect.name for one, _ in starts}
         best = sorted(found.values(), key=lambda each: -each[0])[:DEEPEST]
         wanted = [
             _near(one, self.record)._replace(grow=partial(self._from, one, model)) for _, one, model in best
@@ -565,23 +572,32 @@ class _Search:
             start = fitted(plain, few, np.ones(few.days, bool), steps=0)
         except RividError:  # with so few cells, or with what was found before
             return []
-        tried: list[Candidate] = []
-        models: list[Model] = []
+        begin: dict[str, list[tuple[Candidate, Model]]] = {}
         for one in whole_season(library, self.record):
             model = replace(
                 start.model, effects=(*parent.model.effects, one.effect),
                 free=(*parent.model.free, one.free),
             )  # fmt: skip
+            same = begin.setdefault(one.effect.name, [])
             if not one.effect.stepwise:
-                more = [model]
-            elif any(other.effect.name == one.effect.name for other in tried):
-                continue  # its steps are the same whatever it begins with
-            else:
-                more = self._in_steps(model)
-            models += more
-            tried += [one] * len(more)
-        if not models:  # every effect needs dates, or is found otherwise
+                same.append((one, model))
+            elif not same:  # its steps are the same whatever it begins with
+                same += [(one, more) for more in self._in_steps(model)]
+        if not any(begin.values()):  # every effect needs dates, or is found otherwise
             return []
+
+        def left(begun: tuple[Candidate, Model]) -> float:
+            try:
+                return squares_left(begun[1], start, few)
+            except RividError:
+                return np.inf
+
+        tried: list[Candidate] = []
+        models: list[Model] = []
+        for same in begin.values():
+            order = np.argsort(side_by_side(left, same), kind="stable")[:FINALISTS].tolist()
+            tried += [same[i][0] for i in order]
+            models += [same[i][1] for i in order]
         best: dict[str, _Fit] = {}
         for fit in _fits(models, few, [start] * len(models), steps=BRIEF):
             best.setdefault(tried[fit.number].effect.name, fit)

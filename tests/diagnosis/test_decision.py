@@ -330,7 +330,7 @@ def test_an_unknown_counts_where_the_error_is_larger_than_that_of_the_noise():
     for noise, unknown in ((QUIET, True), (LOUD, False)):
         nothing = explained(noise=noise)
         study = study_of(nothing, explained("", 9.0, -0.1, parent=nothing, unknown="flow"))
-        assert study.excess(nothing) == unknown and (study.unknown > 0.9) == unknown
+        assert study.beyond(nothing, OPEN, MATERIAL) == unknown and (study.unknown > 0.9) == unknown
 
 
 def test_errors_of_the_noise_are_an_excess_as_often_as_said_and_larger_ones_on_their_days_alone():
