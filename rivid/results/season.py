@@ -200,8 +200,7 @@ def law_of(days: SeasonDays) -> DelayLaw:
     errors of the days, so the interval of a single day is rather wide. The doubt of stamps that are not
     declared is added to the intervals of times: it is common to all days.
     """
-    T = days.travel
-    law = delay_law(days.discharge, T, T, T, day=np.array([day.toordinal() for day in days.dates]))
+    law = delay_law(days.discharge, days.travel, day=np.array([day.toordinal() for day in days.dates]))
     long, short = days.doubt
     t = law.table
     table = replace(

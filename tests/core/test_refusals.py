@@ -5,7 +5,6 @@ import pytest
 
 from rivid.core.cusum import cusum
 from rivid.core.fir import jmap, ml
-from rivid.core.law import LawSettings
 from rivid.core.search import direct, indirect
 from rivid.core.season import SeasonSettings
 from rivid.core.settings import (
@@ -39,10 +38,6 @@ WRONG = {
     SeasonSettings: [
         {"drifts": ()}, {"drifts": (-1.0,)}, {"exponents": (3.0,)}, {"trust": 1.0}, {"jump": 1.5},
         {"independent": -0.1},
-    ],
-    LawSettings: [
-        {"discharge_error": -1.0}, {"tails": 2.0}, {"least_blocks": 3}, {"block": 0}, {"classes": 0},
-        {"level": 1.0}, {"least_range": 0.0}, {"least_sd": inf},
     ],
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.special import ndtr, stdtrit
 
 from rivid.config import Config, parse
-from rivid.core.law import bulk, delay_law
+from rivid.core.law import BULK, delay_law
 from rivid.core.season import season
 from rivid.results.season import LAW_SCHEMA, SCHEMA, join, law_of, read_days
 from rivid.results.store import DELAYS, to_table, write_parquet
@@ -222,7 +222,7 @@ def test_the_law_is_the_cores_and_holds_what_was_planted(seed, tmp_path):
     out = made(tmp_path / "out", T, Q)
     assert rivid("season", out, "-q")[0] == 0
     said = json.loads((out / "delay_law.json").read_text())
-    core = delay_law(Q, T_S * T, T_S * T, T_S * T)
+    core = delay_law(Q, T_S * T)
     assert (said["T0"], said["b"], said["Q0"]) == pytest.approx((core.T0, core.b, core.Q0), rel=1e-12)
     assert said["status"] == "ok" and said["quantity"] == "travel time"
     sd = (said["b_high"] - said["b_low"]) / 3.29
@@ -244,11 +244,11 @@ def test_new_days_lie_in_the_interval_of_a_single_day_as_often_as_its_tails_make
     held = []
     for seed in range(12):
         T, Q = law_days(seed)
-        law = delay_law(Q, T, T, T)
+        law = delay_law(Q, T)
         new, flow = law_days(seed + 100)
         share = np.interp(np.log(flow), np.log(law.table.discharge), law.table.day_high / law.table.delay)
         held.append(np.mean(np.abs(np.log(new / law.delay(flow)[0])) < np.log(share)))
-    expected = 2.0 * ndtr(stdtrit(4.0, 0.95) * bulk(4.0)) - 1.0
+    expected = 2.0 * ndtr(stdtrit(4.0, 0.95) * BULK) - 1.0
     assert 0.9 < expected < 0.93
     assert np.mean(held) == pytest.approx(expected, abs=4.0 * np.std(held, ddof=1) / np.sqrt(len(held)))
 
