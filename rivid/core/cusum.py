@@ -19,9 +19,6 @@ from rivid.core.settings import CusumSettings
 from rivid.errors import RividError
 from rivid.types import Floats, Strings
 
-__all__ = ["CusumResult", "CusumSettings", "cusum"]
-
-
 MAD_TO_SD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
 
@@ -133,11 +130,11 @@ def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any)
     used = mean[np.where(np.isnan(alarm), M - 1, alarm).astype(np.intp), np.arange(n)]
     columns: dict[str, NDArray[Any]] = {
         "delay": np.where(reason == "", delay, np.nan),
+        "reason": reason,
         "decision": g.T.copy(),
         "alarm": alarm,
         "mean": np.where(missing, np.nan, used),
         "sd": np.where(missing, np.nan, sd),
-        "reason": reason,
     }
     return CusumResult(**({name: x[0] for name, x in columns.items()} if single else columns))
 

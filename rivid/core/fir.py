@@ -45,31 +45,11 @@ are at work, stay in the cache (54 kB at M = 30). With fewer, numpy's loops are 
 def as_days(
     series: Mapping[str, ArrayLike | None], least: int, why: str, *, row: str = "day", one: bool = True
 ) -> tuple[list[Floats], bool]:
-    """Check series and return them as arrays of shape (days, N).
+    """Check series and return them as arrays of shape (days, N), and whether they were one of shape (N,).
 
-    Parameters
-    ----------
-    series : mapping of str to array_like, shape (N,) or (days, N), or None
-        By the names they have in messages; None for a series that is missing.
-    least : int
-        Fewest samples.
-    why : str
-        What needs so many.
-    row : str
-        What a row is.
-    one : bool
-        Whether a single row of shape (N,) is accepted.
-
-    Returns
-    -------
-    arrays : list of ndarray, shape (days, N)
-    single : bool
-        Whether the series had shape (N,).
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or too few samples.
+    `series` are by the names they have in messages, None where one is missing; `least` samples are needed,
+    `why` is what needs so many, `row` is what a row is, and `one` whether shape (N,) is accepted. RividError
+    for shapes that do not fit, values that are not finite, or too few samples.
     """
     arrays = {name: np.asarray(values, float) for name, values in series.items() if values is not None}
     first, shape = next((name, values.shape) for name, values in arrays.items())
@@ -154,17 +134,12 @@ def gram(
 def cholesky(A: Floats, R: Floats, E: Floats | None = None, V: Floats | None = None) -> None:
     """Cholesky factor and forward-substituted right-hand sides, in one sweep, into R and V.
 
-    Parameters
-    ----------
-    A : ndarray, shape (M, M + 1, lanes)
-        The matrix, of which the upper triangle is read, and as its last column a right-hand side b.
-    R : ndarray, shape (M, M + 1, lanes)
-        Becomes R with ``A = R'R``, meaningless below the diagonal, and as its last column ``R'^-1 b``. A lane
-        that is not positive definite becomes NaN.
-    E : ndarray, shape (K, M)
-        Right-hand sides that all lanes share, as rows: M - L leading zeros, and one more from row to row.
-    V : ndarray, shape (L, K, lanes)
-        Becomes the last L rows of ``R'^-1 E'``, the others are zero. Where these stay zero, V must be.
+    A, shape (M, M + 1, lanes), is a matrix, of which the upper triangle is read, and as its last column a
+    right-hand side b. R, of the same shape, becomes R with ``A = R'R``, meaningless below the diagonal, and
+    as its last column ``R'^-1 b``; a lane that is not positive definite becomes NaN. E, shape (K, M), are
+    right-hand sides that all lanes share, as rows: M - L leading zeros, and one more from row to row. V,
+    shape (L, K, lanes), becomes the last L rows of ``R'^-1 E'``, the others are zero; where these stay zero,
+    V must be.
     """
     M = len(A)
     first = M if V is None else M - len(V)
@@ -444,31 +419,23 @@ def jmap(
     (inputs, outputs), single = as_days(
         {"u": u, "y": y}, settings.order + 1, f"an FIR of order {settings.order}"
     )
-    parts = []
+    n, parts = len(inputs), []
+    if not n:  # a day of zeros, which is not returned
+        inputs, outputs = np.zeros((2, 1, inputs.shape[1]))
     for days, take in blocks(len(inputs), BLOCK):
         with np.errstate(invalid="ignore", divide="ignore"):  # lanes that cannot be identified
             block = _Block(inputs, outputs, take, settings)
-            parts.append(block.result(days.stop - days.start))
-    merged: dict[str, Any] = {
-        name: np.concatenate([part[name] for part in parts]) if parts else _nothing(name, settings)
-        for name in JmapResult.__dataclass_fields__
-        if name not in ("candidates", "trace")
-    }
-    if trace:
-        rounds = max((part["trace"].shape[1] for part in parts), default=0)
-        wide = [((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0)) for part in parts]
-        traces = [np.pad(p["trace"], w, constant_values=np.nan) for p, w in zip(parts, wide, strict=True)]
-        merged["trace"] = np.concatenate(traces) if traces else np.empty((0, 0, 2))
+            parts.append(block.result(min(days.stop, n) - days.start))
+    rounds = max(part["trace"].shape[1] for part in parts)
+    for part in parts:
+        wide = ((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0))
+        part["trace"] = np.pad(part["trace"], wide, constant_values=np.nan)
+    merged: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     if single:
         merged = {name: values[0] for name, values in merged.items()}
+    if not trace:
+        del merged["trace"]
     return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
-
-
-def _nothing(name: str, settings: JmapSettings) -> NDArray[Any]:
-    """The column of a call without days."""
-    width = {"fir": (0, settings.order), "criterion": (0, settings.d_max - settings.d_min + 1)}
-    kind: dict[str, Any] = {"iterations": np.intp, "status": "U14", "prior_only": bool}
-    return np.empty(width.get(name, (0,)), kind.get(name, float))
 
 
 class _Candidates:

@@ -18,27 +18,13 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class TravelBounds:
-    """Bounds (5) of the travel time of a wave down the reach.
+    """Bounds (5) of the travel time of a wave down the reach."""
 
-    Attributes
-    ----------
-    discharge : ndarray
-        Mean discharge [m3/s].
-    velocity : ndarray
-        Mean flow velocity v* [m/s].
-    froude : ndarray
-        Froude number F_o (4) [-].
-    gravity : ndarray
-        Travel time of a gravity wave [s], the lower bound.
-    kinematic : ndarray
-        Travel time of a kinematic wave [s], the upper bound.
-    """
-
-    discharge: Floats
-    velocity: Floats
-    froude: Floats
-    gravity: Floats
-    kinematic: Floats
+    discharge: Floats  # mean [m3/s]
+    velocity: Floats  # mean flow velocity v* [m/s]
+    froude: Floats  # Froude number F_o (4) [-]
+    gravity: Floats  # travel time of a gravity wave [s], the lower bound
+    kinematic: Floats  # travel time of a kinematic wave [s], the upper bound
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,6 @@ from rivid.core.fir import as_days, blocks
 from rivid.core.settings import SearchSettings
 from rivid.types import Floats, Ints, Strings
 
-__all__ = ["DIRECT_PARAMETERS", "INDIRECT_PARAMETERS", "SearchResult", "SearchSettings", "direct", "indirect"]
-
-
 BLOCK = 176
 """Most lanes in one block: with more, the signals (0.9 MB each at N = 649) leave the cache."""
 

@@ -21,32 +21,18 @@ from rivid.types import Bools, Floats
 class SeasonSettings(Checked):
     """Settings of the posterior of a season.
 
-    Chosen on simulated seasons with a delay that drifts, steps or is independent from day to day, and
-    tested on others (`benchmarks/peers/seasons.py`).
-
-    Parameters
-    ----------
-    drifts : tuple of float
-        Standard deviations of the travel time's drift from day to day [samples], equally likely.
-    exponents : tuple of float
-        Powers by which the travel time falls as the discharge grows, equally likely; 0 alone without a
-        discharge.
-    jump : float
-        Probability that the travel time of a day is anywhere, independent of the day before.
-    trust : float
-        Probability that the probability of a day is right.
-    independent : float
-        Prior probability that the days of the season are independent.
-    answer_above : float
-        Smallest probability at which a day has a delay.
+    Chosen on simulated seasons with a delay that drifts, steps or is independent from day to day, and tested
+    on others (`benchmarks/peers/seasons.py`). Drifts, and exponents, are equally likely.
     """
 
+    # standard deviations of the travel time's drift from day to day [samples]
     drifts: Annotated[tuple[float, ...], Limits(ge=0)] = (0.03, 0.1, 0.3)
+    # powers by which the travel time falls as the discharge grows; 0 alone without a discharge
     exponents: Annotated[tuple[float, ...], Limits(ge=-2, le=2)] = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
-    jump: Share = 0.03
-    trust: Annotated[float, Limits(gt=0, lt=1)] = 0.98
-    independent: Share = 0.3
-    answer_above: Share = 0.72
+    jump: Share = 0.03  # probability that the travel time of a day does not depend on the day before
+    trust: Annotated[float, Limits(gt=0, lt=1)] = 0.98  # that the probability of a day is right
+    independent: Share = 0.3  # prior probability that the days of the season are independent
+    answer_above: Share = 0.72  # smallest probability at which a day has a delay
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -179,40 +165,17 @@ def _log_flow(flow: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class SeasonResult:
-    """Probabilities of the delay, given other days; a leading axis of days.
+    """Probabilities of the delay, given other days; a leading axis of days."""
 
-    Attributes
-    ----------
-    candidates : ndarray of int, shape (D,)
-        The delays [samples].
-    probability : ndarray, shape (days, D)
-        p(d | days up to this one), or with `both_ways` p(d | all days). A missing day has one too.
-    delay : ndarray, shape (days,)
-        The delay of highest probability [samples]; NaN where that is below `answer_above`.
-    sure : ndarray, shape (days,)
-        The highest probability.
-    in_set : ndarray of bool, shape (days, D)
-        The smallest set of delays that holds 90 %.
-    observed : ndarray of bool, shape (days,)
-        The day had a probability of its own.
-    independent : ndarray, shape (days,)
-        Probability that the days are independent.
-    exponent : ndarray, shape (days,)
-        Mean of b, the power by which the travel time falls as the discharge grows, given that the days are
-        related; 0 without a discharge.
-    drift : ndarray, shape (days,)
-        Mean of the travel time's drift [samples per day, standard deviation], given that they are related.
-    """
-
-    candidates: NDArray[np.intp]
-    probability: Floats
-    delay: Floats
-    sure: Floats
-    in_set: Bools
-    observed: Bools
-    independent: Floats
-    exponent: Floats
-    drift: Floats
+    candidates: NDArray[np.intp]  # the delays [samples], (D,)
+    probability: Floats  # p(d | days up to this one), or with `both_ways` p(d | all days), (days, D)
+    delay: Floats  # of highest probability [samples], NaN where that is below `answer_above`, (days,)
+    sure: Floats  # the highest probability, (days,)
+    in_set: Bools  # the smallest set of delays that holds 90 %, (days, D)
+    observed: Bools  # the day had a probability of its own, (days,)
+    independent: Floats  # probability that the days are independent, (days,)
+    exponent: Floats  # mean power of the discharge, given that the days are related, (days,)
+    drift: Floats  # mean drift [samples per day, standard deviation], given the same, (days,)
 
 
 _Belief = tuple[Floats, float]
@@ -230,33 +193,13 @@ def season(
 ) -> SeasonResult:
     """Probability of every delay on every day, given the other days too.
 
-    Parameters
-    ----------
-    probability : array_like, shape (days, D)
-        p(d | y) of each calendar day for ``d = d_min ... d_min + D - 1``, made with a prior that is even:
-        the day's likelihood. NaN on a day that is missing or has no information.
-    link : array_like, shape (days,), optional
-        Probability that a front is seen at all; 1 where not given.
-    discharge : array_like, shape (days,), optional
-        Median discharge of the day [m3/s], positive; NaN where it is not known, and the last one known holds.
-    d_min : int
-        The first delay [samples].
-    both_ways : bool
-        False: only the days before a day count, so that no result changes when later days come. True: all
-        days count.
-    settings : SeasonSettings, optional
+    `probability`, shape (days, D), is p(d | y) of each calendar day for the delays from `d_min` on, made with
+    an even prior: the day's likelihood; NaN on a day that is missing or has no information. `link`, shape
+    (days,), is the probability that a front is seen at all. `discharge`, shape (days,), is the day's [m3/s];
+    where it is NaN the last one known holds. Without `both_ways` only the days before a day count, so that no
+    result changes when later days come. RividError for shapes that do not fit, or values that are no
+    probabilities or no discharges.
 
-    Returns
-    -------
-    SeasonResult
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, or values that are no probabilities or no discharges.
-
-    Notes
-    -----
     Source: L. R. Rabiner, "A tutorial on hidden Markov models", Proc. IEEE 77 (1989), 257-286, (18)-(27).
 
     Examples

@@ -4,6 +4,7 @@ The configuration validates these types with pydantic. This module imports neith
 that a configuration is read without numpy.
 """
 
+import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import ceil, isfinite
@@ -52,18 +53,11 @@ class Limits:
     def fault(self, value: float) -> str:
         """What is expected of a value, or "" for a value within the limits."""
         words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
-        holds = {
-            "ge": lambda limit: value >= limit,
-            "gt": lambda limit: value > limit,
-            "le": lambda limit: value <= limit,
-            "lt": lambda limit: value < limit,
-        }
         given = {name: limit for name, limit in vars(self).items() if limit is not None}
-        if isfinite(value) and all(holds[name](limit) for name, limit in given.items()):
+        if isfinite(value) and all(getattr(operator, name)(value, limit) for name, limit in given.items()):
             return ""
-        return " and ".join(
-            ["a finite number", *(f"{words[name]} {limit:g}" for name, limit in given.items())]
-        )
+        expected = ["a finite number", *(f"{words[name]} {limit:g}" for name, limit in given.items())]
+        return " and ".join(expected)
 
 
 Order = Annotated[int, Limits(ge=6, le=MAX_ORDER)]
@@ -93,13 +87,7 @@ ALIASES = {"M": "order", "sigma_d": "delay_scale"}
 
 
 def named(changes: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """Changes to settings of these names, by name or by the paper's symbol.
-
-    Raises
-    ------
-    ConfigError
-        For a setting that does not exist, or is given twice.
-    """
+    """Changes to settings of these names, by name or by the paper's symbol; ConfigError for any other."""
     known, found = list(names), {}
     for key, value in changes.items():
         name = ALIASES.get(key, key)
@@ -237,11 +225,6 @@ class SearchSettings(_Delays):
     ----------
     d_min, d_max : int
         Every delay from `d_min` to `d_max` [samples], ``1 <= d_min <= d_max``.
-
-    Raises
-    ------
-    ConfigError
-        For bounds in the wrong order, or below 1: at d = 0 two columns of (14) are the same.
     """
 
     d_min: Delay = 1
@@ -275,11 +258,6 @@ class CusumSettings(_Delays):
         What dates the change: the lag after the last zero of g, or the lag of the alarm, which comes late.
     d_min, d_max : int
         The delays that can be estimated [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
-
-    Raises
-    ------
-    ConfigError
-        For values out of range.
     """
 
     threshold: Threshold = 5.0
@@ -326,11 +304,6 @@ class PosteriorSettings(_Delays):
         Scale of the logistic error of a front's place [samples].
     answer_above : float
         Smallest probability of being right at which a day has a delay.
-
-    Raises
-    ------
-    ConfigError
-        For values out of range.
     """
 
     d_min: Delay = 1
@@ -366,47 +339,23 @@ class RiverSettings(_Delays):
 
     Temperatures and spread were chosen on simulated rivers and on a measured one, and tested on others (see
     `benchmarks/posterior_river.py`).
-
-    Parameters
-    ----------
-    d_min, d_max : int
-        Travel times t50 that can be estimated [samples], ``1 <= d_min < d_max``.
-    warm : int
-        Samples before each window that are history only; at least :attr:`n_lags`.
-    day : int
-        Samples in a day, the period of a daily inflow that is not logged.
-    gain, gain_sd : float
-        Prior of the sum of the response [-]: near 1, because volume is kept.
-    temperature : float
-        Divisor of the log evidence of one day's rows, 1 or more.
-    temperature_growth : float
-        Power with which that grows as the window has more rows than a day.
-    spread, spread_share : float
-        Standard error that a window cannot show [samples, share of t50]: no river is exactly one of the
-        families of responses.
-    link_above : float
-        Smallest probability that the output follows the inflow at which a window has a t50.
-    widest : float
-        Widest 90 % band with a t50 [samples]; half of t50 is allowed on top.
-
-    Raises
-    ------
-    ConfigError
-        For values out of range.
     """
 
-    d_min: Delay = 1
+    d_min: Delay = 1  # travel times t50 that can be estimated [samples], 1 <= d_min < d_max
     d_max: Delay = 40
+    # samples before each window that are history only; at least :attr:`n_lags`
     warm: Annotated[int, Limits(ge=1)] = 96
+    # samples in a day, the period of a daily inflow that is not logged
     day: Annotated[int, Limits(ge=1)] = 96
-    gain: Positive = 1.0
+    gain: Positive = 1.0  # prior of the sum of the response [-]: near 1, because volume is kept
     gain_sd: Positive = 0.35
-    temperature: Temperature = 1.5
-    temperature_growth: Share = 0.57
+    temperature: Temperature = 1.5  # divisor of the log evidence of one day's rows
+    temperature_growth: Share = 0.57  # power with which that grows as the window has more rows than a day
+    # standard error that a window cannot show [samples, share of t50]: no river is one of the families
     spread: Positive = 0.3
     spread_share: Share = 0.01
-    link_above: Share = 0.95
-    widest: Positive = 4.0
+    link_above: Share = 0.95  # smallest probability that the output follows the inflow for a t50
+    widest: Positive = 4.0  # widest 90 % band with a t50 [samples]; half of t50 is allowed on top
 
     def __post_init__(self) -> None:
         super().__post_init__()

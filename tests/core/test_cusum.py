@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rivid.core.cusum import CusumSettings, cusum
+from rivid.core.cusum import cusum
+from rivid.core.settings import CusumSettings
 from rivid.errors import RividError
 from rivid.reach.integrator import theoretical_fir
 from tests import examples

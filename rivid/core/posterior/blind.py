@@ -27,12 +27,7 @@ from rivid.core.posterior.daily import (
     meant,
     weighted_fronts,
 )
-from rivid.core.posterior.front import (
-    LEAST_T,
-    SHARES,
-    SMALLEST_PIVOT,
-    SURE_T,
-)
+from rivid.core.posterior.front import LEAST_T, SHARES, SMALLEST_PIVOT, SURE_T
 from rivid.core.posterior.noise import Noises, Sums, spectral_factor, whitened_sums
 from rivid.core.settings import GUARD, PosteriorSettings
 from rivid.types import Floats

@@ -154,50 +154,22 @@ def fold(q: list[Floats], stores: list[bool], s: PosteriorSettings) -> tuple[Flo
 
 @dataclass(frozen=True)
 class PosteriorResult:
-    """Probabilities of the delay, with a leading axis of days.
+    """Probabilities of the delay, with a leading axis of days."""
 
-    Attributes
-    ----------
-    candidates : ndarray of int, shape (D,)
-        d_min to d_max.
-    probability : ndarray, shape (days, D)
-        p(d | y) within the range; NaN where the data have no information.
-    beyond : ndarray, shape (days, 2)
-        Probability below d_min and above d_max, before `probability` was made to sum to one.
-    delay : ndarray, shape (days,)
-        The delay of highest probability [samples]; NaN unless the status is "ok".
-    right : ndarray, shape (days,)
-        Probability that this delay is right: that the travel time lies in its sample or within a tenth of a
-        sample of it.
-    in_set : ndarray of bool, shape (days, D)
-        The smallest set of delays that holds 90 %.
-    place, place_low, place_high : ndarray, shape (days,)
-        Travel time [samples], fraction included: median, 5 and 95 %.
-    fir, fir_sd : ndarray, shape (days, M)
-        Response of the level to the inflow at that delay, the outflow held where it is logged, and its
-        standard deviation [output unit per m3/s].
-    link : ndarray, shape (days,)
-        Probability that the level follows the inflow at all.
-    status : ndarray of str, shape (days,)
-        "ok", "at_bound" (the delay lies beyond the range) or "unidentifiable".
-    message : ndarray of str, shape (days,)
-        Why there is no delay.
-    """
-
-    candidates: NDArray[np.intp]
-    probability: Floats
-    beyond: Floats
-    delay: Floats
-    right: Floats
-    in_set: Bools
-    place: Floats
-    place_low: Floats
-    place_high: Floats
-    fir: Floats
-    fir_sd: Floats
-    link: Floats
-    status: Strings
-    message: Strings
+    candidates: NDArray[np.intp]  # d_min to d_max, (D,)
+    probability: Floats  # p(d | y) within the range; NaN where the data have no information, (days, D)
+    beyond: Floats  # probability below d_min and above d_max, before the others were made to sum to one
+    delay: Floats  # of highest probability [samples]; NaN unless the status is "ok"
+    right: Floats  # probability that the travel time lies in its sample or within a tenth of it
+    in_set: Bools  # the smallest set of delays that holds 90 %, (days, D)
+    place: Floats  # median travel time [samples], fraction included
+    place_low: Floats  # 5 %
+    place_high: Floats  # 95 %
+    fir: Floats  # response of the level to the inflow at that delay [output unit per m3/s], (days, M)
+    fir_sd: Floats  # its standard deviation
+    link: Floats  # probability that the level follows the inflow at all
+    status: Strings  # "ok", "at_bound" (the delay lies beyond the range) or "unidentifiable"
+    message: Strings  # why there is no delay
 
 
 def posterior(
@@ -207,10 +179,8 @@ def posterior(
 
     Parameters
     ----------
-    u : array_like, shape (days, N)
-        Inflow commands [m3/s].
-    y : array_like, shape (days, N)
-        Level [m]. Neither its unit nor a constant matters.
+    u, y : array_like, shape (days, N)
+        Inflow commands [m3/s] and level [m]. Neither the level's unit nor a constant matters.
     o : array_like, shape (days, N), optional
         Outflow commands [m3/s], where they are logged.
     settings : PosteriorSettings, optional
@@ -335,7 +305,7 @@ def _answer(
         values[~known | still] = np.nan
     return PosteriorResult(
         candidates=candidates, probability=probability, beyond=beyond,
-        delay=np.where(status == "ok", candidates[best], np.nan), right=sure, 
+        delay=np.where(status == "ok", candidates[best], np.nan), right=sure,
         in_set=smallest_set(certain, probability) & known[:, None],
         place=middle, place_low=low, place_high=high, fir=fir, fir_sd=sd, link=link, status=status,
         message=message,

@@ -93,22 +93,16 @@ Y_LAGS = 2
 O_LAGS = 2
 
 
-def columns(with_outflow: bool) -> tuple[str, ...]:
-    """Names of the leading columns of :func:`gram`: constant, outflow's lags, the level's, its value now."""
-    outflow = [f"o{k}" for k in range(1, O_LAGS + 1)] if with_outflow else []
-    return ("one", *outflow, *(f"y{k}" for k in range(1, Y_LAGS + 1)), "y0")
-
-
 def gram(
     u: Floats, y: Floats, o: Floats | None, polynomials: Floats, n_lags: int, more: int = 0
 ) -> tuple[Floats, int]:
     """Gram matrices (K, K, kinds, days) of the regressors, prewhitened, and the number of rows.
 
     u, y and o (None where not logged) are deviations from the day's first sample, shape (days, N). Columns
-    are as :func:`columns` names them, then u's lags 1 to `n_lags`; `more` lags of o stand before them, the
-    longest first, and `more` of u behind. The rows are those for which every lag lies in the day. Products
-    run over the leading columns and u's first lag only. Lags of u among themselves follow from it:
-    ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
+    are a constant, o's lags, the level's, its value now, and u's lags 1 to `n_lags`; `more` lags of o stand
+    before them, the longest first, and `more` of u behind. The rows are those for which every lag lies in the
+    day. Products run over the leading columns and u's first lag only. Lags of u among themselves follow from
+    it: ``G[i+1, j+1]`` is ``G[i, j]`` with what enters at one end, less what leaves at the other.
     """
     days, N = u.shape
     series = np.stack([y, u] if o is None else [y, u, o], axis=1)
@@ -116,8 +110,7 @@ def gram(
     one = prewhiten(np.ones((1, 1, N)), polynomials)[0, :, 0]
     n_lags += more
     n = N - n_lags
-    names = (*(f"o{O_LAGS + k}" for k in range(more, 0, -1)), *columns(o is not None))
-    lead = len(names)
+    lead = more + 1 + (O_LAGS if o is not None else 0) + Y_LAGS + 1
     rows = np.empty((days, len(polynomials), lead + 1, lead + n_lags))
     inflow = white[:, :, 1]
     windows = sliding_window_view(white[..., : N - 1], n, axis=-1)[..., ::-1, :]  # row r holds lag r + 1

@@ -120,9 +120,8 @@ def _worth(
     best_fit = np.maximum(yy - np.maximum(xy, 0.0) ** 2 / np.maximum(xx, 1e-300), FLOOR * yy + 1e-300)
     bound = -0.5 * m * (np.log(2.0 * np.pi * best_fit / m) + 1.0)
     top = np.unravel_index(np.argmax(bound), bound.shape)
-    likeliest, _, _ = marginal(
-        np.array([yy[top]]), np.array([xy[top]]), np.array([xx[top]]), m, gain, gain_sd
-    )  # fmt: skip
+    a, b, c = (np.array([x[top]]) for x in (yy, xy, xx))
+    likeliest, _, _ = marginal(a, b, c, m, gain, gain_sd)
     keep = bound >= max(likeliest[0] - within, least)
     found = marginal(yy[keep], xy[keep], xx[keep], m, gain, gain_sd)
     out = np.full(xy.shape, -inf), np.zeros(xy.shape), np.zeros(xy.shape)
@@ -139,9 +138,8 @@ def nothing(sums: Sums, n_rows: int) -> Floats:
         yz = sums.yz[:, columns]
         yy = yy - np.einsum("bz,bz->b", yz, yz)
         s2 = np.maximum(yy / n_rows, 1e-300)
-        out.append(
-            -0.5 * n_rows * np.log(2.0 * np.pi * s2) - 0.5 * n_rows - 0.5 * columns.stop * np.log(n_rows)
-        )
+        price = 0.5 * columns.stop * np.log(n_rows)
+        out.append(-0.5 * n_rows * np.log(2.0 * np.pi * s2) - 0.5 * n_rows - price)
     return np.stack(out, axis=1)
 
 
@@ -167,18 +165,11 @@ class RiverPosterior(PosteriorResult):
 
     `place` is t50, the lag by which half of a step has arrived, at the window's median inflow. A delay d
     stands for the t50 that round to it; `right` allows a tenth of a sample more. `link` has a prior of 1/2.
-
-    Attributes
-    ----------
-    gain, gain_sd : ndarray, shape (windows,)
-        Share of the inflow's change that arrives [-], and its standard deviation.
-    lead : ndarray, shape (windows,)
-        How much sooner e times as much water arrives [samples], mean.
     """
 
-    gain: Floats
-    gain_sd: Floats
-    lead: Floats
+    gain: Floats  # share of the inflow's change that arrives [-]
+    gain_sd: Floats  # its standard deviation
+    lead: Floats  # how much sooner e times as much water arrives [samples], mean
 
 
 Grids = tuple[ResponseGrid, ...]
@@ -189,21 +180,9 @@ _Window = tuple[Floats, float, float, float, float, Floats, Floats]
 def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None = None) -> RiverPosterior:
     """Probability of the travel time of every window.
 
-    Parameters
-    ----------
-    u, y : array_like, shape (windows, N)
-        Discharge at the upper and the lower end, same unit; the first ``settings.warm`` samples are history,
-        the others are explained.
-    settings : RiverSettings, optional
-
-    Returns
-    -------
-    RiverPosterior
-
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, values that are not finite, or windows too short.
+    `u` and `y`, shape (windows, N), are the discharge at the upper and the lower end, of the same unit; the
+    first ``settings.warm`` samples are history, the others are explained. RividError for shapes that do not
+    fit, values that are not finite, or windows too short.
     """
     s = settings or RiverSettings()
     series, least = {"inflow": u, "output": y}, s.warm + LEAST_ROWS
