@@ -51,7 +51,7 @@ def season(channel: Channel, days: int) -> Flow:
 
 def measured(cases: dict[str, tuple[int, int]]) -> str:
     """A table of cases: cells and days."""
-    channels = {cells: Channel.table_i(cells) for cells, _ in cases.values()}
+    channels = {cells: Channel.smooth(8200.0, 81.6, 1e-4, 0.025, cells) for cells, _ in cases.values()}
 
     def case(cells: int, days: int) -> Flow:
         return season(channels[cells], days)
@@ -70,7 +70,7 @@ def measured(cases: dict[str, tuple[int, int]]) -> str:
 
 def batch() -> str:
     """Days that know nothing of each other, in one call and one by one."""
-    channel, days = Channel.table_i(32), 60
+    channel, days = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 32), 60
     time, inflow, outflow = (values.reshape(days, PER_DAY) for values in commands(days))
     seconds = functions_in_turn(
         {
@@ -99,7 +99,7 @@ def on(threads: int, task: Callable[[], object]) -> None:
 
 def shared() -> str:
     """Goals on one core and on two: days in rows, and all columns of a diagnosis."""
-    channel, days = Channel.table_i(48), 90
+    channel, days = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 48), 90
     rows = [values.reshape(days, PER_DAY) for values in commands(days)]
     reading = np.full((days, PER_DAY), 5.2)
     plain = load_scenario(ROOT / "configs" / "scenarios" / "effects" / "diurnal_inflow.toml")

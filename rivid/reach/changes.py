@@ -143,14 +143,9 @@ NO_CHANGES = Changes()
 def together(changes: Iterable[Changes]) -> Changes:
     """Several changes at once.
 
-    Flows, leaks and ponds are collected; factors multiply; dead-bands, lags and slopes add; the
-    slowest rate holds. References of the level must agree where two changes use one.
-
-    Raises
-    ------
-    RividError
-        Where two changes set the real inflow, or refer to different levels: apply the inflow's maps one
-        after the other instead.
+    Flows, leaks and ponds are collected; factors multiply; dead-bands, lags and slopes add; the slowest rate
+    holds. RividError where two changes set the real inflow (apply its maps one after the other instead), or
+    refer to different levels.
     """
     parts = list(changes)
     inflows = [c.inflow for c in parts if c.inflow is not None]

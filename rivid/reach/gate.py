@@ -66,13 +66,7 @@ NO_OPERATORS = OperatorArrays(*(np.empty(0),) * 6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def on_grid(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Values for every sample of a (days, n) grid, finite or infinite but not NaN.
-
-    Raises
-    ------
-    RividError
-        Where they do not fit the grid.
-    """
+    """Values for every sample of a (days, n) grid; RividError where they do not fit it, or are NaN."""
     given = np.asarray(values, float)
     try:
         rows = np.array(np.broadcast_to(given, shape), order="C")

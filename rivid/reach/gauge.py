@@ -11,21 +11,9 @@ def stilled(time: Floats, level: Floats, lag: ArrayLike) -> Floats:
     """Level in a stilling well, ``lag d(well)/dt = level - well``, exact for straight lines between samples.
 
     For a lag much shorter than a sample it is ``level - lag d(level)/dt``, so that its derivative by the lag
-    is right from 0 on.
-
-    Parameters
-    ----------
-    time : ndarray, shape (..., n)
-        [s], increasing along the last axis.
-    level : ndarray, shape (k, ..., n) or (..., n)
-        Water level [m]; each row starts with both levels equal.
-    lag : array_like, broadcast to (..., n)
-        Time constant from each sample to the next [s]; 0 is no well.
-
-    Returns
-    -------
-    ndarray, shape of `level`
-        NaN from the first NaN of a row on.
+    is right from 0 on. `time` has shape (..., n) [s], `level` (k, ..., n) or (..., n) [m], the result that of
+    the level, NaN from the first NaN of a row on; each row starts with both levels equal. `lag`, broadcast to
+    (..., n), is the time constant from each sample to the next [s]; 0 is no well.
     """
     lags = np.asarray(lag, float)
     if not lags.any():

@@ -33,35 +33,18 @@ from rivid.types import Floats
 
 @dataclass(frozen=True)
 class LinearReach:
-    """A pool held by a dam: ``A dh/dt = K_i Q_i(t - tau) - K_o Q_o`` (7), tau a function of the flow.
+    """A pool held by a dam: ``A dh/dt = K_i Q_i(t - tau) - K_o Q_o`` (7), tau a function of the flow."""
 
-    Parameters
-    ----------
-    length, width, depth : float
-        Length L, mean width and mean depth of the flow [m].
-    wave_depth : float
-        Depth z that carries the wave [m]: tau = L / (v + sqrt(g z)).
-    surface_area : float
-        Water surface A [m2].
-    inflow_gain, outflow_gain : float
-        K_i and K_o: real flow of a dam over its command.
-    """
-
-    length: float = 8200.0
-    width: float = 81.6
-    depth: float = 4.9
-    wave_depth: float = 4.9
-    surface_area: float = 6.7e5
-    inflow_gain: float = 1.0
-    outflow_gain: float = 1.0
+    length: float = 8200.0  # L [m]
+    width: float = 81.6  # mean width [m]
+    depth: float = 4.9  # mean depth of the flow [m]
+    wave_depth: float = 4.9  # depth z that carries the wave [m]: tau = L / (v + sqrt(g z))
+    surface_area: float = 6.7e5  # A [m2]
+    inflow_gain: float = 1.0  # K_i: real flow of the dam over its command
+    outflow_gain: float = 1.0  # K_o
 
     def travel_time(self, flow: ArrayLike) -> Floats:
-        """Travel time tau of the gravity wave [s] at a flow [m3/s].
-
-        Notes
-        -----
-        Source: the lower bound in (5), with a depth of its own for the wave.
-        """
+        """Travel time tau of the gravity wave [s] at a flow [m3/s]: the lower bound in (5)."""
         velocity = np.asarray(flow, float) / (self.width * self.depth)
         return np.asarray(self.length / (velocity + np.sqrt(GRAVITY * self.wave_depth)))
 
@@ -74,29 +57,12 @@ def theoretical_fir(
     feedforward: float = 1.0,
     level_gain: float = -1000.0,
 ) -> Floats:
-    """Impulse response of the regulated reach from inflow to level, Fig. 10.
+    """Impulse response of the regulated reach from inflow to level (10), Fig. 10, (order,) [m per m3/s].
 
-    Parameters
-    ----------
-    order : int
-        Number of coefficients M.
-    delay : int
-        d [samples].
-    alpha_i, alpha_o : float
-        K_i T_s / A and K_o T_s / A [m per m3/s].
-    feedforward : float
-        K_Q [-].
-    level_gain : float
-        K_h [m2/s], negative: by (9) the outflow grows by ``-K_h`` for each metre of level.
-
-    Returns
-    -------
-    ndarray, shape (order,)
-        h [m per m3/s]: zero at lag 0, a jump at lag 1 and one at lag d + 1, a geometric decay after each.
-
-    Notes
-    -----
-    Source: equation (10), as the sum of two first-order responses.
+    `delay` is d [samples], `alpha_i` and `alpha_o` are K_i T_s / A and K_o T_s / A [m per m3/s],
+    `feedforward` is K_Q [-] and `level_gain` K_h [m2/s], negative: by (9) the outflow grows by ``-K_h`` for
+    each metre of level. The sum of two first-order responses: zero at lag 0, a jump at lag 1 and one at lag
+    d + 1, a geometric decay after each.
 
     Examples
     --------
@@ -174,24 +140,11 @@ def supply(
 ) -> Floats:
     """Volume that has come to the downstream dam at each sample [m3]: the inflow and all added flows.
 
-    Parameters
-    ----------
-    reach : LinearReach
-    time, inflow : ndarray, shape (n,)
-        Sample times [s] and inflow commands u_Qi [m3/s].
-    travel_time : float or ndarray, shape (n,)
-        tau of what departs at each sample [s]; where it falls faster than time passes, what left late
-        arrives together with what left before, never ahead of it. An added flow at place p has
-        ``(1 - p) tau`` to travel.
-    before : float
-        Inflow before the first sample [m3/s].
-    changes : Changes
-        Its `inflow` and `added` are used.
-
-    Notes
-    -----
-    Source: the first term of (7), integrated exactly for a zero-order hold: what departs at t arrives at
-    t + tau(t), and no volume is lost or made when tau changes.
+    The first term of (7), integrated exactly for a zero-order hold: what departs at t arrives at t + tau(t),
+    and no volume is lost or made when tau, `travel_time`, changes. Where tau falls faster than time passes,
+    what left late arrives together with what left before, never ahead of it. An added flow at place p has
+    ``(1 - p) tau`` to travel. `before` is the inflow before the first sample [m3/s]; of the changes `inflow`
+    and `added` are used.
     """
     n = len(time)
     flow = inflow if changes.inflow is None else on_grid("inflow", changes.inflow, (n,))
@@ -220,32 +173,14 @@ def pool_level(
 ) -> tuple[Floats, Floats, Floats]:
     """Level of the pool, (7), for known commands or for operators who command the outflow.
 
-    Parameters
-    ----------
-    reach : LinearReach
-    time, inflow : ndarray, shape (n,)
-        Sample times [s]; commands u_Qi [m3/s], held.
-    outflow : ndarray of shape (n,), or OperatorArrays
-        Commands u_Qo [m3/s], held, or the operators who give them from the level.
-    travel_time : float or ndarray, shape (n,)
-        tau of what departs at each sample [s].
-    start : float
-        Level at the first sample [m].
-    before : float
-        Inflow command before the first sample [m3/s].
-    changes : Changes
-        Its `gauge` is not used: the level is that of the water. All leaks and ponds are at the pool.
+    `time` [s] and the commands `inflow` and `outflow` [m3/s] have shape (n,); an outflow is held, or given by
+    operators from the level. `travel_time` is tau of what departs at each sample [s], `start` the level at
+    the first sample [m], `before` the inflow command before it [m3/s]. The `gauge` of the changes is not
+    used: the level is that of the water. All leaks and ponds are at the pool.
 
-    Returns
-    -------
-    level, outflow, released : ndarray, shape (n,)
-        True level [m]; commands u_Qo [m3/s], given or decided; real outflow, mean of each sample [m3/s], the
-        last that before.
-
-    Raises
-    ------
-    RividError
-        Where shapes do not agree, or the pool runs dry of surface: `area_slope` and level do not fit.
+    Returns the true level [m], the commands of the outflow, given or decided, and the real outflow, mean of
+    each sample [m3/s], the last that before; each of shape (n,). RividError where shapes do not agree, or the
+    pool runs dry of surface: `area_slope` and level do not fit.
     """
     n = len(time)
     operators = outflow if isinstance(outflow, OperatorArrays) else NO_OPERATORS

@@ -52,22 +52,12 @@ SHIFT = 8 * 3600.0
 
 
 def draw_crew(settings: OperatorSettings, drop: float, rng: np.random.Generator) -> Crew:
-    """Draw the gains of each operator.
+    """Draw the gains of each operator, limited to the correction of the whole error at one look.
 
-    Gains are limited to the correction of the whole error at one look, so that no error oscillates.
-
-    Parameters
-    ----------
-    drop : float
-        How far the level at the dam falls until the longest look where 1 m3/s more is let out [m per m3/s]:
-        ``look / A`` in a still pool, more where a wave must first call the water from upstream. The feedback
-        takes away ``-K_h drop`` of an error from look to look: below 1 the level comes back without
-        swinging, at 2 the loop of a pool is unstable.
-
-    Raises
-    ------
-    ConfigError
-        Where the mean gain makes the loop oscillate.
+    `drop` is how far the level at the dam falls until the longest look where 1 m3/s more is let out [m per
+    m3/s]: ``look / A`` in a still pool, more where a wave must first call the water from upstream. The
+    feedback takes away ``-K_h drop`` of an error from look to look: below 1 the level comes back without
+    swinging, at 2 the loop of a pool is unstable. ConfigError where the mean gain makes the loop oscillate.
     """
     gain = -settings.level_gain * drop
     if gain > 1.0:
@@ -113,18 +103,9 @@ def operator_arrays(
 ) -> OperatorArrays:
     """Operators of a season, for :func:`rivid.reach.integrator.pool_level` or the Saint-Venant reach.
 
-    Parameters
-    ----------
-    time, inflow : ndarray, shape (n,)
-        Sample times [s] and announced inflow command u_Qi [m3/s].
-    disturbance, set_point : ndarray, shape (n,)
-        Reading of the gauge minus level, and level aimed at [m].
-    duty : ndarray of int, shape (n,)
-        Operator on duty; see :func:`roster`.
-    gauge_quantum : float
-        Step of the reading [m]; 0 for none.
-    rng : numpy.random.Generator
-        For the times between looks.
+    All series have shape (n,): sample times [s], announced inflow command u_Qi [m3/s], reading of the gauge
+    minus level and level aimed at [m], and the operator on duty (:func:`roster`). `gauge_quantum` is the step
+    of the reading [m], 0 for none; `rng` draws the times between looks.
     """
     feedforward, level_gain, offset = (gain[duty] for gain in crew)
     return OperatorArrays(

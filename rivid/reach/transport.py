@@ -16,18 +16,10 @@ KERNEL_WIDTH = 7.0
 
 
 def held_volume(time: Floats, flow: Floats) -> Floats:
-    """Cumulative volume of a held flow at each time since the first [m3].
+    """Cumulative volume of a held flow at each time since the first, shape (..., n) [m3].
 
-    Parameters
-    ----------
-    time : ndarray, shape (..., n)
-        Beginnings of the samples [s], with or without the end of the last.
-    flow : ndarray, shape (..., n) or (..., n - 1)
-        Flow from each time to the next [m3/s].
-
-    Returns
-    -------
-    ndarray, shape (..., n)
+    `time`, shape (..., n), are the beginnings of the samples [s], with or without the end of the last;
+    `flow`, shape (..., n) or (..., n - 1), goes from each time to the next [m3/s].
     """
     passed = np.zeros(time.shape)
     np.cumsum(flow[..., : time.shape[-1] - 1] * np.diff(time, axis=-1), axis=-1, out=passed[..., 1:])
@@ -37,23 +29,11 @@ def held_volume(time: Floats, flow: Floats) -> Floats:
 def arrived_volume(
     at: Floats, arrival: Floats, passed: Floats, before: ArrayLike, after: ArrayLike = 0.0
 ) -> Floats:
-    """Volume that has arrived at given times [m3].
+    """Volume that has arrived at times `at` [s], shape (..., m) [m3].
 
-    Parameters
-    ----------
-    at : ndarray, shape (..., m)
-        Times [s].
-    arrival : ndarray, shape (..., n)
-        Times at which the cumulative volumes `passed` arrive [s], not decreasing.
-    passed : ndarray, shape (..., n)
-        Cumulative volume of the flow [m3]; see :func:`held_volume`.
-    before, after : array_like, shape (...)
-        Flow that arrives before the first and after the last arrival [m3/s].
-
-    Returns
-    -------
-    ndarray, shape (..., m)
-        Relative to the volume at the first arrival, so it may start below zero.
+    `arrival`, shape (..., n), are the times at which the cumulative volumes `passed` (:func:`held_volume`)
+    arrive, not decreasing; `before` and `after`, shape (...), the flows that arrive before the first and
+    after the last [m3/s]. Volumes are relative to that at the first arrival, so they may start below zero.
     """
     rows = at.shape[:-1]
     before, after = np.broadcast_to(before, rows), np.broadcast_to(after, rows)
@@ -77,18 +57,8 @@ def delayed_volume(time: Floats, flow: Floats, delay: ArrayLike) -> Floats:
 def delayed_flow(edges: Floats, flow: Floats, delay: float) -> Floats:
     """A held flow that comes `delay` [s] later (earlier where negative), as means of the samples [m3/s].
 
-    Parameters
-    ----------
-    edges : ndarray, shape (..., n + 1)
-        Beginnings of the samples and end of the last [s].
-    flow : ndarray, shape (..., n)
-        [m3/s]; the first flow holds before the row and the last after it.
-    delay : float
-        [s].
-
-    Returns
-    -------
-    ndarray, shape (..., n)
+    `edges`, shape (..., n + 1), are the beginnings of the samples and the end of the last [s]; `flow`, shape
+    (..., n): the first flow holds before the row and the last after it.
     """
     passed = held_volume(edges, flow)
     grid = grid_of_rows(edges)
@@ -111,25 +81,10 @@ def grid_of_rows(edges: Floats) -> Floats:
 def spread_flow(edges: Floats, flow: Floats, deviation: float, sample_time: float) -> Floats:
     """A held flow, each part of it earlier or later by a normal deviate, as means of the samples [m3/s].
 
-    Parameters
-    ----------
-    edges : ndarray, shape (..., n + 1)
-        Beginnings of the samples and end of the last [s].
-    flow : ndarray, shape (..., n)
-        [m3/s]; the first flow holds before the row and the last after it.
-    deviation : float
-        Standard deviation s of the deviates [s].
-    sample_time : float
-        Length of the samples before and after the row [s].
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-
-    Notes
-    -----
-    With b_k the beginning of sample k and G(x) = x Phi(x) + phi(x), the second integral of the normal
-    density, the volume of sample k takes of the flow of sample j = k - m
+    `edges` and `flow` are as of :func:`delayed_flow`; `deviation` is the standard deviation s of the deviates
+    [s], `sample_time` the length of the samples before and after the row [s]. With b_k the beginning of
+    sample k and G(x) = x Phi(x) + phi(x), the second integral of the normal density, the volume of sample k
+    takes of the flow of sample j = k - m
 
         s (g[m+1, k+1] - g[m, k+1] - g[m, k] + g[m-1, k]),   g[m, i] = G((b_i - b_i-m) / s).
     """

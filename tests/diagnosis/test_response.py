@@ -40,7 +40,7 @@ def column(response, record, name, **values):
 def test_the_baseline_is_the_nudged_run_without_its_nudge():
     record = season(4, days=2)
     response = few(record)
-    channel = Channel.uniform(8200.0, 81.6, 2e-4, 0.03, 32, end_bed=124.3)
+    channel = Channel.smooth(8200.0, 81.6, 2e-4, 0.03, 32, end_bed=124.3)
     for day in range(2):
         start = record.output[day][np.isfinite(record.output[day])][:5].mean()
         flow = simulate(

@@ -13,7 +13,7 @@ from rivid.reach.saint_venant import Channel, simulate
 T_S, N = 133.0, 400
 TIME = T_S * np.arange(N)
 POOL = LinearReach()
-CHANNEL = Channel.uniform(8200.0, 81.6, 1e-4, 0.025, 24, side_slope=1.0)
+CHANNEL = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 24, side_slope=1.0)
 
 
 def commands(seed, n=N):

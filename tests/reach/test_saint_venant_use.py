@@ -13,7 +13,7 @@ from rivid.errors import ConfigError, RividError
 from rivid.reach.changes import AddedFlow, Changes
 from rivid.reach.saint_venant import Channel, simulate
 
-POOL = Channel.table_i(24)
+POOL = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 24)
 TIME = 133.0 * np.arange(200)
 
 
@@ -84,7 +84,7 @@ def test_a_season_in_pieces_is_the_season_in_one_to_the_bit():
 
 @pytest.mark.parametrize("place", [0.0, 0.6])
 def test_a_lateral_flow_arrives_from_its_place(place):
-    channel = Channel.table_i(200)
+    channel = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 200)
     time = 5.0 * np.arange(300)
     steady = np.full(300, 300.0)
     pulse = Changes(added=(AddedFlow(place, np.where(time < 100.0, 0.0, 5.0)),))
@@ -133,7 +133,7 @@ def test_a_nudge_holds_a_flow_to_what_was_observed():
 def test_memory_grows_by_inputs_and_outputs_alone():
     n = 20_000
     time, flows = 133.0 * np.arange(n), np.full(n, 300.0)
-    channel = Channel.table_i(128)
+    channel = Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 128)
     simulate(channel, time[:10], flows[:10], flows[:10], 5.2)
     tracemalloc.start()
     simulate(channel, time[:200], flows[:200], flows[:200], 5.2)
@@ -201,7 +201,7 @@ def test_an_impossible_channel_is_refused(change, words):
 
 def test_a_channel_of_too_many_cells_is_refused():
     with pytest.raises(ConfigError, match="2049 cells: expected at most 2048"):
-        simulate(Channel.table_i(2049), [0.0], [300.0], [300.0], 5.2)
+        simulate(Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 2049), [0.0], [300.0], [300.0], 5.2)
 
 
 def test_a_reach_that_runs_dry_or_has_no_steady_start_is_refused():
@@ -214,7 +214,7 @@ def test_a_reach_that_runs_dry_or_has_no_steady_start_is_refused():
         simulate(POOL, TIME, flows, flows, 1.5)
     state = simulate(POOL, TIME, flows, flows, 5.2).end
     with pytest.raises(RividError, match=r"\(1, 24\): expected \(1, 32\)"):
-        simulate(Channel.table_i(32), TIME, flows, flows, state)
+        simulate(Channel.smooth(8200.0, 81.6, 1e-4, 0.025, 32), TIME, flows, flows, state)
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def commands(seed, n=400, T=120.0):
 def both(seed, changes):
     time, inflow, outflow = commands(seed)
     box = Box(LENGTH, nodes(), 60.0).simulate(time, inflow, outflow, 5.0, changes)[0]
-    channel = Channel.uniform(LENGTH, WIDTH, FALL / LENGTH, MANNING, 120)
+    channel = Channel.smooth(LENGTH, WIDTH, FALL / LENGTH, MANNING, 120)
     channel = channel.with_area_slope(changes.area_slope, changes.area_reference)
     explicit = simulate(channel, time, inflow, outflow, 5.0, changes=changes, gate_time=60.0).level
     return box, explicit

@@ -22,37 +22,18 @@ scheme grow beyond 0.63 at a Froude number of 0.02 to 0.2, 0.61 at 0.6, 0.59 at 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A reach cut into equal cells, each with a rectangular or trapezoidal section.
+    """A reach cut into equal cells, each with a rectangular or trapezoidal section; arrays of shape (cells,).
 
-    Parameters
-    ----------
-    length : float
-        L [m], from the upstream dam to the downstream one, where the gauge stands.
-    bed : array_like, shape (cells,)
-        Level of the bed at the middle of each cell [m], above the gauge's datum.
-    bottom_width : array_like, shape (cells,)
-        Width of the bed [m].
-    side_slope : array_like, shape (cells,)
-        Horizontal run of the banks for each metre up [-]; 0 is a rectangle.
-    manning : array_like, shape (cells,)
-        Manning's n [s/m^(1/3)].
-    area_slope : float
-        Relative change of the surface's width for each metre above `area_reference` [1/m], on top of what
-        the banks do; for levels near it, with the wetted perimeter left as it is.
-    area_reference : float
-        [m].
-
-    Raises
-    ------
-    ConfigError
-        Where a value is impossible; the message names it.
+    ConfigError, which names the value, where one is impossible.
     """
 
-    length: float
-    bed: Floats
-    bottom_width: Floats
-    side_slope: Floats
-    manning: Floats
+    length: float  # L [m], from the upstream dam to the downstream one, where the gauge stands
+    bed: Floats  # level of the bed at the middle of each cell [m], above the gauge's datum
+    bottom_width: Floats  # [m]
+    side_slope: Floats  # run of the banks for each metre up [-]; 0 is a rectangle
+    manning: Floats  # Manning's n [s/m^(1/3)]
+    # relative change of the surface's width for each metre above `area_reference` [1/m], on top of what the
+    # banks do; for levels near it [m], with the wetted perimeter left as it is
     area_slope: float = 0.0
     area_reference: float = 0.0
 
@@ -77,27 +58,6 @@ class Channel:
             object.__setattr__(self, name, values)
 
     @classmethod
-    def uniform(
-        cls,
-        length: float,
-        width: float,
-        slope: float,
-        manning: float,
-        cells: int,
-        *,
-        side_slope: float = 0.0,
-        end_bed: float = 0.0,
-    ) -> "Channel":
-        """A channel with the same section everywhere; parameters as in :meth:`smooth`.
-
-        Examples
-        --------
-        >>> Channel.uniform(8000.0, 80.0, 1e-4, 0.03, 4).bed.round(3).tolist()
-        [0.7, 0.5, 0.3, 0.1]
-        """
-        return cls.smooth(length, width, slope, manning, cells, side_slope=side_slope, end_bed=end_bed)
-
-    @classmethod
     def smooth(
         cls,
         length: float,
@@ -114,24 +74,14 @@ class Channel:
     ) -> "Channel":
         """A channel from a few numbers: means, and smooth modes ``cos(j pi x / L)``, j = 1, 2, ...
 
-        Parameters
-        ----------
-        length, width : float
-            L and the mean width of the bed [m].
-        slope : float
-            Fall of the bed [-], positive downstream.
-        manning : float
-            Manning's n [s/m^(1/3)].
-        cells : int
-            Number of cells.
-        side_slope : float
-            Run of the banks for each metre up [-].
-        end_bed : float
-            Level of the bed at x = L [m].
-        width_modes, manning_modes : sequence of float
-            Amplitudes of the logarithms of the width and of Manning's n [-].
-        bed_modes : sequence of float
-            Amplitudes of the bed's level about its slope [m].
+        The bed falls by `slope` [-] to the level `end_bed` [m] at x = L. `width_modes` and `manning_modes`
+        are amplitudes of the logarithms of the width and of Manning's n [-], `bed_modes` of the bed's level
+        about its slope [m]; without any, the section is the same everywhere.
+
+        Examples
+        --------
+        >>> Channel.smooth(8000.0, 80.0, 1e-4, 0.03, 4).bed.round(3).tolist()
+        [0.7, 0.5, 0.3, 0.1]
         """
         for name, value in (("length", length), ("width", width)):
             if not (np.isfinite(value) and value > 0):
@@ -153,15 +103,6 @@ class Channel:
             side_slope=np.full(cells, side_slope),
             manning=manning * np.exp(wave(manning_modes)),
         )
-
-    @classmethod
-    def table_i(cls, cells: int = 32) -> "Channel":
-        """The reach of Table I, 8200 m long and 81.6 m wide, with 0 at the bed under the gauge.
-
-        Its bed slope and roughness are not published. A slope of 1e-4 and n = 0.025 give, with 5.2 m of
-        water at the dam, mean depths of 4.8 m at 100 m3/s, 5.0 at 300 and 5.8 at 800.
-        """
-        return cls.uniform(8200.0, 81.6, 1e-4, 0.025, cells)
 
     def with_area_slope(self, slope: float, level: float) -> "Channel":
         """The same channel whose surface changes by a share of `slope` for each metre about `level`."""

@@ -89,65 +89,36 @@ def simulate(
     nudge_time: float = NUDGE_TIME,
     lift: ArrayLike | None = None,
 ) -> Flow:
-    """Solve Saint-Venant's equations for known flows at both dams.
+    """Solve Saint-Venant's equations (1), with Manning friction, for known flows at both dams.
 
-    The first call in a process compiles the loops, or loads them compiled. Many rows are shared among as many
-    threads as numba may use (``NUMBA_NUM_THREADS``), but not in a worker process.
+    `time` [s], `inflow` and `outflow` [m3/s], held from each sample to the next, have shape (n,) or (days,
+    n): each row is then a simulation of its own, with the same result whatever rows stand beside it. Instead
+    of an outflow, the operators who command it as they see the level; the inflow is then (n,).
 
-    Parameters
-    ----------
-    channel : Channel
-    time : array_like, shape (n,) or (days, n)
-        Sample times [s], increasing.
-    inflow, outflow : array_like, shape (n,) or (days, n)
-        Flows of the dams [m3/s], held from each sample to the next. With (days, n) each row is
-        a simulation of its own, with the same result whatever rows stand beside it. Instead of an
-        outflow, the operators who command it as they see the level; the inflow is then (n,).
-    start : float, array_like of shape (days,), or State
-        Level at x = L [m] at the first sample; the flow is then steady for the first commands, or, where
-        they differ, fills or empties the reach evenly. Or the `end` of an earlier flow: `time` then
-        begins with the sample at which that ended.
-    changes : Changes
-        What differs from the commands. Added flows enter without momentum of their own along the reach
-        and are part of the steady start. Its `gauge` is not used: this is the water.
-    places : sequence of float
-        Where else to give level and discharge, from 0 (upstream) to 1.
-    gate_time : float
-        Time a gate takes from one command to the next, linearly [s]; 0 is at once.
-    courant : float
-        Courant number of the usual time step, more than 0 and at most 0.6. The step is set by the wave
-        speed at the start; it becomes shorter where a later flow would bring it above 0.6.
-    step : float, optional
-        Longest time step [s], instead of `courant`; refused where it is unstable.
-    speed : float, optional
-        Wave speed [m/s] that sets the usual step, instead of that at the start: channels that differ little
-        then have the same steps, and their levels differ smoothly.
-    observed : array_like, shape (n,) or (days, n), optional
-        A level [m] to stay near: ``(observed - level) / nudge_time`` times `lift` is added to the rise of
-        each cell. NaN adds nothing.
-    nudge_time : float
-        See `observed` [s].
-    lift : array_like, shape (cells,), optional
-        See `observed`; 1 by default, and :func:`backwater_lift` where the water is to stay in balance.
+    `start` is the level at x = L at the first sample [m], one or (days,): the flow is then steady for the
+    first commands, or, where they differ, fills or empties the reach evenly. Or it is the `end` of an earlier
+    flow: `time` then begins with the sample at which that ended. The added flows of `changes` enter without
+    momentum of their own along the reach and are part of the steady start; its `gauge` is not used: this is
+    the water. `places`, from 0 (upstream) to 1, are where else to give level and discharge.
 
-    Returns
-    -------
-    Flow
+    A gate takes `gate_time` [s] from one command to the next, linearly; 0 is at once. `courant`, up to 0.6,
+    is the Courant number of the usual time step, set by the wave speed at the start, or by `speed` [m/s]:
+    channels that differ little then have the same steps, and their levels differ smoothly. The step becomes
+    shorter where a later flow would bring it above 0.6. `step` is the longest time step [s] instead; refused
+    where it is unstable.
 
-    Raises
-    ------
-    ConfigError
-        Where a setting is impossible or unstable.
-    RividError
-        Where a cell runs dry or no subcritical steady flow has the start level.
+    `observed`, shape of the inflow, is a level to stay near [m]: ``(observed - level) / nudge_time`` times
+    `lift`, shape (cells,), is added to the rise of each cell, nothing where it is NaN. The lift is 1 by
+    default, and :func:`backwater_lift` where the water is to stay in balance.
 
-    Notes
-    -----
-    Source: equation (1), with Manning friction, bed slope and varying sections.
+    ConfigError where a setting is impossible or unstable; RividError where a cell runs dry or no subcritical
+    steady flow has the start level. The first call in a process compiles the loops, or loads them compiled.
+    Many rows are shared among as many threads as numba may use (``NUMBA_NUM_THREADS``), but not in a worker
+    process.
 
     Examples
     --------
-    >>> pool = Channel.uniform(8200.0, 81.6, 1.2e-4, 0.03, 32)
+    >>> pool = Channel.smooth(8200.0, 81.6, 1.2e-4, 0.03, 32)
     >>> flow = simulate(pool, [0.0, 3600.0], [300.0, 300.0], [300.0, 300.0], 5.0)
     >>> flow.level.round(6).tolist()
     [5.0, 5.0]
@@ -237,29 +208,11 @@ LIFT_BY = 0.05
 
 
 def backwater_lift(channel: Channel, flow: float, level: float) -> tuple[Floats, float]:
-    """Rise of each cell over that of the level at x = L, from one steady state to the next, and its volume.
+    """Rise of each cell over that of the level at x = L, (cells,), and its volume for each metre there [m2].
 
-    Far upstream the depth is that of the flow alone: there the rise is 0.
-
-    Parameters
-    ----------
-    channel : Channel
-    flow : float
-        Steady discharge [m3/s].
-    level : float
-        At x = L [m].
-
-    Returns
-    -------
-    lift : ndarray, shape (cells,)
-        [-].
-    store : float
-        Volume for each metre at x = L [m2]: less than the water surface.
-
-    Raises
-    ------
-    RividError
-        Where no subcritical steady flow has the level.
+    From a steady state with this flow [m3/s] and level [m] to the next. Far upstream the depth is that of the
+    flow alone: there the rise is 0, and the volume is less than the water surface. RividError where no
+    subcritical steady flow has the level.
     """
     from rivid.reach.saint_venant import kernel
 
@@ -393,41 +346,16 @@ def _failure(
 
 
 def fastest_wave(channel: Channel, flow: float, level: float) -> float:
-    """Largest |v| + sqrt(g A / B) of a steady flow, with `level` at x = L [m/s].
-
-    Raises
-    ------
-    RividError
-        Where no subcritical steady flow has the level.
-    """
+    """Largest |v| + sqrt(g A / B) of a steady flow with `level` at x = L [m/s]; RividError without any."""
     steady = simulate(channel, [0.0], [flow], [flow], level)
     return float(steady.end.clock[0, 2])
 
 
 def arrival_time(channel: Channel, flow: ArrayLike, level: ArrayLike) -> Floats:
-    """Travel time of a small wave from the upstream dam to the gauge [s].
+    """Travel time of a small wave from the upstream dam to the gauge [s], shape (days,).
 
-    Parameters
-    ----------
-    channel : Channel
-    flow : array_like, shape (days,)
-        Steady discharge [m3/s].
-    level : array_like, shape (days,)
-        Level at x = L [m].
-
-    Returns
-    -------
-    ndarray, shape (days,)
-        ``integral dx / (v + sqrt(g A / B))`` along the steady profile.
-
-    Raises
-    ------
-    RividError
-        Where there is no subcritical steady flow.
-
-    Notes
-    -----
-    Source: the celerity v + c of (3) and (4), with A / B for the depth of a section that is no rectangle.
+    ``integral dx / (v + sqrt(g A / B))`` along the steady profile of flows [m3/s] and levels [m] of shape
+    (days,): v + c of (3) and (4), with A / B for the depth. RividError where there is no subcritical flow.
     """
     q = np.atleast_1d(np.asarray(flow, float))
     levels = np.broadcast_to(np.asarray(level, float), q.shape)

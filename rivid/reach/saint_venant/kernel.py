@@ -189,12 +189,8 @@ def fill(W: Floats, n: int, dt: float, dx: float, rise: float, sharp: float, rec
     """Continuity (1) over a step; level and momentum flux of the cells at its end.
 
     What fills the cells is sharpened along them by :func:`sharpening`, so that no volume is made or lost and
-    a steady flow stays steady, with sources too.
-
-    Returns
-    -------
-    int
-        Cells that have changed by more than the series take, or are not wet: the caller computes all anew.
+    a steady flow stays steady, with sources too. Returns how many cells have changed by more than the series
+    take, or are not wet: the caller then computes all anew.
     """
     per_dx = 1.0 / dx
     large = 0
@@ -425,27 +421,12 @@ def section(z: float, c: Sections, i: int) -> tuple[float, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def backwater(
-    Q: Floats,
-    q: Floats,
-    z_end: float,
-    sections: Sections,
-    dx: float,
-    z: Floats,
-) -> bool:
+def backwater(Q: Floats, q: Floats, z_end: float, sections: Sections, dx: float, z: Floats) -> bool:
     """Levels upstream of `z_end`, the level of the last cell, face by face; momentum (1) without d/dt.
 
-    `z` holds levels near them on entry: those of another `z_end`, or one level.
-
-    Parameters
-    ----------
-    Q, q : ndarray, shape (cells + 1,), (cells,)
-        Discharge on the faces, and what the kernel takes for it in the cells [m3/s].
-
-    Returns
-    -------
-    bool
-        False where the flow would be dry or not subcritical.
+    `z` holds levels near them on entry: those of another `z_end`, or one level. `Q`, shape (cells + 1,), is
+    the discharge on the faces and `q`, shape (cells,), what the kernel takes for it in the cells [m3/s].
+    Returns False where the flow would be dry or not subcritical.
     """
     bed, friction = sections.bed, sections.friction
     c = len(bed)
