@@ -117,24 +117,15 @@ class Trial:
     have a trial for each of several sizes.
     """
 
-    name: str
-    """Canonical name of the effect."""
-    label: str
-    """Which of its trials."""
-    effects: tuple["Effect", ...]
-    """An instance for each column; empty where the columns are computed from the step response."""
-    sizes: tuple[float, ...]
-    """Size of each instance, in units of its coefficient."""
-    make: Callable[[Floats], "Effect"]
-    """Returns the effect for coefficients of shape (k,)."""
-    free: tuple[str, ...]
-    """Parameters that are fitted once the effect is in the model."""
-    dates: Dates = "all"
-    """Windows to scan."""
-    sign: int = 0
-    """Sign that a single coefficient must have; 0 is either."""
-    hourly: str = ""
-    """"up" or "down": a column for each hour of the day, from the step response to a flow at that dam."""
+    name: str  # canonical name of the effect
+    label: str  # which of its trials
+    effects: tuple["Effect", ...]  # one for each column; empty where columns come from the step response
+    sizes: tuple[float, ...]  # of each instance, in units of its coefficient
+    make: Callable[[Floats], "Effect"]  # the effect for coefficients of shape (k,)
+    free: tuple[str, ...]  # parameters that are fitted once the effect is in the model
+    dates: Dates = "all"  # windows to scan
+    sign: int = 0  # that a single coefficient must have; 0 is either
+    hourly: str = ""  # "up" or "down": a column for each hour, from the step response to a flow at that dam
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,9 +225,11 @@ class Effect(ABC):
             raise ConfigError(
                 f"{self.name}: dates = {self.dates[0]} to {self.dates[1]}: expected the first before the last"
             )
-        if self.hours is not None and not all(0.0 <= h <= 24.0 for h in self.hours):
+        if self.hours is None:
+            return
+        if not all(0.0 <= h <= 24.0 for h in self.hours):
             raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two hours from 0 to 24")
-        if self.hours is not None and self.hours[0] % 24.0 == self.hours[1] % 24.0 and self.hours != (0, 24):
+        if self.hours[0] % 24.0 == self.hours[1] % 24.0 and self.hours != (0, 24):
             raise ConfigError(f"{self.name}: hours = {list(self.hours)}: expected two different hours")
 
     @classmethod
@@ -260,21 +253,12 @@ class Effect(ABC):
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> Self:
-        """Build from the keys of a configuration; `name` may be among them.
-
-        Raises
-        ------
-        ConfigError
-            Naming the effect and the key.
-        """
-        given = {key: value for key, value in table.items() if key != "name"}
+        """Build from the keys of a configuration, with `name` or without; ConfigError names effect and key."""
+        given = {key: tuple(v) if isinstance(v, list) else v for key, v in table.items() if key != "name"}
         valid = [*cls.parameters(), "dates", "hours"]
         for key in given:
             if key not in valid:
                 raise ConfigError(f"{cls.name}: unknown key {key!r}: expected {', '.join(valid)}")
-        for key, value in given.items():
-            if isinstance(value, list):
-                given[key] = tuple(value)
         if "dates" in given:
             given["dates"] = _two_dates(cls.name, given["dates"])
         if "hours" in given and (
@@ -339,15 +323,16 @@ class Effect(ABC):
 
     @classmethod
     def linear_trial(
-        cls, key: str, unit: float, *, dates: Dates = "all", sign: int = 0, **fixed: Any
-    ) -> Trial:
+        cls, key: str, unit: float, *, dates: Dates = "all", sign: int = 0, also: tuple[str, ...] = (),
+        **fixed: Any,
+    ) -> Trial:  # fmt: skip
         """A trial whose coefficient is the parameter `key`; its column is computed at the value `unit`."""
 
         def make(c: Floats) -> Effect:
             return cls(**{**fixed, key: cls.clipped(key, float(c[0]))})
 
         small = cls(**{**fixed, key: unit})
-        return Trial(cls.name, _label(fixed) or key, (small,), (unit,), make, (key,), dates, sign)
+        return Trial(cls.name, _label(fixed) or key, (small,), (unit,), make, (key, *also), dates, sign)
 
     @classmethod
     def trial_at(
@@ -381,12 +366,7 @@ class Effect(ABC):
     def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "Effect":
         """The effect with given events: starts [h], sizes [m3/s], of jumps [m], and durations [h].
 
-        `duration` is one number, or one for each start.
-
-        Raises
-        ------
-        ConfigError
-            Where the effect is not made of events.
+        `duration` is one number, or one for each start. ConfigError where the effect is not made of events.
         """
         raise ConfigError(f"{cls.name}: expected a method from_events, as found_as = {cls.found_as!r} needs")
 

@@ -2,7 +2,7 @@
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -90,8 +90,6 @@ class LateralInflow(Effect):
     name = "lateral_inflow"
     family = "flow"
     varies_with_date = "inflow"
-    linear_trials = {"inflow": 1.0}
-    trial_dates = "between"
     twins = ("sensor_drift",)
     confounded_with = {
         "sensor_drift": (
@@ -124,7 +122,7 @@ class LateralInflow(Effect):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        return [replace(one, free=(*one.free, "place")) for one in super().trials(world)]
+        return [cls.linear_trial("inflow", 1.0, dates="between", also=("place",))]
 
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
@@ -387,8 +385,7 @@ class Leakage(Effect):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        tried = (cls.linear_trial("loss", 10.0, sign=1, place=place) for place in QUARTERS)
-        return [replace(one, free=(*one.free, "place")) for one in tried]
+        return [cls.linear_trial("loss", 10.0, sign=1, also=("place",), place=at) for at in QUARTERS]
 
     def changes(self, world: World) -> Changes:
         return Changes(leaks=(Leak(self.place, self.loss * self.active(world), world.level),))

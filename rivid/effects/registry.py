@@ -28,17 +28,9 @@ CATALOGUE: dict[str, type[Effect]] = {
 
 
 def effect_classes(path: Path | None = None) -> dict[str, type[Effect]]:
-    """All effects by name: the catalogue in its order, those of installed packages, those of a file.
+    """All effects by name: the catalogue in its order, those of installed packages, those of a Python file.
 
-    Parameters
-    ----------
-    path : Path, optional
-        A Python file; each subclass of :class:`Effect` that it defines is taken.
-
-    Raises
-    ------
-    ConfigError
-        Where a file or package cannot be used, or a name is taken.
+    ConfigError where a file or package cannot be used, or a name is taken.
     """
     found = dict(CATALOGUE)
     origin = dict.fromkeys(found, "the catalogue")
@@ -56,19 +48,9 @@ def effect_classes(path: Path | None = None) -> dict[str, type[Effect]]:
 
 
 def build(table: dict[str, Any], classes: dict[str, type[Effect]]) -> Effect:
-    """An effect from a table of a configuration.
+    """An effect from a table: `name`, and those parameters that are not the usual ones.
 
-    Parameters
-    ----------
-    table : dict
-        `name`, and those parameters that are not the usual ones.
-    classes : dict
-        From :func:`effect_classes`.
-
-    Raises
-    ------
-    ConfigError
-        Naming the effect and the key.
+    ConfigError names the effect and the key.
     """
     name = table.get("name")
     if not isinstance(name, str) or name not in classes:
@@ -86,18 +68,9 @@ def worlds_of(effects: Sequence[Effect], world: World) -> tuple[World, ...]:
 
 
 def changes_of(effects: Sequence[Effect], world: World) -> Changes:
-    """Changes of several effects together.
+    """Changes of several effects together; those of the inflow are applied in this order.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Changes of the inflow are applied in this order.
-    world : World
-
-    Raises
-    ------
-    RividError
-        Where changes cannot be joined; see :func:`rivid.reach.changes.together`.
+    RividError where changes cannot be joined; see :func:`rivid.reach.changes.together`.
     """
     parts = [changes for _, changes in _in_turn(effects, world)]
     inflows = [part.inflow for part in parts if part.inflow is not None]

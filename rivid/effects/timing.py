@@ -124,9 +124,8 @@ class ClockOffset(Effect):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        return [
-            cls.trial_at("offset", k * world.sample_time, dates="between") for k in (-4.0, -1.0, 1.0, 4.0)
-        ]
+        late = (-4.0, -1.0, 1.0, 4.0)  # [samples]
+        return [cls.trial_at("offset", k * world.sample_time, dates="between") for k in late]
 
     def changes(self, world: World) -> Changes:
         if self.drift == 0.0:

@@ -294,30 +294,13 @@ def simulate(
     upstream: "Season | None" = None,
     water: type[Water] = Water,
 ) -> Season:
-    """Simulate a season in closed loop.
+    """Simulate a season of one reach in closed loop; see :func:`simulate_cascade` for several.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Of one reach; see :func:`simulate_cascade` for several.
-    seed : int, optional
-        Instead of the scenario's own. The same seed gives the same season; each part of it (river,
-        programme, operators, gauge, weather, missing days, each effect) has a stream of its own.
-    effects : sequence of Effect
-        Beside those of the scenario.
-    upstream : Season, optional
-        The reach above: its outflow commands are this reach's inflow.
-    water : type
-        The reach: :class:`Water`, or a subclass with equations of its own.
-
-    Returns
-    -------
-    Season
-
-    Raises
-    ------
-    ConfigError
-        Where the operators' loop would swing, or the flow is impossible.
+    The same `seed`, the scenario's own by default, gives the same season; each part of it (river, programme,
+    operators, gauge, weather, missing days, each effect) has a stream of its own. `effects` are beside those
+    of the scenario. The outflow commands of the reach `upstream` are this reach's inflow. `water` is
+    :class:`Water`, or a subclass with equations of its own. ConfigError where the operators' loop would
+    swing, or the flow is impossible.
     """
     seed = scenario.seed if seed is None else seed
     place = 0 if upstream is None else upstream.place + 1
@@ -389,19 +372,9 @@ def simulate(
 
 
 def simulate_cascade(scenario: Scenario, seed: int | None = None) -> tuple[Season, ...]:
-    """Simulate reaches in a row, the outflow of each feeding the next (Fig. 19).
+    """Simulate the reaches of a cascade, from the top, the outflow of each feeding the next (Fig. 19).
 
-    Parameters
-    ----------
-    scenario : Scenario
-        With a `cascade`; without one, a cascade of one reach.
-    seed : int, optional
-        Instead of the scenario's own.
-
-    Returns
-    -------
-    tuple of Season
-        From the top.
+    A scenario without a `cascade` has one reach; `seed` is as of :func:`simulate`.
     """
     seasons: list[Season] = []
     for reach in scenario.reaches():
@@ -410,22 +383,10 @@ def simulate_cascade(scenario: Scenario, seed: int | None = None) -> tuple[Seaso
 
 
 def true_delay(travel_time: Floats, sample_time: float) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """The delay in samples that a travel time is.
+    """The delay in samples that the travel times of days, shape (days,) [s], are.
 
-    Parameters
-    ----------
-    travel_time : ndarray, shape (days,)
-        Arrival of the first sign of a change of inflow [s].
-    sample_time : float
-        T_s [s].
-
-    Returns
-    -------
-    delay, delay_other : ndarray of int, shape (days,)
-        ``d = ceil(arrival / T_s) - 1``: the change is seen first at lag d + 1; and the delay on the other
-        side of the edge where it is near, else the same.
-    near_edge : ndarray of bool, shape (days,)
-        The arrival is within 0.1 T_s of a sample.
+    ``d = ceil(arrival / T_s) - 1``, since the change is first seen at lag d + 1; the delay on the other side
+    of the edge where the arrival is within 0.1 T_s of a sample, else the same; and whether it is.
 
     Examples
     --------

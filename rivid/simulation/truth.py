@@ -27,17 +27,13 @@ def write_truth(season: Season, path: Path) -> None:
         events = getattr(effect, "events", None)  # of random effects
         record["effects"].append(effect.to_table() | ({} if events is None else {"events": events(world)}))
     rows = [
-        json.dumps(
-            {
-                "date": date.isoformat(),
-                "travel_time_s": round(float(season.travel_time[i]), 3),
-                "delay_samples": int(season.delay[i]),
-                "delay_other": int(season.delay_other[i]),
-                "near_edge": bool(season.near_edge[i]),
-            }
-        )
+        json.dumps({
+            "date": date.isoformat(), "travel_time_s": round(float(season.travel_time[i]), 3),
+            "delay_samples": int(season.delay[i]), "delay_other": int(season.delay_other[i]),
+            "near_edge": bool(season.near_edge[i]),
+        })
         for i, date in enumerate(season.dates)
-    ]
+    ]  # fmt: skip
     head = json.dumps(record, indent=1, default=str).removesuffix("\n}")
     write_text(path, head + ',\n "days": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n")
 
