@@ -253,7 +253,7 @@ class Effect(ABC):
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> Self:
-        """Build from the keys of a configuration, with `name` or without; ConfigError names effect and key."""
+        """Build from the keys of a configuration, with `name` or without; ConfigError names both."""
         given = {key: tuple(v) if isinstance(v, list) else v for key, v in table.items() if key != "name"}
         valid = [*cls.parameters(), "dates", "hours"]
         for key in given:
