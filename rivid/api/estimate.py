@@ -16,7 +16,7 @@ from rivid.config import Config, parse
 from rivid.core import fir, search
 from rivid.core.cusum import CusumResult
 from rivid.core.cusum import cusum as cusum_of
-from rivid.core.fir import FirResult, JmapResult
+from rivid.core.fir import FirResult, JmapResult, as_days
 from rivid.core.fir import jmap as jmap_of_arrays
 from rivid.core.search import SearchResult
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, SearchSettings, named
@@ -428,7 +428,9 @@ def posterior(
         raise ConfigError("posterior(u): the output is missing: expected posterior(day) or posterior(u, y)")
     else:
         base, date = as_config(config), None
-        days, single = _as_days(u, y, o)
+        arrays, single = as_days({"u": u, "y": y, "o": o}, 1, "the probability of a delay")
+        moved = [values - values[:, :1] for values in arrays]
+        days = Days(moved[0], moved[1], moved[2] if o is not None else None, arrays[0][:, 0])
     settings = _with_posterior(base, days.o is not None, changes)
     (estimator,) = build(settings).values()
     if days.u.shape[1] < estimator.min_samples:
@@ -439,16 +441,12 @@ def posterior(
     columns = {name: getattr(answer, name) for name in names}
     columns |= {"probabilities": answer.curve, "reason": _reasons(answer, days)}
     # the posterior sets all of these; the sample time of arrays alone is unknown
-    values: dict[str, Any] = {n: v[0] if single and v is not None else v for n, v in columns.items()}
+    values: dict[str, Any] = {n: v[0] if single else v for n, v in columns.items()}
     known = isinstance(u, Day) or config is not None
-    assert answer.candidates is not None
     return DelayProbabilities(
-        candidates=answer.candidates,
-        sample_time=settings.reach.sample_time if known else None,
-        output_unit=settings.reach.output_unit,
-        date=date,
-        **values,
-    )
+        candidates=np.asarray(answer.candidates), output_unit=settings.reach.output_unit, date=date,
+        sample_time=settings.reach.sample_time if known else None, **values,
+    )  # fmt: skip
 
 
 def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Config:
@@ -459,24 +457,6 @@ def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Con
     if not outflow and base.reach.kind == "pool":
         raw["input"] = raw.get("input", {}) | {"u_Qo": ""}
     return parse(raw, Config, "posterior")
-
-
-def _as_days(u: ArrayLike, y: ArrayLike, o: ArrayLike | None) -> tuple[Days, bool]:
-    """Return arrays as deviations, and whether they are of a single day."""
-    arrays = {"u": np.asarray(u, float), "y": np.asarray(y, float)}
-    if o is not None:
-        arrays["o"] = np.asarray(o, float)
-    shape = arrays["u"].shape
-    for name, values in arrays.items():
-        if values.shape != shape or values.ndim not in (1, 2) or not values.size:
-            raise RividError(
-                f"{name} has shape {values.shape} and u {shape}: expected the same, (N,) or (days, N)"
-            )
-        if not np.isfinite(values).all():
-            raise RividError(f"{name} has values that are not finite: fill gaps or leave the days out")
-    many = {name: np.atleast_2d(values) for name, values in arrays.items()}
-    moved = {name: values - values[:, :1] for name, values in many.items()}
-    return Days(moved["u"], moved["y"], moved.get("o"), many["u"][:, 0]), len(shape) == 1
 
 
 def _reasons(answer: Answer, days: Days) -> Strings:

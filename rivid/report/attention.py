@@ -119,17 +119,11 @@ def far(recent: LastWeek) -> list[Row]:
     listed = e.degenerate if recent.quantity == "t50" else e.degenerate | e.at_bound
     return [
         _row(
-            e.dates[i],
-            e.dates[i],
-            1,
-            "far",
-            (e.estimator,),
-            value=float(recent.values[i]),
-            band=limits,
+            e.dates[i], e.dates[i], 1, "far", (e.estimator,), value=float(recent.values[i]), band=limits,
             decided=bool(recent.decided[i]),
-        )  # fmt: skip
+        )
         for i in np.flatnonzero(outside(recent.values, limits) & ~listed)
-    ]
+    ]  # fmt: skip
 
 
 def counted(results: Results, recent: LastWeek, rows: Sequence[Row]) -> dict[str, Any]:

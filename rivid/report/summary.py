@@ -197,17 +197,10 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     week, `weeks` before it that count, `t` and `moved`. None with fewer than three days in the last week, or
     fewer than four weeks before that have three.
 
-    Notes
-    -----
-    The alternative considered counts the days of the week outside the band that holds 90 % of the 365 days
-    before, against a binomial distribution (level 0.1 %). It takes days for independent, needs 30 days, and
-    a season widens its band. Simulated (4,000 records each; delays rounded to samples, standard deviation
-    0.6 samples, 3 % of days anywhere between 1 and 15), with a correlation from day to day of 0, 0.5 and 0.8:
-    the size of the t test is 0.2, 1.0 and 1.6 %, of the binomial one 0.05, 0.2 and 1.2 %; a move of one
-    sample is found by the t test in 45, 24 and 14 %, by the binomial one in 1, 3 and 8 % of the records, a
-    move of two samples in 98, 85 and 63 % and in 78, 72 and 68 %. The t test keeps its level to within a
-    factor of 1.6 and finds small moves; the binomial test exceeds its level twelvefold where days are
-    correlated.
+    Simulated with delays that are correlated from day to day by 0 to 0.8, its size is 0.2 to 1.6 %, and a
+    move of one sample (two) is found in 45 to 14 % (98 to 63 %) of the records. Counting the days outside the
+    band of the year before, as if they were independent, exceeds its level twelvefold and finds 1 to 8 % of
+    the small moves.
     """
     count = np.bincount(ago, minlength=WEEKS + 1)[: WEEKS + 1]
     weeks = np.flatnonzero(count >= FEWEST_DAYS)

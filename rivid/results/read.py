@@ -169,6 +169,7 @@ NUMBERS = {"delay": "delay_samples", "t50": "t50_samples", "mean_inflow": "mean_
 def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criterion: "pa.Table") -> Results:
     """The results in tables with the columns of a run's, and in keys of its record."""
     import pyarrow as pa
+    import pyarrow.compute as pc
 
     names = delays["estimator"].to_numpy(zero_copy_only=False)
     assumed = tuple(str(key) for key in run.get("assumed") or ())
@@ -181,7 +182,8 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
         sure = _given(_floats(columns["probability"]))
         travel = columns.get("travel_time_s", columns["delay_s"])
         days = rows["date"].cast(pa.int32()).to_numpy()
-        candidates, curve = _matrix(criterion, name, days, "delay_samples", "criterion")
+        own = [table.filter(pc.equal(table["estimator"], name)) for table in (fir, criterion)]
+        candidates, curve = matrix(own[1], days, "delay_samples", "criterion")
         estimators.append(
             EstimatorResults(
                 estimator=name,
@@ -190,14 +192,14 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
                 messages=[str(s or "") for s in columns["message"]],
                 at_bound=_bools(columns["at_bound"]),
                 prior_only=_bools(columns["prior_only"]),
-                fir=_matrix(fir, name, days, "lag", "value")[1],
+                fir=matrix(own[0], days, "lag", "value")[1],
                 candidates=candidates,
                 criterion=curve,
                 probability=sure,
                 travel_s=None if sure is None else _given(_floats(travel)),
                 delay_low=_given(_floats(columns["delay_low"])),
                 delay_high=_given(_floats(columns["delay_high"])),
-                fir_sd=_given(_matrix(fir, name, days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
+                fir_sd=_given(matrix(own[0], days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
                 **{name: _floats(columns[column]) for name, column in NUMBERS.items()},
             )
         )
@@ -248,20 +250,16 @@ def _given(values: Floats) -> Floats | None:
     return values if np.isfinite(values).any() else None
 
 
-def _matrix(
-    table: "pa.Table", estimator: str, days: NDArray[np.int32], axis: str, value: str
-) -> tuple[Floats, Floats]:
-    """A long table (date, estimator, axis, value) as its axis and a (days, axis) matrix."""
+def matrix(table: "pa.Table", days: NDArray[np.int32], axis: str, value: str) -> tuple[Floats, Floats]:
+    """A long table (date, axis, value) as its axis and a (days, axis) matrix; `days` are in order."""
     import pyarrow as pa
-    import pyarrow.compute as pc
 
-    rows = table.filter(pc.equal(table["estimator"], estimator))
-    at = rows[axis].to_numpy()
+    at = table[axis].to_numpy()
     labels = np.unique(at)
-    matrix = np.full((len(days), len(labels)), np.nan)
-    row = np.searchsorted(days, rows["date"].cast(pa.int32()).to_numpy())  # days are in order
-    matrix[row, np.searchsorted(labels, at)] = rows[value].to_numpy()
-    return labels.astype(float), matrix
+    found = np.full((len(days), len(labels)), np.nan)
+    row = np.searchsorted(days, table["date"].cast(pa.int32()).to_numpy())
+    found[row, np.searchsorted(labels, at)] = table[value].to_numpy()
+    return labels.astype(float), found
 
 
 def estimates_delay(estimator: EstimatorResults) -> bool:
@@ -291,18 +289,10 @@ def decided(estimator: EstimatorResults) -> Bools:
 def kinds(estimator: EstimatorResults) -> dict[str, Bools]:
     """Days of each reliability class, shape (n,); a day is in the most severe class that applies."""
     e, days = estimator, found(estimator)
-    holds = {
-        "data decide": days,
-        "data do not decide": days & e.prior_only,
-        "degenerate": days & e.degenerate,
-        "at a bound": days & e.at_bound,
-    }
-    taken = np.zeros(len(e.dates), bool)
-    chosen = {}
-    for name in reversed(holds):
-        chosen[name] = holds[name] & ~taken
-        taken |= chosen[name]
-    return dict(reversed(chosen.items()))
+    edge, doubt = days & e.at_bound, days & e.degenerate & ~e.at_bound
+    prior = days & e.prior_only & ~(edge | doubt)
+    sure = days & ~(edge | doubt | prior)
+    return {"data decide": sure, "data do not decide": prior, "degenerate": doubt, "at a bound": edge}
 
 
 def day_numbers(dates: Sequence[dt.date]) -> Floats:
@@ -345,8 +335,8 @@ class Thirds:
     flow does not matter.
     """
 
-    edges: tuple[float, float, float, float]
-    medians: tuple[float, float, float]
+    edges: tuple[float, ...]
+    medians: tuple[float, ...]
     longer: float
 
 
@@ -392,16 +382,8 @@ def passage(results: Results, estimator: EstimatorResults) -> Passage:
     seconds = e.t50 * results.sample_time
     bounded = days & np.isfinite(e.bound_gravity_s) & np.isfinite(e.bound_kinematic_s)
     inside = bounded & (seconds >= e.bound_gravity_s) & (seconds <= e.bound_kinematic_s)
-    return Passage(
-        days=len(e.dates),
-        with_t50=int(days.sum()),
-        median=median,
-        low=low,
-        high=high,
-        thirds=thirds(e),
-        bounded=int(bounded.sum()),
-        between=int(inside.sum()),
-    )
+    counts = {"with_t50": int(days.sum()), "bounded": int(bounded.sum()), "between": int(inside.sum())}
+    return Passage(days=len(e.dates), median=median, low=low, high=high, thirds=thirds(e), **counts)
 
 
 def thirds(estimator: EstimatorResults) -> Thirds | None:
@@ -419,6 +401,5 @@ def thirds(estimator: EstimatorResults) -> Thirds | None:
     lower, upper = parts[0], np.sort(parts[2])
     # Mann and Whitney's count of pairs, equal ones by halves
     shorter = np.searchsorted(upper, lower, "left") + np.searchsorted(upper, lower, "right")
-    first, second, third_, last = (float(q) for q in edges)
-    low, middle, high = (float(np.median(part)) for part in parts)
-    return Thirds((first, second, third_, last), (low, middle, high), float(shorter.mean() / 2 / upper.size))
+    medians = tuple(float(np.median(part)) for part in parts)
+    return Thirds(tuple(edges.tolist()), medians, float(shorter.mean() / 2 / upper.size))

@@ -19,7 +19,7 @@ from rivid.core.season import season
 from rivid.core.settings import RiverSettings
 from rivid.errors import ConfigError, NoDataError, RividError
 from rivid.estimators import stamp_doubt
-from rivid.results.read import refuse_parts
+from rivid.results.read import matrix, refuse_parts
 from rivid.results.store import described, finite, to_table, write_csv, write_parquet
 from rivid.types import Bools, Floats
 
@@ -103,11 +103,8 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
         raise RividError(
             f"{out}: days from {first} to {last}: expected {LONGEST} days or fewer: see the dates"
         )
-    candidates = np.unique(posterior["delay_samples"].to_numpy()).astype(np.intp)
-    probability = np.full((n, len(candidates)), np.nan)
-    of_row = posterior["date"].cast(pa.int32()).to_numpy() - rows[0]
-    at = np.searchsorted(candidates, posterior["delay_samples"].to_numpy())
-    probability[of_row, at] = posterior["probability"].to_numpy()
+    calendar = np.arange(rows[0], rows[-1] + 1, dtype=np.int32)
+    candidates, probability = matrix(posterior, calendar, "delay_samples", "probability")
     delay, travel, discharge = np.full((3, n), np.nan)
     for values, name in ((delay, "delay_samples"), (travel, "delay_s"), (discharge, "mean_inflow_m3s")):
         values[rows - rows[0]] = pc.fill_null(delays[name], np.nan).to_numpy()
@@ -115,7 +112,7 @@ def read_days(out: Path, record: Mapping[str, Any]) -> SeasonDays:
     return SeasonDays(
         reach=str(record["reach"]), sample_time=float(record["sample_time"]), river=river,
         window=int(record["config"]["run"]["window_days"]),
-        dates=[start + dt.timedelta(days=k) for k in range(n)], candidates=candidates,
+        dates=[start + dt.timedelta(days=k) for k in range(n)], candidates=candidates.astype(np.intp),
         probability=probability, delay=delay, travel=travel,
         discharge=np.where(discharge > 0.0, discharge, np.nan),
         doubt=stamp_doubt(record["config"]["input"], float(record["sample_time"]), river=river),
@@ -254,10 +251,7 @@ def write_season(days: SeasonDays, joined: Joined, law: DelayLaw, out: Path) -> 
     table = to_table(columns, SCHEMA)
     write_parquet(table, out / "season.parquet")
     write_csv(table, out / "season.csv")
-    t = law.table
-    values = (t.discharge_low, t.discharge_high, t.discharge, t.delay, t.low, t.high, t.day_low, t.day_high,
-              t.observed, t.n)  # fmt: skip
-    classes = {name: v.tolist() for name, v in zip(LAW_SCHEMA.names, values, strict=True)}
+    classes = dict(zip(LAW_SCHEMA.names, map(np.ndarray.tolist, vars(law.table).values()), strict=True))
     write_csv(to_table(classes, LAW_SCHEMA), out / "delay_law.csv")
     write_text(out / "delay_law.json", json.dumps(law_json(days, law), indent=2, sort_keys=True) + "\n")
 
