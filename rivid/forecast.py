@@ -183,10 +183,6 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     notes : sequence of str
         Passed on to the result.
 
-    Returns
-    -------
-    Forecast
-
     Raises
     ------
     NoDataError

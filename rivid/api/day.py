@@ -139,10 +139,6 @@ def read_day(path: Path | str, date: GivenDate = None, config: GivenConfig = Non
     config : Config, path of a TOML file, or mapping, optional
         The reach and the format of its logs; Table I by default.
 
-    Returns
-    -------
-    Day
-
     Raises
     ------
     DataError

@@ -190,10 +190,6 @@ def diagnose(
     report : callable
         Called with the share of the work that is done, from 0 to 1, and the step that begins.
 
-    Returns
-    -------
-    DiagnosisResult
-
     Raises
     ------
     NoDataError

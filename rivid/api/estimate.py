@@ -177,10 +177,6 @@ def jmap(
         Single settings to change, ``jmap(day, prior="uniform", alpha=1e4)`` for Table V; `M` and `sigma_d`
         are `order` and `delay_scale`.
 
-    Returns
-    -------
-    DelayEstimate
-
     Raises
     ------
     RividError
@@ -236,15 +232,6 @@ def ml(u: ArrayLike | Day, y: ArrayLike | None = None, order: int | None = None,
         M [samples]; default: that of the day's configuration, or 30.
     **changes
         `M` for `order`, and `free_start`; see :class:`rivid.JmapSettings`.
-
-    Returns
-    -------
-    rivid.core.fir.FirResult
-
-    Raises
-    ------
-    RividError
-        As for :func:`jmap`.
     """
     given = _fir_settings(u, order, changes)
     inflow, output = _series("ml", u, y=y)
@@ -266,15 +253,6 @@ def map_fir(
         As for :func:`ml`.
     alpha : float, optional
         sigma_w2 / sigma_hD2 [(m3/s)^2]; default: that of the day's configuration, or 10,000.
-
-    Returns
-    -------
-    rivid.core.fir.FirResult
-
-    Raises
-    ------
-    RividError
-        As for :func:`jmap`.
     """
     given = _fir_settings(u, order, changes)
     usual = u.config.jmap.alpha if isinstance(u, Day) else DEFAULT_ALPHA
@@ -308,15 +286,6 @@ def direct(
         Default: those of the day's configuration, or the paper's.
     **changes
         Single settings to change, ``direct(day, d_max=20)``.
-
-    Returns
-    -------
-    rivid.core.search.SearchResult
-
-    Raises
-    ------
-    RividError
-        As for :func:`jmap`.
     """
     settings = settings or (u.config.search_settings() if isinstance(u, Day) else None)
     inflow, outflow, level = _series("direct", u, o=o, y=y)
@@ -332,15 +301,6 @@ def indirect(
     ----------
     u, y, settings, **changes
         As for :func:`direct`.
-
-    Returns
-    -------
-    rivid.core.search.SearchResult
-
-    Raises
-    ------
-    RividError
-        As for :func:`jmap`.
     """
     settings = settings or (u.config.search_settings() if isinstance(u, Day) else None)
     inflow, level = _series("indirect", u, y=y)
@@ -360,10 +320,6 @@ def cusum(
         Default: those of the day's configuration, or the usual ones.
     **changes
         Single settings to change, ``cusum(day, drift=1.5)``.
-
-    Returns
-    -------
-    rivid.core.cusum.CusumResult
 
     Raises
     ------
@@ -398,10 +354,6 @@ def posterior(
         Reach and settings; default: the day's own, or those of Table I.
     **changes
         Keys of `[posterior]`, ``posterior(day, d_max=20, answer_above=0.9)``.
-
-    Returns
-    -------
-    DelayProbabilities
 
     Raises
     ------

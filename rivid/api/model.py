@@ -63,10 +63,6 @@ class CalibratedReach:
         at : datetime.datetime, optional
             Origin, with its zone; default: the last output in the logs.
 
-        Returns
-        -------
-        Forecast
-
         Raises
         ------
         NoDataError
@@ -87,10 +83,6 @@ def load_model(path: Path | str) -> CalibratedReach:
     ----------
     path : Path or str
         model.toml of `rivid diagnose`, or its directory.
-
-    Returns
-    -------
-    CalibratedReach
 
     Raises
     ------

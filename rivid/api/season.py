@@ -97,10 +97,6 @@ def simulate(scenario: GivenScenario = None, *, seed: int | None = None, **chang
         Keys of the scenario, ``simulate("pool.toml", days=60, effects=[{"name": "leakage"}])``. Where
         `days` is given and `missing_days` is not, the share of days without a log is kept.
 
-    Returns
-    -------
-    SimulatedSeason
-
     Raises
     ------
     ConfigError

@@ -64,10 +64,6 @@ def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any)
     **changes
         Single settings to change, ``cusum(fir, drift=1.5)``.
 
-    Returns
-    -------
-    CusumResult
-
     Raises
     ------
     RividError

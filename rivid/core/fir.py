@@ -220,10 +220,6 @@ def ml(u: ArrayLike, y: ArrayLike, order: int = 30, *, free_start: bool = False)
     free_start : bool
         See :class:`rivid.core.settings.JmapSettings`.
 
-    Returns
-    -------
-    FirResult
-
     Raises
     ------
     RividError
@@ -250,10 +246,6 @@ def map_fir(
         As for :func:`ml`.
     alpha : float
         Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
-
-    Returns
-    -------
-    FirResult
     """
     return _regularised(u, y, order, alpha, free_start)
 
@@ -392,10 +384,6 @@ def jmap(
         Whether the variances of every iteration are kept.
     **changes
         Single settings to change, ``jmap(u, y, prior="uniform", alpha=1e4)`` for Table V.
-
-    Returns
-    -------
-    JmapResult
 
     Raises
     ------

@@ -205,10 +205,6 @@ def delay_law(discharge: ArrayLike, delay: ArrayLike, *, day: ArrayLike | None =
     day : array_like of int, shape (days,), optional
         Number of the calendar day, rising: it shows which days are neighbours. Without it, the row.
 
-    Returns
-    -------
-    DelayLaw
-
     Raises
     ------
     RividError

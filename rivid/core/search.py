@@ -103,10 +103,6 @@ def direct(
     settings, **changes
         The paper's bounds, 1 and 15, by default; ``direct(u, o, h, d_max=20)`` changes single ones.
 
-    Returns
-    -------
-    SearchResult
-
     Raises
     ------
     RividError
@@ -156,15 +152,6 @@ def indirect(
     inflow, level : array_like, shape (N,) or (days, N)
         u_Qi [m3/s] and h_L [m].
     settings, **changes
-        As for :func:`direct`.
-
-    Returns
-    -------
-    SearchResult
-
-    Raises
-    ------
-    RividError
         As for :func:`direct`.
 
     Notes

@@ -185,10 +185,6 @@ def posterior(
         Outflow commands [m3/s], where they are logged.
     settings : PosteriorSettings, optional
 
-    Returns
-    -------
-    PosteriorResult
-
     Raises
     ------
     RividError
