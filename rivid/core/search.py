@@ -197,15 +197,11 @@ def _search(
     bad = reason != ""
     J[bad], theta[bad] = np.nan, np.nan
     best = np.where(bad, 0, np.argmin(J, axis=1))
+    every = np.arange(n)
     return SearchResult(
-        delay=np.where(bad, np.nan, candidates[best]),
-        candidates=candidates,
-        criterion=J,
-        parameters=theta[np.arange(n), best],
-        names=names,
-        noise_variance=2 * J[np.arange(n), best],
-        reason=reason,
-    )
+        delay=np.where(bad, np.nan, candidates[best]), reason=reason, candidates=candidates, criterion=J,
+        parameters=theta[every, best], names=names, noise_variance=2 * J[every, best],
+    )  # fmt: skip
 
 
 def _fit(signals: list[Floats], candidates: Ints) -> tuple[Floats, Floats, Floats]:

@@ -108,17 +108,10 @@ def operator_arrays(
     of the reading [m], 0 for none; `rng` draws the times between looks.
     """
     feedforward, level_gain, offset = (gain[duty] for gain in crew)
+    s = settings
     return OperatorArrays(
-        inflow=inflow,
-        disturbance=disturbance,
-        aim=set_point + offset,
-        feedforward=feedforward,
-        level_gain=level_gain,
-        wait=rng.uniform(*settings.look, len(time)),
-        dead_band=settings.dead_band,
-        trim_time=settings.trim_time,
-        notice=settings.notice,
-        quantum=settings.quantum,
-        lowest=settings.lowest,
+        inflow=inflow, disturbance=disturbance, aim=set_point + offset, feedforward=feedforward,
+        level_gain=level_gain, wait=rng.uniform(*s.look, len(time)), dead_band=s.dead_band,
+        trim_time=s.trim_time, notice=s.notice, quantum=s.quantum, lowest=s.lowest,
         gauge_quantum=gauge_quantum,
-    )
+    )  # fmt: skip

@@ -59,13 +59,9 @@ def environment() -> "Environment":
         folder.mkdir(exist_ok=True)
     loader = PackageLoader("rivid", "templates")
     made = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         bytecode_cache=Cache(str(folder)),
-    )
+    )  # fmt: skip
     style = loader.get_source(made, "base.css")[0]
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     made.globals |= {name: getattr(text, name) for name in WORDS}

@@ -186,32 +186,22 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
         candidates, curve = matrix(own[1], days, "delay_samples", "criterion")
         estimators.append(
             EstimatorResults(
-                estimator=name,
-                dates=rows["date"].to_pylist(),
-                status=[str(s) for s in columns["status"]],
-                messages=[str(s or "") for s in columns["message"]],
-                at_bound=_bools(columns["at_bound"]),
-                prior_only=_bools(columns["prior_only"]),
-                fir=matrix(own[0], days, "lag", "value")[1],
-                candidates=candidates,
-                criterion=curve,
-                probability=sure,
+                estimator=name, dates=rows["date"].to_pylist(), status=[str(s) for s in columns["status"]],
+                messages=[str(s or "") for s in columns["message"]], at_bound=_bools(columns["at_bound"]),
+                prior_only=_bools(columns["prior_only"]), fir=matrix(own[0], days, "lag", "value")[1],
+                fir_sd=_given(matrix(own[0], days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
+                candidates=candidates, criterion=curve, probability=sure,
                 travel_s=None if sure is None else _given(_floats(travel)),
                 delay_low=_given(_floats(columns["delay_low"])),
                 delay_high=_given(_floats(columns["delay_high"])),
-                fir_sd=_given(matrix(own[0], days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
                 **{name: _floats(columns[column]) for name, column in NUMBERS.items()},
             )
-        )
+        )  # fmt: skip
     return Results(
-        reach=str(run["reach"]),
-        sample_time=float(run["sample_time"]),
-        output_unit=str(run["output_unit"]),
-        delay_scale=float(run["delay_scale"]),
-        estimators=estimators,
-        assumed=assumed,
+        reach=str(run["reach"]), sample_time=float(run["sample_time"]), output_unit=str(run["output_unit"]),
+        delay_scale=float(run["delay_scale"]), estimators=estimators, assumed=assumed,
         note=str(run.get("config", {}).get("reach", {}).get("note", "")),
-    )
+    )  # fmt: skip
 
 
 def load_delays(out: Path | str) -> "pd.DataFrame":

@@ -245,16 +245,11 @@ def _averages(
         square += grid.at_lags(np.einsum("st,stl->l", twice[:, here], h**2), s.n_lags)
     variance = square - fir**2
     # the error that no window can see moves the whole response
-    moved = np.gradient(fir) * (
-        s.spread + s.spread_share * float(q.sum(axis=(0, 1, 2, 3)) @ _places(grids)[0])
-    )
-    return (
-        gain,
-        float(np.sqrt(max(float(twice.sum()) - gain**2, 0.0))),
-        float(q.sum(axis=(1, 2, 3, 4)) @ leads),
-        fir,
-        np.sqrt(np.maximum(variance, 0.0) + moved**2),
-    )
+    t50 = float(q.sum(axis=(0, 1, 2, 3)) @ _places(grids)[0])
+    moved = np.gradient(fir) * (s.spread + s.spread_share * t50)
+    sd = np.sqrt(np.maximum(variance, 0.0) + moved**2)
+    gain_sd = float(np.sqrt(max(float(twice.sum()) - gain**2, 0.0)))
+    return gain, gain_sd, float(q.sum(axis=(1, 2, 3, 4)) @ leads), fir, sd
 
 
 @lru_cache(maxsize=4)
@@ -311,21 +306,9 @@ def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
     status = np.where(message == "", "ok", np.where(outside, "at_bound", "unidentifiable"))
     probability = normalised(within)
     return RiverPosterior(
-        candidates=candidates,
-        probability=probability,
-        beyond=beyond,
-        delay=np.where(status == "ok", nearest, np.nan),
-        right=right,
+        candidates=candidates, probability=probability, beyond=beyond,
+        delay=np.where(status == "ok", nearest, np.nan), right=right,
         in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
-        place=t50,
-        place_low=low,
-        place_high=high,
-        fir=fir,
-        fir_sd=fir_sd,
-        link=link,
-        status=status,
-        message=message,
-        gain=gain,
-        gain_sd=gain_sd,
-        lead=lead,
-    )
+        place=t50, place_low=low, place_high=high, fir=fir, fir_sd=fir_sd, link=link, status=status,
+        message=message, gain=gain, gain_sd=gain_sd, lead=lead,
+    )  # fmt: skip

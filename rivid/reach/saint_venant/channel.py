@@ -134,15 +134,9 @@ class Channel:
                 f"area_reference = {self.area_reference:g} m: expected a level above the bed everywhere"
             )
         squares = self.manning**2
-        return Sections(
-            bed=self.bed,
-            a=0.5 * bend * depth**2,
-            b=b - bend * depth,
-            s=s + 0.5 * bend,
-            p=b,
-            w=2.0 * np.sqrt(1.0 + s * s),
-            friction=np.asarray(GRAVITY * np.pad(0.5 * (squares[:-1] + squares[1:]), 1)),
-        )
+        friction = np.asarray(GRAVITY * np.pad(0.5 * (squares[:-1] + squares[1:]), 1))
+        areas = 0.5 * bend * depth**2, b - bend * depth, s + 0.5 * bend
+        return Sections(self.bed, *areas, p=b, w=2.0 * np.sqrt(1.0 + s * s), friction=friction)
 
     def area(self, level: ArrayLike) -> Floats:
         """Wetted area A of each cell's section [m2] at a level [m]; shapes (..., cells)."""
