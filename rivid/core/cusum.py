@@ -25,31 +25,14 @@ MAD_TO_SD = 1.4826
 
 @dataclass(frozen=True)
 class CusumResult(WithReason):
-    """The first upward change of each FIR, at lag d + 1; identifiable where d is from d_min to d_max.
+    """The first upward change of each FIR, at lag d + 1; identifiable where d is from d_min to d_max."""
 
-    Attributes
-    ----------
-    delay : ndarray, shape (days,)
-        d [samples]; NaN where the day is not identifiable.
-    reason : ndarray of str, shape (days,)
-        Why there is no delay; empty where there is one.
-    decision : ndarray, shape (days, M)
-        g at each lag [standard deviations], not reset by the alarm; NaN where there is no FIR.
-    alarm : ndarray, shape (days,)
-        First lag at which g passes the threshold; NaN where it does not.
-    mean : ndarray, shape (days,)
-        Mean before the change, as used at the alarm, or at the last lag where there is none [output unit per
-        m3/s].
-    sd : ndarray, shape (days,)
-        Standard deviation of a coefficient, as used [output unit per m3/s].
-    """
-
-    delay: Floats
-    reason: Strings
-    decision: Floats
-    alarm: Floats
-    mean: Floats
-    sd: Floats
+    delay: Floats  # d [samples]; NaN where the day is not identifiable, (days,)
+    reason: Strings  # why there is no delay; empty where there is one, (days,)
+    decision: Floats  # g at each lag [sd], not reset by the alarm; NaN without an FIR, (days, M)
+    alarm: Floats  # first lag at which g passes the threshold; NaN where it does not, (days,)
+    mean: Floats  # before the change, as used at the alarm or the last lag [output unit per m3/s], (days,)
+    sd: Floats  # standard deviation of a coefficient, as used [output unit per m3/s], (days,)
 
 
 def cusum(fir: ArrayLike, settings: CusumSettings | None = None, **changes: Any) -> CusumResult:

@@ -197,21 +197,11 @@ class DelayLaw:
 def delay_law(discharge: ArrayLike, delay: ArrayLike, *, day: ArrayLike | None = None) -> DelayLaw:
     """Delay against discharge.
 
-    Parameters
-    ----------
-    discharge, delay : array_like, shape (days,)
-        Discharge [m3/s] and travel time of each day [samples, or any unit of time]. A day with a NaN, or with
-        a value that is not positive, does not count.
-    day : array_like of int, shape (days,), optional
-        Number of the calendar day, rising: it shows which days are neighbours. Without it, the row.
+    `discharge` [m3/s] and `delay` [samples, or any unit of time] have shape (days,); a day with a NaN, or
+    with a value that is not positive, does not count. `day` is the number of the calendar day, rising, which
+    shows what days are neighbours; without it, the row. RividError for shapes that do not fit, or days that
+    do not rise.
 
-    Raises
-    ------
-    RividError
-        For shapes that do not fit, or days that do not rise.
-
-    Notes
-    -----
     Source: weights of Student's t, K. L. Lange et al., "Robust statistical modeling using the t
     distribution", JASA 84 (1989), 881-896; a jackknife over blocks, H. R. Kuensch, Ann. Statist. 17 (1989),
     1217-1241.

@@ -54,32 +54,15 @@ class SearchResult(WithReason):
     """Delay of each day by exhaustive search, the smallest of equals; no axis of days for a single day.
 
     A day is identifiable where (13) or (15) has one solution for every candidate.
-
-    Attributes
-    ----------
-    delay : ndarray, shape (days,)
-        d [samples]: the inflow first acts at lag d + 1. NaN where the day is not identifiable.
-    reason : ndarray of str, shape (days,)
-        Why there is no delay; empty where there is one.
-    candidates : ndarray of int, shape (K,)
-        The delays tried [samples].
-    criterion : ndarray, shape (days, K)
-        J of (11) [m2] or of (14) [m2: the filter is a plain sum].
-    parameters : ndarray, shape (days, P)
-        theta at the delay that was found, in the order of `names`.
-    names : tuple of str
-        :data:`DIRECT_PARAMETERS` or :data:`INDIRECT_PARAMETERS`.
-    noise_variance : ndarray, shape (days,)
-        Mean square of the residual v at that delay, 2 J [m2].
     """
 
-    delay: Floats
-    reason: Strings
-    candidates: Ints
-    criterion: Floats
-    parameters: Floats
-    names: tuple[str, ...]
-    noise_variance: Floats
+    delay: Floats  # d [samples]: the inflow first acts at lag d + 1; NaN where not identifiable, (days,)
+    reason: Strings  # why there is no delay; empty where there is one, (days,)
+    candidates: Ints  # the delays tried [samples], (K,)
+    criterion: Floats  # J of (11) [m2] or of (14) [m2: the filter is a plain sum], (days, K)
+    parameters: Floats  # theta at the delay that was found, in the order of `names`, (days, P)
+    names: tuple[str, ...]  # :data:`DIRECT_PARAMETERS` or :data:`INDIRECT_PARAMETERS`
+    noise_variance: Floats  # mean square of the residual v at that delay, 2 J [m2], (days,)
 
 
 def direct(

@@ -42,12 +42,9 @@ class AddedFlow:
 class Leak:
     """A loss that grows with the level: ``loss (level - reference)``."""
 
-    place: float
-    """0 upstream to 1 downstream."""
-    loss: Floats
-    """[m3/s per m], shape of the time grid."""
-    reference: float
-    """Level without loss [m]."""
+    place: float  # 0 upstream to 1 downstream
+    loss: Floats  # [m3/s per m], shape of the time grid
+    reference: float  # level without loss [m]
 
     def __post_init__(self) -> None:
         _check_place("a leak", self.place)
@@ -57,12 +54,9 @@ class Leak:
 class Pond:
     """Storage connected to the reach: ``exchange (level - level of the pond)``."""
 
-    place: float
-    """0 upstream to 1 downstream."""
-    area: float
-    """Surface of the pond [m2]."""
-    exchange: Floats
-    """[m3/s per m], shape of the time grid."""
+    place: float  # 0 upstream to 1 downstream
+    area: float  # surface of the pond [m2]
+    exchange: Floats  # [m3/s per m], shape of the time grid
 
     def __post_init__(self) -> None:
         _check_place("a pond", self.place)
@@ -79,18 +73,12 @@ def _constant(value: float) -> Any:
 class Gate:
     """How the real outflow follows its command; first the dead-band, then the rate, the lag, the factors."""
 
-    dead_band: Floats = _constant(0.0)
-    """The gate stays while the command is less than this away from it [m3/s]."""
-    rate: Floats = _constant(np.inf)
-    """Fastest move [m3/s per s]."""
-    lag: Floats = _constant(0.0)
-    """Time constant with which the flow follows the gate [s]."""
-    factor: Floats = _constant(1.0)
-    """Real flow over the gate's [-]."""
-    head: Floats = _constant(0.0)
-    """Relative gain of the flow for each metre of level above `reference` [1/m]."""
-    reference: float = 0.0
-    """[m]."""
+    dead_band: Floats = _constant(0.0)  # the gate stays while the command is less away from it [m3/s]
+    rate: Floats = _constant(np.inf)  # fastest move [m3/s per s]
+    lag: Floats = _constant(0.0)  # time constant with which the flow follows the gate [s]
+    factor: Floats = _constant(1.0)  # real flow over the gate's [-]
+    head: Floats = _constant(0.0)  # relative gain of the flow for each metre above `reference` [1/m]
+    reference: float = 0.0  # [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,9 @@ from rivid.core.hydraulics import GRAVITY
 from rivid.errors import RividError
 from rivid.reach.changes import NO_CHANGES, Changes
 from rivid.reach.gate import (
-    FLOW,
     GATE,
     MEMORY,
     NO_OPERATORS,
-    POSITION,
-    TARGET,
     ExchangeArrays,
     GateArrays,
     OperatorArrays,
@@ -115,7 +112,7 @@ def hold(
         if commanded:
             outflow[k] = operate(operators, k, time[k], h, memory)
         if k == 0:
-            state[TARGET] = state[POSITION] = state[FLOW] = outflow[0]
+            state[:] = outflow[0]  # the gate is where its command is
         if k == n - 1:
             released[k] = released[k - 1] if n > 1 else outflow_gain * outflow[k]
             break

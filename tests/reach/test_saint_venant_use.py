@@ -160,7 +160,6 @@ def test_a_run_does_not_load_numba():
         ({"step": 60.0}, ["step = 60 s is unstable", "dx = 341.7 m", "at most 26", "fewer cells"]),
         ({"step": -1.0}, ["step = -1.0"]),
         ({"gate_time": -5.0}, ["gate_time = -5.0"]),
-        ({"nudge_time": 0.0}, ["nudge_time = 0.0"]),
         ({"places": (0.5, 1.2)}, ["places holds 1.2"]),
     ],
 )

@@ -32,18 +32,12 @@ PARTS = 4
 class State:
     """The water between two samples, from which :func:`simulate` can go on; a row for each day."""
 
-    area: Floats
-    """Wetted areas at the last sample [m2], shape (days, cells)."""
-    discharge: Floats
-    """On the faces half a step and one step and a half before it [m3/s], shape (days, 2, cells + 1)."""
-    gates: Floats
-    """Flows that the two dams let through at the last sample [m3/s], shape (days, 2)."""
-    clock: Floats
-    """The last two time steps [s], and the wave speed [m/s] that sets the usual step."""
-    gate: Floats
-    """The downstream gate's target, position, and the flow that follows it [m3/s], shape (days, 3)."""
-    ponds: Floats
-    """Levels of the ponds [m], shape (days, ponds)."""
+    area: Floats  # wetted areas at the last sample [m2], (days, cells)
+    discharge: Floats  # on the faces half a step and one and a half before it [m3/s], (days, 2, cells + 1)
+    gates: Floats  # flows that the two dams let through at the last sample [m3/s], (days, 2)
+    clock: Floats  # the last two time steps [s], and the wave speed [m/s] that sets the usual step, (days, 3)
+    gate: Floats  # the downstream gate's target, position, and flow that follows it [m3/s], (days, 3)
+    ponds: Floats  # levels of the ponds [m], (days, ponds)
 
     def copy(self) -> "State":
         """The same in arrays of its own."""
@@ -54,22 +48,14 @@ class State:
 class Flow:
     """Levels and flows at the sample times; arrays of shape (days, n), or (n,) as the commands."""
 
-    level: Floats
-    """Level at x = L [m]."""
-    outflow: Floats
-    """Commands of the downstream dam [m3/s], given or decided."""
-    released: Floats
-    """Real flow of the downstream gate, mean of each sample [m3/s]; the last is that before."""
-    levels: Floats
-    """Level at the given places [m], shape (..., n, places)."""
-    discharges: Floats
-    """Discharge at the given places [m3/s], shape (..., n, places)."""
-    volume: Floats
-    """Water in the reach [m3]: it changes by what the dams and the lateral flows bring, to rounding."""
-    nudge: Floats
-    """Rise that was added to every cell from each sample to the next [m/s]; zero without `observed`."""
-    end: State
-    """Where it ended, to go on from."""
+    level: Floats  # at x = L [m]
+    outflow: Floats  # commands of the downstream dam [m3/s], given or decided
+    released: Floats  # real flow of that gate, mean of each sample [m3/s]; the last is that before
+    levels: Floats  # at the given places [m], (..., n, places)
+    discharges: Floats  # at the given places [m3/s], (..., n, places)
+    volume: Floats  # water in the reach [m3]: it changes by what dams and lateral flows bring, to rounding
+    nudge: Floats  # rise added to every cell from each sample to the next [m/s]; zero without `observed`
+    end: State  # where it ended, to go on from
 
 
 def simulate(
@@ -86,7 +72,6 @@ def simulate(
     step: float | None = None,
     speed: float | None = None,
     observed: ArrayLike | None = None,
-    nudge_time: float = NUDGE_TIME,
     lift: ArrayLike | None = None,
 ) -> Flow:
     """Solve Saint-Venant's equations (1), with Manning friction, for known flows at both dams.
@@ -107,7 +92,7 @@ def simulate(
     shorter where a later flow would bring it above 0.6. `step` is the longest time step [s] instead; refused
     where it is unstable.
 
-    `observed`, shape of the inflow, is a level to stay near [m]: ``(observed - level) / nudge_time`` times
+    `observed`, shape of the inflow, is a level to stay near [m]: ``(observed - level) / NUDGE_TIME`` times
     `lift`, shape (cells,), is added to the rise of each cell, nothing where it is NaN. The lift is 1 by
     default, and :func:`backwater_lift` where the water is to stay in balance.
 
@@ -125,7 +110,7 @@ def simulate(
     """
     from rivid.reach.saint_venant import kernel
 
-    _check_settings(gate_time, courant, step, nudge_time, places)
+    _check_settings(gate_time, courant, step, places)
     if channel.cells > MAX_CELLS:
         raise ConfigError(f"a channel of {channel.cells} cells: expected at most {MAX_CELLS}")
     single = np.ndim(inflow) < 2
@@ -171,7 +156,7 @@ def simulate(
         gate_arrays(changes, shape), exchange_arrays(changes, shape),
         _shares(channel.cells, [leak.place for leak in changes.leaks]),
         _shares(channel.cells, [pond.place for pond in changes.ponds]),
-        operators, target, 0.0 if observed is None else float(nudge_time),
+        operators, target, 0.0 if observed is None else NUDGE_TIME,
         np.ones(c) if lift is None else np.array(np.broadcast_to(np.asarray(lift, float), (c,))),
         channel.sections, channel.dx,
         float(gate_time), float(courant), 0.0 if step is None else float(step),
@@ -257,9 +242,7 @@ def side_by_side(function: Callable[[_Given], _Made], many: Sequence[_Given]) ->
         return list(pool.map(function, many))
 
 
-def _check_settings(
-    gate_time: float, courant: float, step: float | None, nudge_time: float, places: Sequence[float]
-) -> None:
+def _check_settings(gate_time: float, courant: float, step: float | None, places: Sequence[float]) -> None:
     if not (np.isfinite(gate_time) and gate_time >= 0):
         raise ConfigError(f"gate_time = {gate_time} s: expected 0 or more")
     if not 0 < courant <= COURANT_LIMIT:
@@ -268,8 +251,6 @@ def _check_settings(
         )
     if step is not None and not step > 0:
         raise ConfigError(f"step = {step} s: expected more than 0")
-    if not (np.isfinite(nudge_time) and nudge_time > 0):
-        raise ConfigError(f"nudge_time = {nudge_time} s: expected more than 0")
     for place in places:
         if not 0.0 <= place <= 1.0:
             raise ConfigError(f"places holds {place}: expected 0 (upstream) to 1 (downstream)")

@@ -27,10 +27,7 @@ from numpy.typing import NDArray
 
 from rivid.core.hydraulics import GRAVITY
 from rivid.reach.gate import (
-    FLOW,
     MEMORY,
-    POSITION,
-    TARGET,
     ExchangeArrays,
     GateArrays,
     OperatorArrays,
@@ -334,7 +331,7 @@ def advance(
             if k == 0 and fresh:
                 if usual == 0.0:
                     usual = clock[day, 2] = speed
-                gate_state[day, TARGET] = gate_state[day, POSITION] = gate_state[day, FLOW] = outflow[day, 0]
+                gate_state[day, :] = outflow[day, 0]
                 for j in range(len(pond_share)):
                     ponds[day, j] = level_at(W, pond_share[j], 0.0)
             if k == n - 1:
