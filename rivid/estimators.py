@@ -187,11 +187,9 @@ def build(config: Config) -> dict[str, Prepared]:
 
 def _fir_fit(name: str, config: Config) -> Callable[[Days], FirResult]:
     """ML (17) or MAP (22), with the order and alpha of `[jmap]`."""
-    from rivid.core.fir import map_fir, ml
+    from rivid.core.fir import map_fir
 
-    s, alpha = config.jmap_settings(), config.jmap.alpha
-    if name == "ml":
-        return lambda days: ml(days.u, days.y, s.order, free_start=s.free_start)
+    s, alpha = config.jmap_settings(), 0.0 if name == "ml" else config.jmap.alpha
     return lambda days: map_fir(days.u, days.y, s.order, alpha, free_start=s.free_start)
 
 

@@ -232,7 +232,7 @@ def ml(u: ArrayLike, y: ArrayLike, order: int = 30, *, free_start: bool = False)
     >>> ml(u, y, order=3).fir.round(9) + 0.0
     array([ 0., -1.,  2.])
     """
-    return _regularised(u, y, order, 0.0, free_start)
+    return map_fir(u, y, order, 0.0, free_start=free_start)
 
 
 def map_fir(
@@ -247,7 +247,31 @@ def map_fir(
     alpha : float
         Regularisation weight sigma_w2 / sigma_hD2 [(m3/s)^2].
     """
-    return _regularised(u, y, order, alpha, free_start)
+    (inputs, outputs), single = as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
+    n = len(inputs)
+    D = second_difference(order)
+    P = (alpha * (D.T @ D))[:, :, None]
+    fir = np.empty((n, order))
+    noise, condition = np.empty(n), np.empty(n)
+    for days, take in blocks(n, BLOCK):
+        A, R = np.empty((2, order, order + 1, len(take)))
+        G, b = A[:, :-1], A[:, -1]
+        yy, n_rows = gram(inputs, outputs, take, G, b, free_start)
+        here = slice(0, days.stop - days.start)
+        still, condition[days] = motionless(yy, G), condition_numbers(G[..., here])
+        G += P
+        cholesky(A, R)
+        h = back_substitute(R, R[:, -1])
+        # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
+        rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
+        fir[days] = np.where(still, np.nan, h)[:, here].T
+        noise[days] = np.maximum(rss, 0.0)[here] / n_rows
+    bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
+    fir[bad], noise[bad] = np.nan, np.nan
+    status = np.where(bad, "unidentifiable", "ok")
+    if single:
+        return FirResult(fir[0], noise[0], condition[0], status[0])
+    return FirResult(fir, noise, condition, status)
 
 
 def half_time(fir: Floats) -> Floats:
@@ -287,34 +311,6 @@ def half_time(fir: Floats) -> Floats:
 def motionless(yy: Floats, G: Floats) -> NDArray[np.bool_]:
     """Lanes in which the input or the output never leaves its first value."""
     return np.asarray((yy <= 0.0) | (G[0, 0] <= 0.0))
-
-
-def _regularised(u: ArrayLike, y: ArrayLike, order: int, alpha: float, free_start: bool) -> FirResult:
-    (inputs, outputs), single = as_days({"u": u, "y": y}, order + 1, f"an FIR of order {order}")
-    n = len(inputs)
-    D = second_difference(order)
-    P = (alpha * (D.T @ D))[:, :, None]
-    fir = np.empty((n, order))
-    noise, condition = np.empty(n), np.empty(n)
-    for days, take in blocks(n, BLOCK):
-        A, R = np.empty((2, order, order + 1, len(take)))
-        G, b = A[:, :-1], A[:, -1]
-        yy, n_rows = gram(inputs, outputs, take, G, b, free_start)
-        here = slice(0, days.stop - days.start)
-        still, condition[days] = motionless(yy, G), condition_numbers(G[..., here])
-        G += P
-        cholesky(A, R)
-        h = back_substitute(R, R[:, -1])
-        # y'y - 2 b'h + h'G h, with G h = b - alpha D'D h
-        rss = yy - np.einsum("ib,ib->b", b, h) - np.einsum("ib,ijb,jb->b", h, P, h)
-        fir[days] = np.where(still, np.nan, h)[:, here].T
-        noise[days] = np.maximum(rss, 0.0)[here] / n_rows
-    bad = ~np.isfinite(fir).all(axis=1) | ~(condition <= MAX_CONDITION)
-    fir[bad], noise[bad] = np.nan, np.nan
-    status = np.where(bad, "unidentifiable", "ok")
-    if single:
-        return FirResult(fir[0], noise[0], condition[0], status[0])
-    return FirResult(fir, noise, condition, status)
 
 
 NOISE_FLOOR = 1e-10

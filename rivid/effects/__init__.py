@@ -4,17 +4,6 @@ from rivid.effects.base import FAMILIES, LEVEL_NOISES, Dates, Effect, Quantity, 
 from rivid.effects.registry import CATALOGUE, build, changes_of, effect_classes, worlds_of
 
 __all__ = [
-    "CATALOGUE",
-    "FAMILIES",
-    "LEVEL_NOISES",
-    "Dates",
-    "Effect",
-    "Quantity",
-    "Trial",
-    "World",
-    "build",
-    "changes_of",
-    "effect_classes",
-    "quantity",
-    "worlds_of",
-]
+    "CATALOGUE", "FAMILIES", "LEVEL_NOISES", "Dates", "Effect", "Quantity", "Trial", "World", "build",
+    "changes_of", "effect_classes", "quantity", "worlds_of",
+]  # fmt: skip

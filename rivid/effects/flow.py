@@ -71,6 +71,12 @@ def events_of(effect: Any, per_day: float, world: World, *sizes: Sizes) -> list[
     return [starts, draws, *(np.full(len(starts), x, float) for x in sizes)]
 
 
+def as_rows(**columns: Floats) -> list[dict[str, float]]:
+    """A mapping for each event."""
+    rows = np.stack(list(columns.values()), axis=1).tolist()
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
 PLACE = "0 at the upstream dam, 1 at the downstream one"
 QUARTERS = (0.125, 0.375, 0.625, 0.875)
 """Places from which the diagnosis seeks the true one."""
@@ -233,10 +239,8 @@ class RainInflow(Effect):
 
     def events(self, world: World) -> list[dict[str, float]]:
         """The events in order: beginning [h since the first day's midnight], peak [m3/s], times [h]."""
-        keys = ("start_h", "peak_m3s", "rise_h", "recession_h")
-        scale = (HOUR, 1.0, HOUR, HOUR)
-        rows = zip(*(x.tolist() for x in self._events(world)), strict=True)
-        return [{key: x / s for key, x, s in zip(keys, row, scale, strict=True)} for row in rows]
+        start, peak, rise, recession = self._events(world)
+        return as_rows(start_h=start / HOUR, peak_m3s=peak, rise_h=rise / HOUR, recession_h=recession / HOUR)
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
@@ -337,10 +341,8 @@ class UnloggedDownstreamRelease(Effect):
 
     def events(self, world: World) -> list[dict[str, float]]:
         """The pulses in order: beginning [h since the first day's midnight], size [m3/s], length [h]."""
-        return [
-            {"start_h": s / HOUR, "size_m3s": q, "duration_h": d / HOUR}
-            for s, q, d in zip(*(part.tolist() for part in self._events(world)), strict=True)
-        ]
+        start, size, length = self._events(world)
+        return as_rows(start_h=start / HOUR, size_m3s=size, duration_h=length / HOUR)
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
