@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
@@ -16,7 +14,6 @@ from rivid.diagnosis.data import Known, Record, as_record
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Ranked, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import NoDataError
-from rivid.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -144,6 +141,7 @@ class DiagnosisResult(Result):
     def _draw_unexplained(self, axes: "Axes") -> None:
         """Draw the daily mean of the unexplained inflow, before and after."""
         from rivid.plots import style
+        from rivid.plots.diagnosis import daily_means
         from rivid.plots.library import daily
 
         label = "unexplained [m³/s]"
@@ -151,19 +149,13 @@ class DiagnosisResult(Result):
             style.message(axes, self.reason)
             axes.set_ylabel(label)
             return
-        evidence = self.evidence
+        evidence, used = self.evidence, self.evidence.record.used
         curves = [
-            (_daily(evidence.inflow_before, evidence.record), style.ACCENT, "before"),
-            (_daily(evidence.inflow_after, evidence.record), style.WATER, "after"),
+            (daily_means(evidence.inflow_before, used), style.ACCENT, "before"),
+            (daily_means(evidence.inflow_after, used), style.WATER, "after"),
         ]
         daily(axes, evidence.record.dates, curves if self.effects else curves[:1], label, marks=False)
         axes.axhline(0, color=style.LIGHT, lw=0.7)
-
-
-def _daily(values: Floats, record: Record) -> Floats:
-    """Return the mean of each day's used samples; NaN if there are none."""
-    counted = np.where(record.used, values, np.nan)
-    return np.array([np.nanmean(row) if np.isfinite(row).any() else np.nan for row in counted])
 
 
 def diagnose(

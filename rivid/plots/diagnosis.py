@@ -188,6 +188,12 @@ def cell_means(values: Floats, cell: ArrayLike, used: Bools, size: int) -> Float
     return np.asarray(np.divide(total, number, out=np.full(size, np.nan), where=number > 0))
 
 
+def daily_means(values: Floats, used: Bools) -> Floats:
+    """Mean of the valid samples of each day, shape (days,); NaN where there are none."""
+    day = np.arange(len(values))[:, None] + np.zeros(values.shape, np.int64)
+    return cell_means(values, day, used, len(values))
+
+
 # The unexplained inflow over the season
 
 Window = tuple[str, dt.date, dt.date]
@@ -381,8 +387,7 @@ def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | N
 
 def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
     """Root mean square of measured less simulated of each day, shape (days,); NaN without valid samples."""
-    day = np.arange(len(measured))[:, None] + np.zeros(measured.shape, np.int64)
-    return np.asarray(np.sqrt(cell_means((measured - simulated) ** 2, day, used, len(measured))))
+    return np.sqrt(daily_means((measured - simulated) ** 2, used))
 
 
 def choose(error: Floats, apart: Bools, used: Bools) -> int | None:

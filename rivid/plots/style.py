@@ -7,7 +7,7 @@ remain distinct for colour-blind readers.
 
 import datetime as dt
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -363,14 +363,24 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
         days = [first + dt.timedelta(days=k) for k in range(0, span, step)]
         at = [float(day.toordinal()) for day in days]
         return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
-    if span <= 900:
-        return _between(_month_starts(first, last, 1), first, last, lambda day: MONTHS[day.month - 1], True)
-    if span <= 5500:
-        return _between(_month_starts(first, last, 12), first, last, lambda day: str(day.year), False)
-    every = -(-span // 5500)
-    starts = [day for day in _month_starts(first, last, 12) if day.year % every == 0 and first <= day <= last]
-    at = [day.toordinal() - 0.5 for day in starts]
-    return at, at, [str(day.year) for day in starts]
+    step = 1 if span <= 900 else 12
+    starts = _month_starts(first, last, step)
+    if span > 5500:
+        every = -(-span // 5500)
+        starts = [day for day in starts if day.year % every == 0 and first <= day <= last]
+        at = [day.toordinal() - 0.5 for day in starts]
+        return at, at, [str(day.year) for day in starts]
+    low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
+    lines = [x for day in starts if low <= (x := day.toordinal() - 0.5) <= high]
+    shown, places = [], []
+    for day, after in zip(starts, starts[1:], strict=False):
+        a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
+        if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
+            shown.append(day)
+            places.append((a + b) / 2)
+    if step == 12:
+        return lines, places, [str(day.year) for day in shown]
+    return lines, places, _with_year(shown, [MONTHS[day.month - 1] for day in shown])
 
 
 def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
@@ -379,21 +389,6 @@ def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
     starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
     after = next(i for i, day in enumerate(starts) if day > last)
     return starts[: after + 1]
-
-
-def _between(
-    starts: list[dt.date], first: dt.date, last: dt.date, name: Callable[[dt.date], str], years: bool
-) -> Ticks:
-    low, high = first.toordinal() - 0.5, last.toordinal() + 0.5
-    lines = [at for day in starts if low <= (at := day.toordinal() - 0.5) <= high]
-    days, places = [], []
-    for day, after in zip(starts, starts[1:], strict=False):
-        a, b = max(day.toordinal() - 0.5, low), min(after.toordinal() - 0.5, high)
-        if b - a >= 0.028 * (high - low):  # a few days of a month are too narrow for its name
-            days.append(day)
-            places.append((a + b) / 2)
-    labels = [name(day) for day in days]
-    return lines, places, _with_year(days, labels) if years else labels
 
 
 def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
