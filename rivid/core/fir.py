@@ -412,13 +412,13 @@ def jmap(
             parts.append(block.result(min(days.stop, n) - days.start))
     rounds = max(part["trace"].shape[1] for part in parts)
     for part in parts:
-        wide = ((0, 0), (0, rounds - part["trace"].shape[1]), (0, 0))
-        part["trace"] = np.pad(part["trace"], wide, constant_values=np.nan)
+        kept = part.pop("trace")
+        if trace:
+            wide = ((0, 0), (0, rounds - kept.shape[1]), (0, 0))
+            part["trace"] = np.pad(kept, wide, constant_values=np.nan)
     merged: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     if single:
         merged = {name: values[0] for name, values in merged.items()}
-    if not trace:
-        del merged["trace"]
     return JmapResult(candidates=np.arange(settings.d_min, settings.d_max + 1), **merged)
 
 
