@@ -381,6 +381,8 @@ def posterior(
     else:
         base, date = as_config(config), None
         arrays, single = as_days({"u": u, "y": y, "o": o}, 1, "the probability of a delay")
+        if not len(arrays[0]):
+            raise RividError(f"u has shape {arrays[0].shape}: expected one day or more, (N,) or (days, N)")
         moved = [values - values[:, :1] for values in arrays]
         days = Days(moved[0], moved[1], moved[2] if o is not None else None, arrays[0][:, 0])
     settings = _with_posterior(base, days.o is not None, changes)
