@@ -49,33 +49,18 @@ _Piece = tuple[str, Columns, Ints, Floats, NDArray[np.int8]]
 
 
 class ValueStatus(IntEnum):
-    """What became of a value; `word` is its name in the table and the JSON."""
+    """What became of a value; of those that are not used, :data:`REASONS` are the names."""
 
-    word: str
-
-    def __new__(cls, value: int, word: str) -> "ValueStatus":
-        status = int.__new__(cls, value)
-        status._value_, status.word = value, word
-        return status
-
-    USED = 0, "used"
-    MISSING = 1, "missing"
-    STATUS = 2, "status text"
-    FLAG = 3, "flag"
-    SENTINEL = 4, "sentinel"
-    TIME = 5, "ambiguous or impossible time"
-    DUPLICATE = 6, "duplicate"
-    UNMATCHED = 7, "part of a sum missing"
-    BETWEEN = 8, "between samples"
-    REFUSED = 9, "refused day"
-    PENDING = 10, "unfinished day"
-    OUTSIDE = 11, "not asked for"
-    STANDING = 12, "other log in place"
-    UNREADABLE = 13, "unreadable row"
+    USED, MISSING, STATUS, FLAG, SENTINEL, TIME, DUPLICATE = range(7)
+    UNMATCHED, BETWEEN, REFUSED, PENDING, OUTSIDE, STANDING, UNREADABLE = range(7, 14)
 
 
-REASONS = tuple(status for status in ValueStatus if status != ValueStatus.USED)
-"""Why values are not used, in the order of the table."""
+REASONS = (
+    *("missing", "status text", "flag", "sentinel", "ambiguous or impossible time", "duplicate"),
+    *("part of a sum missing", "between samples", "refused day", "unfinished day", "not asked for"),
+    *("other log in place", "unreadable row"),
+)
+"""Why values are not used: in the table and the JSON, in the order of :class:`ValueStatus` from 1 on."""
 
 
 @dataclass(eq=False)
@@ -241,7 +226,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
         sources[one.name] = {
             "read": count.total(),
             "used": count[ValueStatus.USED],
-            "dropped": {status.word: count[status] for status in REASONS if count[status]},
+            "dropped": {word: count[status] for status, word in enumerate(REASONS, 1) if count[status]},
             "sorted": one.unsorted,
         }
     flags: Counter[str] = Counter()
@@ -268,7 +253,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
 def ledger_lines(ledger: dict[str, Any]) -> Iterable[str]:
     """The account as a table."""
     names, sources = [name[:24] for name in ledger["sources"]], list(ledger["sources"].values())
-    dropped = {one.word: [source["dropped"].get(one.word, 0) for source in sources] for one in REASONS}
+    dropped = {word: [source["dropped"].get(word, 0) for source in sources] for word in REASONS}
     rows = {"read": [source["read"] for source in sources]}
     rows |= {word: counts for word, counts in dropped.items() if any(counts)}
     rows["used"] = [source["used"] for source in sources]

@@ -260,30 +260,27 @@ def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
 
 def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
     """Times and numbers of a table, column by column."""
-    good = np.ones(table.num_rows, bool)
     bad: dict[int, str] = {}
-    times, offsets, aware, zone = _times(table, spec, good, bad, name)
-    numbers = {column: _numbers(table[column], spec, column, good, bad) for column in spec.sources}
+    times, offset, aware, zone = _times(table, spec, bad, name)
+    numbers = {column: _numbers(table[column], spec, column, bad) for column in spec.sources}
+    good = np.ones(table.num_rows, bool)
+    good[list(bad)] = False
     read = [table[column] for column in (*spec.time, *spec.sources)]
-    empty = np.full(len(good), all(column.null_count for column in read))
-    for column in read if empty.any() else ():
-        empty &= column.is_null().to_numpy()
-    for i in np.flatnonzero(empty):
-        bad.pop(int(i), None)
-    all_good = bool(good.all())  # then no row is bad or empty
-    rows, before = (slice(None), good) if all_good else (np.flatnonzero(good), np.cumsum(good))
+    empty = np.zeros(len(good), bool)
+    if all(column.null_count for column in read):
+        empty = np.all([column.is_null().to_numpy() for column in read], axis=0)
+    for i in np.flatnonzero(empty).tolist():
+        bad.pop(i, None)
+    rows, before = np.flatnonzero(good), np.cumsum(good)
     faults = [Fault(int(before[i]), f"row {i + 1}: {bad[i]}") for i in sorted(bad)]
-    if not good.any():
+    if not len(rows):
         return Table([], faults[0].text if faults else "a header and no rows")
-    same = None
-    if aware and offsets is not None and (own := offsets[rows]).min() == own.max():
-        same = int(own[0])
     columns = Columns(
         times[rows],
         aware,
-        same,
+        offset,
         {column: values[rows] for column, values in numbers.items()},
-        lines=None if all_good else np.flatnonzero(good) + 1,
+        lines=None if len(rows) == len(good) else rows + 1,
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
         zone=zone,
@@ -293,41 +290,36 @@ def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
 
 
 def _times(
-    table: pa.Table, spec: Spec, good: Bools, bad: dict[int, str], name: str
-) -> tuple[Ints, np.ndarray | None, bool, str | None]:
-    """Times [us], offsets [s] where known, whether there are offsets, and the name of a stored zone."""
+    table: pa.Table, spec: Spec, bad: dict[int, str], name: str
+) -> tuple[Ints, int | None, bool, str | None]:
+    """Times [us], the one offset of all [s], whether there are offsets, and the name of a stored zone."""
     columns = [table[column] for column in spec.time]
-    given = spec.input.time_format
-    if len(columns) == 1 and pa.types.is_timestamp(columns[0].type):
-        zone = columns[0].type.tz
-        cast = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64())
-        times = np.asarray(compute.fill_null(cast, 0).to_numpy(), np.int64)
-        _mark(np.asarray(columns[0].is_null().to_numpy()), good, bad, "no time")
-        _mark((times < FIRST) | (times >= LAST), good, bad, _NO_YEAR)
+    given, kind = spec.input.time_format, columns[0].type
+    counted = _is_count(kind, spec)
+    if counted or (len(columns) == 1 and pa.types.is_timestamp(kind)):
+        zone = "UTC" if counted else kind.tz
+        if counted:
+            micros = np.rint(columns[0].cast(_FLOAT, safe=False).to_numpy() * UNIX[given or ""])
+        else:
+            micros = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
+        known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
+        _mark(np.isnan(micros), bad, "no time")
+        _mark(~known, bad, _NO_YEAR)
         offset = _fixed_offset(zone)
-        if offset is None:
-            return times, None, zone is not None, zone
-        return times, np.broadcast_to(offset, len(times)), True, None
-    if _is_count(columns[0].type, spec):
-        counts = np.asarray(columns[0].cast(_FLOAT, safe=False).to_numpy(), np.float64)
-        micros = np.rint(counts * UNIX[given or ""])  # exact: below 2^53 until 2200
-        _mark(np.isnan(micros), good, bad, "no time")
-        _mark(~((micros >= FIRST) & (micros < LAST)), good, bad, _NO_YEAR)
-        return np.where(good, micros, 0.0).astype(np.int64), np.zeros(len(counts), np.int64), True, None
-    texts = [column.to_pylist() for column in columns]
-    times, offsets = np.zeros(len(good), np.int64), np.full(len(good), None, object)
-    for i, cells in enumerate(zip(*texts, strict=True)):
-        text = " ".join(str(c) for c in cells)
+        times = np.where(known, micros, 0).astype(np.int64)
+        return times, offset, zone is not None, zone if offset is None else None
+    times, offsets = np.zeros(table.num_rows, np.int64), set[int | None]()
+    for i, cells in enumerate(zip(*(column.to_pylist() for column in columns), strict=True)):
+        text = " ".join(map(str, cells))
         time = read_text(text, given)
         if time is None:
-            good[i] = False
             bad[i] = f"{text[:40]!r} is no time: expected ISO 8601, or set [input] time_format"
         else:
-            times[i], offsets[i] = time
-    kinds = {offset is None for offset in offsets[good]}
-    if len(kinds) > 1:
+            times[i] = time[0]
+            offsets.add(time[1])
+    if None in offsets and len(offsets) > 1:
         raise DataError(f"{name}: times with and without offset are mixed: expected one kind")
-    return times, offsets, kinds == {False}, None
+    return times, next(iter(offsets)) if len(offsets) == 1 else None, None not in offsets, None
 
 
 def _fixed_offset(zone: str | None) -> int | None:
@@ -337,30 +329,27 @@ def _fixed_offset(zone: str | None) -> int | None:
     return seconds_of(zone) if zone is not None and re.fullmatch(r"[+-]\d\d:\d\d", zone) else None
 
 
-def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, good: Bools, bad: dict[int, str]) -> Floats:
+def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, bad: dict[int, str]) -> Floats:
     if not _is_text(column.type):
         # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
         values: Floats = np.asarray(column.cast(_FLOAT, safe=False).to_numpy(), np.float64)
-        _mark(np.isinf(values), good, bad, f"column {name!r} holds an infinite number")
+        _mark(np.isinf(values), bad, f"column {name!r} holds an infinite number")
         return values
     given = spec.input
     reader = NumberReader(given.missing, given.decimal, given.thousands)
-    values = np.full(len(good), np.nan)
+    values = np.full(len(column), np.nan)
     for i, text in enumerate(column.to_pylist()):
         value = np.nan if text is None else reader.read(text)
         if value is None:
-            good[i] = False
             bad.setdefault(i, reader.refusal(name, text))
         else:
             values[i] = value
     return values
 
 
-def _mark(rows: Bools, good: Bools, bad: dict[int, str], reason: str) -> None:
-    if rows.any():
-        for i in np.flatnonzero(rows):
-            bad.setdefault(int(i), reason)
-        good &= ~rows
+def _mark(rows: Bools, bad: dict[int, str], reason: str) -> None:
+    for i in np.flatnonzero(rows).tolist():
+        bad.setdefault(i, reason)
 
 
 LARGEST = 1e6
