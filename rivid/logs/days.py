@@ -7,7 +7,7 @@ midnight: commands are held, measurements interpolated, gaps counted.
 import datetime as dt
 import os
 import stat
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -113,14 +113,15 @@ def find_days(
             f"[input] {key} is for exports: make daily logs of them with `rivid ingest` first, and use the "
             "configuration that it writes with these"
         )
-    paths, folder = _candidates(root, shown(str(root)))
+    place = shown(str(root))
+    paths, folder = _candidates(root, place)
     within = os.path.realpath(folder) if folder == root else None
     spec = spec_of(config)
     settings = spec.digest
-    parts: dict[dt.date, list[Part]] = {}
+    parts: defaultdict[dt.date, list[Part]] = defaultdict(list)
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
-    next_files: dict[dt.date, list[Part]] = {}
+    next_files: defaultdict[dt.date, list[Part]] = defaultdict(list)
     edges: list[tuple[dt.date, Part]] = []
     for path in paths:
         name = path.name
@@ -132,24 +133,30 @@ def find_days(
             continue
         if is_day_file(name):
             date, part = _date_of(name), (name, facts.digest, facts.digest)
-            next_files.setdefault(date - ONE_DAY, []).append(part)
+            next_files[date - ONE_DAY].append(part)
             if facts.days is None:
-                parts.setdefault(date, []).append(part)
+                parts[date].append(part)
             continue
         for iso, digest in (facts.days or {}).items():
             date, part = dt.date.fromisoformat(iso), (name, digest, facts.digest)
             if iso in facts.edges:
                 edges.append((date, part))
             else:
-                parts.setdefault(date, []).append(part)
+                parts[date].append(part)
     for date, part in edges:
         if date in parts:  # a row at midnight alone makes no day; with others it may complete one
             parts[date].append(part)
     if spec.latest:
         for date in parts:  # the row that closes it may be in the next day's file
-            parts[date] += next_files.get(date, [])
+            parts[date] += next_files[date]
     if not parts:
-        _refuse_empty(shown(str(root)), bool(files), bad)
+        names = ", YYYY-MM-DD".join(SUFFIXES)
+        why = f"no logs in {place}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
+        if bad:
+            why = f"no log in {place} can be used: {bad[0][0]}: {bad[0][1]}"
+        if files:
+            why = f"no log in {place} holds more of a day than the row at its midnight"
+        raise NoDataError(why)
     return Catalog([DaySource(date, tuple(parts[date])) for date in sorted(parts)], bad, files)
 
 
@@ -174,17 +181,6 @@ def _is_known(status: os.stat_result, known: FileFacts | None) -> bool:
     """Whether size and times of a file are as they were."""
     stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     return known is not None and (known.size, known.mtime_ns, known.ctime_ns) == stamp
-
-
-def _refuse_empty(root: str, any_file: bool, bad: list[tuple[str, str]]) -> None:
-    if any_file:
-        raise NoDataError(f"no log in {root} holds more of a day than the row at its midnight")
-    if bad:
-        raise NoDataError(f"no log in {root} can be used: {bad[0][0]}: {bad[0][1]}")
-    names = ", YYYY-MM-DD".join(SUFFIXES)
-    raise NoDataError(
-        f"no logs in {root}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
-    )
 
 
 def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
@@ -314,11 +310,6 @@ def _instants(count: int, period: float) -> Ints:
     return np.asarray(np.rint(np.arange(count) * (period * MICRO)), np.int64)
 
 
-def is_regular(times: Ints, grid: Grid, spec: Spec) -> bool:
-    """Whether the times are those of the grid, within the tolerance."""
-    return len(times) == len(grid.times) and bool(np.abs(times - grid.times).max() <= spec.tolerance)
-
-
 def sampled(
     series: TimedValues, grid: Grid, signals: Sequence[Signal], spec: Spec
 ) -> tuple[dict[str, Floats], int]:
@@ -327,16 +318,12 @@ def sampled(
     Raises DataError for too long a gap or too many of them; TrailingGap for one at the end.
     """
     samples, filled = {}, np.zeros(len(grid.times), bool)
-    last, regular = None, False
     for signal in signals:
-        times, samples[signal.name] = series[signal.name]
+        times, values = series[signal.name]
         if signal.supposed:
             _refuse_supposed(times, signal, spec)
-        if times is not last:  # columns with values in the same rows share their times
-            last, regular = times, is_regular(times, grid, spec)
-        if not regular:
-            samples[signal.name], bridged = on_grid(times, samples[signal.name], grid, signal, spec)
-            filled |= bridged
+        samples[signal.name], bridged = on_grid(times, values, grid, signal, spec)
+        filled |= bridged
     if filled.any():
         _refuse_filled(filled, series, spec)
     return samples, int(filled.sum())
@@ -348,7 +335,7 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
     """
     late = spec.tolerance
-    if is_regular(times, grid, spec):
+    if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
         return values, np.zeros(len(times), bool)
     if not len(times):
         raise TrailingGap(f"no {signal.name} at all ({_limit(spec)})")
@@ -397,12 +384,8 @@ def _refuse_supposed(times: Ints, signal: Signal, spec: Spec) -> None:
         raise DataError(
             f'{signal.name} is stamped at the end of its interval ([input.stamp] "end") and comes every '
             f"{usual / MICRO:g} s, not every {signal.spacing / MICRO:g} s as [reach] sample_time: "
-            + _declare(signal, usual)
+            f"set [input.interval] {signal.name} = {usual / MICRO:g}"
         )
-
-
-def _declare(signal: Signal, usual: int) -> str:
-    return f"set [input.interval] {signal.name} = {usual / MICRO:g}"
 
 
 def _refuse_filled(filled: Bools, series: TimedValues, spec: Spec) -> None:
@@ -428,18 +411,21 @@ def _coarse(signal: Signal, usual: int, spec: Spec, finest: int | None = None) -
     `finest` is the step of the column that comes most often: 0 where one of them comes often enough, None
     where the others are not known.
     """
-    interval = f"if that is its interval, {_declare(signal, usual)}"
+    declare = f"set [input.interval] {signal.name} = {usual / MICRO:g}"
+    every = f"{signal.name} comes every {_span(usual)}"
     if finest == 0 or signal.spacing != round(spec.period * MICRO):
-        return f"{signal.name} comes every {_span(usual)}: {interval}"
+        return f"{every}: if that is its interval, {declare}"
     period = "[reach] sample_time is not set:"
     if spec.period_set:
         period = f"[reach] sample_time = {spec.period:g} s, but"
     if finest:
-        every = f"{finest / MICRO:g}"
-        only = f"or, where that is the interval of one column only, {_declare(signal, usual)}"
-        return f"{period} the log comes every {every} s: set [reach] sample_time = {every}; {only}"
-    every = f"{signal.name} comes every {_span(usual)}"
-    return f"{period} {every}: set [reach] sample_time = {usual / MICRO:g} if all columns do; {interval}"
+        only = f"or, where that is the interval of one column only, {declare}"
+        s = f"{finest / MICRO:g}"
+        return f"{period} the log comes every {s} s: set [reach] sample_time = {s}; {only}"
+    return (
+        f"{period} {every}: set [reach] sample_time = {usual / MICRO:g} if all columns do; if that is its "
+        f"interval, {declare}"
+    )
 
 
 def _limit(spec: Spec) -> str:

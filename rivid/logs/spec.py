@@ -95,11 +95,6 @@ class Spec:
         return flags
 
     @cached_property
-    def zones(self) -> dict[str, int]:
-        """UTC offset [s] by the name in the column of zones."""
-        return {name: seconds_of(offset) for name, offset in self.input.zones.items()}
-
-    @cached_property
     def long(self) -> bool:
         """Whether a row has one value and its tag."""
         return self.input.layout == "long"

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rivid.errors import DataError, printable
-from rivid.logs.spec import MICRO, CutError, Spec, read_text
+from rivid.logs.spec import MICRO, CutError, Spec, read_text, seconds_of
 from rivid.types import Floats, Ints
 
 NAN = float("nan")
@@ -495,12 +495,13 @@ class RowReader:
             return self.refuse(number, self._of_footer(number, cells) or self._no_time(cells))
         if self.zone_at >= 0:
             zone = cells[self.zone_at]
-            if zone not in self.spec.zones:
+            if zone not in self.spec.input.zones:
                 given = f"its zone {zone[:20]!r} is unknown"
                 return self.refuse(number, f'{given}: add it to [input.zones], like {zone[:20]} = "-07:00"')
             if time[1] is not None:
                 return self.refuse(number, "its time has an offset already: leave out [input] zone_column")
-            time = time[0] - self.spec.zones[zone] * MICRO, self.spec.zones[zone]
+            offset = seconds_of(self.spec.input.zones[zone])
+            time = time[0] - offset * MICRO, offset
         self._keep(number, cells, time)
 
     def _keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:

@@ -286,11 +286,6 @@ class Flags:
     # columns that `ingest` refuses undeclared, without the zone: flags, or to be ignored
     doubtful: list[str] = field(default_factory=list)
 
-    @property
-    def columns(self) -> set[str]:
-        """All columns that hold no values."""
-        return {*self.doubtful, self.zone_column}
-
 
 def find_flags(layout: Layout) -> Flags:
     """Find columns of flags and zones."""
@@ -385,10 +380,15 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
     ins, outs, why = _by_site(flows, level, sites) or _by_name(flows, sites)
     if not ins:
         questions.append(("u_Qi", "no column is called like an inflow: set u_Qi"))
-    elif len(flows) > 1 or not ins[0].sure:
-        _ask_which(ins, outs, flows, why, questions)
-        if not _unmistakable(ins, outs, flows):
-            instead |= _others(ins, outs, flows, sites)
+    elif (len(flows) > 1 or not ins[0].sure) and not _unmistakable(ins, outs, flows):
+        for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
+            names = ", ".join(c.name for c in group)
+            if len(group) > 1:
+                names = f"the sum of {names}"
+                reason += "; a list is a sum"
+            if group:
+                questions.append((role, f"{role}: is {names} the {what}? ({reason})"))
+        instead |= _others(ins, outs, flows, sites)
     groups = {"h_L": [level], "u_Qi": ins, "u_Qo": outs}
     return {role: group for role, group in groups.items() if group}, "pool", instead
 
@@ -454,19 +454,15 @@ def _by_site(
         return None
     outs = _leaving(own)
     ins = _leaving([c for c in flows if sites[c.name] == others[0]])
-    shown = _shown_site(ins[0].name, others[0]), _shown_site(level.name, here)
-    return ins, outs, (f"of {shown[0]}, not of the level's site", f"of {shown[1]}, as the level")
+    # the names as they are written, up to the site
+    that, this = (c.name[: c.name.lower().find(sites[c.name]) + len(sites[c.name])] for c in (ins[0], level))
+    return ins, outs, (f"of {that}, not of the level's site", f"of {this}, as the level")
 
 
 def _leaving(group: Group) -> Group:
     """What leaves a site: not what is called its inflow, and a total rather than the sum of all."""
     group = [c for c in group if not (c.sure and c.role == "u_Qi")] or group
     return [c for c in group if _TOTAL.search(c.name.lower())][:1] or group
-
-
-def _shown_site(name: str, site: str) -> str:
-    at = name.lower().find(site)
-    return name[: at + len(site)]
 
 
 def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[str, str]]:
@@ -489,17 +485,6 @@ def _by_name(flows: Group, sites: dict[str, str]) -> tuple[Group, Group, tuple[s
     return ins, outs, (first, second)
 
 
-def _ask_which(ins: Group, outs: Group, flows: Group, why: tuple[str, str], questions: Questions) -> None:
-    if _unmistakable(ins, outs, flows):
-        return
-    for role, what, group, reason in (("u_Qi", "inflow", ins, why[0]), ("u_Qo", "outflow", outs, why[1])):
-        if len(group) > 1:
-            names = ", ".join(c.name for c in group)
-            questions.append((role, f"{role}: is the sum of {names} the {what}? ({reason}; a list is a sum)"))
-        elif group:
-            questions.append((role, f"{role}: is {group[0].name} the {what}? ({reason})"))
-
-
 def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dict[str, list[Group]]:
     """What else the inflow and the outflow may be: each other, all of another site, any other column."""
     by_site: dict[str, Group] = {}
@@ -512,8 +497,5 @@ def _others(ins: Group, outs: Group, flows: Group, sites: dict[str, str]) -> dic
 
 
 def _distinct(groups: Sequence[Group], but: Group) -> list[Group]:
-    kept: list[Group] = []
-    for group in groups:
-        if group and group != but and group not in kept:
-            kept.append(group)
-    return kept[:MOST]
+    """The first groups that are not empty, not `but`, and not there yet."""
+    return [g for k, g in enumerate(groups) if g and g != but and g not in groups[:k]][:MOST]

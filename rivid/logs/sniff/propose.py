@@ -96,8 +96,8 @@ class Proposal:
         self.decimal, self.thousands, doubt = guess_marks([cells for _, _, cells in sources])
         self.ask("decimal", doubt)
         reader = NumberReader(default.missing, self.decimal, self.thousands)
-        values = [entry for entry in sources if entry[0] not in self.flags.columns]
-        guesses = [guess_column(name, unit, cells, reader) for name, unit, cells in values]
+        others = {*self.flags.doubtful, self.flags.zone_column}
+        guesses = [guess_column(*source, reader) for source in sources if source[0] not in others]
         self.columns: Group = [column for column in guesses if column is not None]
         if layout.headerless:
             self.ask("columns", "the file has no header: the names in columns are made up, in its order")
