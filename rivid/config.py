@@ -35,8 +35,6 @@ DAY = 86_400.0
 Discharge = Annotated[float, Field(gt=0, le=1e7)]
 
 _NOT_GIVEN = "; that of `[jmap]` where not given"
-ShortestDelay = Annotated[core.Delay | None, Means("samples", f"shortest delay tried{_NOT_GIVEN}")]
-LongestDelay = Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")]
 _BOUNDS = "`bounds`: from the hydraulics of `[reach]`"
 
 
@@ -95,11 +93,11 @@ class SearchConfig(Section):
     The delays are those of `[jmap]` where not given.
     """
 
-    d_min: ShortestDelay = None
-    d_max: LongestDelay = None
+    d_min: Annotated[core.Delay | None, Means("samples", f"shortest delay tried{_NOT_GIVEN}")] = None
+    d_max: Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")] = None
 
 
-class CusumConfig(Section):
+class CusumConfig(SearchConfig):
     """`[cusum]`: the settings of :class:`rivid.core.settings.CusumSettings`.
 
     The delays are those of `[jmap]` where not given; the FIR tested is that of `[jmap]`.
@@ -111,18 +109,14 @@ class CusumConfig(Section):
     mean: core.Finite | None = CusumSettings.mean
     sd: core.Positive | None = CusumSettings.sd
     moment: core.Moment = CusumSettings.moment
-    d_min: ShortestDelay = None
-    d_max: LongestDelay = None
 
 
-class PosteriorConfig(Section):
+class PosteriorConfig(SearchConfig):
     """`[posterior]`: the settings of :class:`rivid.core.settings.PosteriorSettings`.
 
     The delays and the length of the FIR are those of `[jmap]` where not given.
     """
 
-    d_min: ShortestDelay = None
-    d_max: LongestDelay = None
     store_temperature: core.Temperature = PosteriorSettings.store_temperature
     wave_temperature: core.Temperature = PosteriorSettings.wave_temperature
     between_temperature: core.Temperature = PosteriorSettings.between_temperature
@@ -359,36 +353,33 @@ class Config(Section):
     def search_settings(self) -> SearchSettings:
         """The core's settings of `direct` and `indirect`; raises ConfigError as :meth:`jmap_settings`."""
         with _table("search"):
-            return SearchSettings(**self._delays(self.search))
+            return SearchSettings(**self._delays("search"))
 
     def cusum_settings(self) -> CusumSettings:
         """The core's settings of CUSUM; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays(self.cusum, beyond=3)
+        delays = self._delays("cusum", beyond=3)
         with _table("cusum"):
             return CusumSettings(**self.cusum.model_dump() | delays)
 
     def posterior_settings(self) -> PosteriorSettings:
         """The core's settings of `posterior`; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays(self.posterior, beyond=1)
+        delays = self._delays("posterior", beyond=1)
         with _table("posterior"):
             return PosteriorSettings(**self.posterior.model_dump() | delays, order=self.jmap_settings().order)
 
     def river_settings(self) -> RiverSettings:
         """The core's settings of `posterior` on a river; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays(self.posterior)
+        delays = self._delays("posterior")
         day = max(round((self.run.window_s or DAY) / self.reach.sample_time), 1)
         with _table("posterior"):
             return RiverSettings(**delays, warm=core.lags_of(delays["d_max"]), day=day)
 
-    def _delays(
-        self, section: SearchConfig | CusumConfig | PosteriorConfig, beyond: int | None = None
-    ) -> dict[str, int]:
+    def _delays(self, table: str, beyond: int | None = None) -> dict[str, int]:
         """d_min and d_max of a table, or of `[jmap]`; the FIR has to be longer than d_max by `beyond`."""
-        jmap = self.jmap_settings()
+        jmap, section = self.jmap_settings(), getattr(self, table)
         d_min = jmap.d_min if section.d_min is None else section.d_min
         d_max = jmap.d_max if section.d_max is None else section.d_max
         if beyond is not None and d_max + beyond > jmap.order:
-            table = "cusum" if isinstance(section, CusumConfig) else "posterior"
             raise ConfigError(
                 f"[{table}] d_max = {d_max} needs an FIR of order >= {d_max + beyond}, got [jmap] order = "
                 f"{jmap.order}: raise order or lower d_max"
@@ -463,11 +454,6 @@ MOST_BYTES = 1_000_000
 """Largest configuration file [bytes]; larger ones are not read."""
 MOST_DEPTH = 20
 """Deepest nesting of tables and lists."""
-
-
-def load_toml(path: Path, model: type[T]) -> T:
-    """Read a TOML file into a model; ConfigError names in one line the file, the key and what is valid."""
-    return parse(read_toml(path), model, str(path))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

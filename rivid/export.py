@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag, hankel
 
 from rivid import __version__
 from rivid.atomic import replacing, write_text
@@ -133,19 +134,14 @@ def state_space(model: ReachModel) -> StateSpace:
     steps = model.kernels(round(LONGEST / T) + 1)
     responses = [steps["up"], steps["down"]] if pool else [steps["up"]]
     inputs = ("u_Qi", "u_Qo") if pool else ("u_Qi",)
-    parts = [_realised(np.diff(step, prepend=0.0), pool) for step in responses]
-    blocks, names, delays = [], [], []
-    for name, (dead, (a, b, c)) in zip(inputs, parts, strict=True):
-        chain = np.eye(dead, k=-1)
-        A = np.zeros((dead + len(a), dead + len(a)))
-        A[:dead, :dead], A[dead:, dead:] = chain, a
-        B, C = np.zeros((len(A), 1)), np.zeros((1, len(A)))
+    names, delays, blocks = list[str](), [], []
+    for name, response in zip(inputs, responses, strict=True):
+        dead, (a, b, c) = _realised(np.diff(response, prepend=0.0), pool)
+        A = block_diag(np.eye(dead, k=-1), a)
+        B, C = np.append(np.zeros(dead), b), np.append(np.zeros(dead), c)
         if dead:
-            B[0, 0], A[dead:, dead - 1] = 1.0, b
-        else:
-            B[:, 0] = b
-        C[0, dead:] = c
-        blocks.append((A, B, C))
+            A[dead:, dead - 1], B[:] = b, np.eye(len(A))[0]
+        blocks.append((A, B[:, None], C[None]))
         names += [f"{name}[k-{lag}]" for lag in range(1, dead + 1)]
         names += [f"{name} state {j + 1}" for j in range(len(a))]
         delays.append(dead)
@@ -155,18 +151,11 @@ def state_space(model: ReachModel) -> StateSpace:
     variance = np.diag([m.walk, (1.0 - m.phi**2) * m.inflow, (1.0 - m.psi**2) * m.level])
     kept = np.array([pool, pool and noise.inflow_sd > 0.0, noise.level_sd > 0.0])
     extra, variance = extra[np.ix_(kept, kept)], variance[np.ix_(kept, kept)]
-    reads = np.array([1.0, 0.0, 1.0])[kept]
     names += [n for n, k in zip(("level error", "unlogged inflow", "level noise"), kept, strict=True) if k]
-    n = sum(len(A) for A, _, _ in blocks)
-    A = np.zeros((n + len(extra), n + len(extra)))
-    B, C = np.zeros((len(A), len(blocks))), np.zeros((1, len(A)))
-    at = 0
-    for j, (a, b, c) in enumerate(blocks):
-        here = slice(at, at + len(a))
-        A[here, here], B[here, j : j + 1], C[:, here] = a, b, c
-        at += len(a)
-    A[n:, n:], C[0, n:] = extra, reads
-    G = np.vstack([np.zeros((n, len(extra))), np.eye(len(extra))])
+    A = block_diag(*(a for a, _, _ in blocks), extra)
+    B = np.vstack([block_diag(*(b for _, b, _ in blocks)), np.zeros((len(extra), len(blocks)))])
+    C = np.hstack([*(c for _, _, c in blocks), [np.array([1.0, 0.0, 1.0])[kept]]])
+    G = np.eye(len(A))[:, len(A) - len(extra) :]
     level = "level" if pool else "discharge"
     return StateSpace(
         A, B, C, np.zeros((1, len(blocks))), G, variance, np.array([[m.gauge]]), T, inputs,
@@ -187,8 +176,7 @@ def _realised(impulse: Floats, integrates: bool) -> tuple[int, tuple[Floats, Flo
     last = float(rest[-max(len(rest) // 8, 1) :].mean()) if integrates else 0.0
     decaying = rest - last
     half = len(decaying) // 2
-    index = np.arange(half)[:, None] + np.arange(half)
-    U, sizes, V = np.linalg.svd(decaying[np.minimum(index, len(decaying) - 1)])
+    U, sizes, V = np.linalg.svd(hankel(decaying[:half], decaying[half - 1 : 2 * half - 1]))
     order = min(max(int((sizes > KEPT * sizes[0]).sum()), 1), MOST_STATES)
     root = np.sqrt(sizes[:order])
     left, right = U[:, :order] * root, root[:, None] * V[:order]
@@ -201,7 +189,7 @@ def _realised(impulse: Floats, integrates: bool) -> tuple[int, tuple[Floats, Flo
         states.append(a @ states[-1])
     c = np.linalg.lstsq(np.array(states), decaying, rcond=None)[0]
     if integrates:
-        a = np.block([[a, np.zeros((order, 1))], [np.zeros((1, order)), np.ones((1, 1))]])
+        a = block_diag(a, [1.0])
         b, c = np.append(b, last), np.append(c, 1.0)
     return dead, (a, b, c)
 

@@ -110,8 +110,7 @@ def minutes_first(value: float, sample_time: float) -> str:
     >>> minutes_first(7, 133), minutes_first(14.17, 900), minutes_first(1, 60)
     ('15.5 min (7 samples)', '3.5 h (14.2 samples)', '1.0 min (1 sample)')
     """
-    text = number(round(value, 1))
-    return f"{duration([value * sample_time])} ({text} {'sample' if text == '1' else 'samples'})"
+    return f"{duration([value * sample_time])} ({samples([round(value, 1)])})"
 
 
 def probability(p: float) -> str:

@@ -38,7 +38,7 @@ def run_fleet(
     _refuse_places(data_dir, out)
     shard = options.shard
     if shard:
-        reaches = [reach for place, reach in enumerate(reaches) if shard.holds_place(place)]
+        reaches = reaches[shard.index - 1 :: shard.count]
     options = replace(options, shard=None)
     with Store(out, shard.name if shard else ""):
         if not shard:

@@ -88,7 +88,8 @@ class Dask(Engine):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        lost = isinstance(error, CancelledError | OSError) and self._gone()
+        gone = self._client is not None and self._client.status != "running"
+        lost = gone and isinstance(error, CancelledError | OSError)
         self._close(cancel=kind is not None)
         if lost:
             raise RividError(
@@ -155,9 +156,6 @@ class Dask(Engine):
         raise RividError(
             f"Dask's workers did not begin ({why}): give fewer --workers, or leave --engine dask out"
         ) from why
-
-    def _gone(self) -> bool:
-        return self._client is not None and self._client.status != "running"
 
     def _close(self, cancel: bool) -> None:
         client, self._client = self._client, None

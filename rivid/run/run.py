@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from rivid.config import Config
@@ -66,16 +65,7 @@ from rivid.results.store import (
     write_tables,
 )
 from rivid.run.drawing import MOST_PAINTERS, draw_with
-from rivid.run.workers import (
-    DRAWING,
-    ESTIMATING,
-    Engine,
-    Progress,
-    cores,
-    each,
-    processes,
-    warm,
-)
+from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes, warm
 from rivid.types import Bools, Floats
 
 BLOCK = 32
@@ -118,10 +108,6 @@ class Shard:
     def holds(self, date: dt.date) -> bool:
         """Whether a day belongs to this shard; it depends on the date alone."""
         return date.toordinal() // BLOCK % self.count == self.index - 1
-
-    def holds_place(self, place: int) -> bool:
-        """Whether the reach at this place, counted from 0, belongs to this shard."""
-        return place % self.count == self.index - 1
 
 
 @dataclass(frozen=True)
@@ -353,7 +339,7 @@ def _named(windows: Sequence[Window], config: Config) -> dict[str, list[Any]]:
 
 def _measured(
     windows: list[Window], sets: list[DataSet], config: Config
-) -> tuple[Days, dict[str, list[Any]], list[list[str]]]:
+) -> tuple[Days, dict[str, Any], list[list[str]]]:
     """Data sets of one length: what estimators need, the columns they share, and remarks on each."""
     reach = config.reach
     inflow = np.stack([data.inflow for data in sets])
@@ -373,17 +359,17 @@ def _measured(
     return days, _named(windows, config) | {
         "n_samples": [len(data.inflow) for data in sets],
         "n_filled": [data.n_filled for data in sets],
-        "mean_inflow_m3s": mean_inflow.tolist(),
-        "mean_level_m": level.tolist(),
-        "froude": bounds.froude.tolist(),
-        "bound_gravity_s": bounds.gravity.tolist(),
-        "bound_kinematic_s": bounds.kinematic.tolist(),
+        "mean_inflow_m3s": mean_inflow,
+        "mean_level_m": level,
+        "froude": bounds.froude,
+        "bound_gravity_s": bounds.gravity,
+        "bound_kinematic_s": bounds.kinematic,
     }, notes  # fmt: skip
 
 
 def _rows(
     days: Days,
-    shared: dict[str, list[Any]],
+    shared: dict[str, Any],
     notes: list[list[str]],
     config: Config,
     name: str,
@@ -391,53 +377,46 @@ def _rows(
 ) -> pa.Table:
     """The rows of one estimator on data sets of one length."""
     answer, reach, n = estimator.estimate(days), config.reach, len(days.u)
-    none = np.full(n, np.nan)
 
     def given(values: Floats | None) -> Floats:
-        return none if values is None else values
+        return np.full(n, np.nan) if values is None else values
 
     delay, travel = given(answer.delay), answer.travel
     begin, middle = (delay, delay + 0.5) if travel is None else (travel, travel)
-    identified: Bools = np.asarray(answer.status != "unidentifiable")
-    searched: Bools = np.zeros(n, bool)
-    if answer.candidates is not None and answer.curve is not None:
-        searched = identified | np.isfinite(given(answer.probability))
-    outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
     columns: dict[str, Any] = shared | {
         "estimator": [name] * n,
         "status": answer.status.tolist(),
-        "delay_samples": delay.tolist(),
-        "delay_s": (begin * reach.sample_time).tolist(),
-        "travel_time_s": (middle * reach.sample_time).tolist(),
-        "noise_sd": np.sqrt(given(answer.noise_variance)).tolist(),
-        "roughness_sd": np.sqrt(given(answer.roughness_variance)).tolist(),
-        "iterations": [0] * n if answer.iterations is None else answer.iterations.tolist(),
+        "delay_samples": delay,
+        "delay_s": begin * reach.sample_time,
+        "travel_time_s": middle * reach.sample_time,
+        "noise_sd": np.sqrt(given(answer.noise_variance)),
+        "roughness_sd": np.sqrt(given(answer.roughness_variance)),
+        "iterations": np.zeros(n, np.int64) if answer.iterations is None else answer.iterations,
         "message": ["; ".join(_notes(i, notes[i], answer, days, config, name, estimator)) for i in range(n)],
     }
     for column in ("probability", "delay_low", "delay_high", "alpha", "condition"):
-        columns[column] = given(getattr(answer, column)).tolist()
+        columns[column] = given(getattr(answer, column))
+    identified: Bools = np.asarray(answer.status != "unidentifiable")
     if answer.fir is not None:
         columns["fir"] = lists(answer.fir, identified)
         if answer.fir_sd is not None:
             columns["fir_sd"] = lists(answer.fir_sd, identified)
         if reach.kind == "river":
-            columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan).tolist()
-    at_bound: Bools = np.zeros(n, bool)
+            columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
+    outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
+    at_bound, known = outside, outside
     if answer.candidates is not None and answer.curve is not None:
-        at_bound = np.isin(delay, answer.candidates[[0, -1]])
-        columns["first_candidate"] = [int(answer.candidates[0]) if s else None for s in searched]
+        searched = identified | np.isfinite(given(answer.probability))
+        at_bound = outside | np.isin(delay, answer.candidates[[0, -1]])
+        known = outside | searched
+        columns["first_candidate"] = pa.array(np.full(n, answer.candidates[0]), mask=~searched)
         columns["curve"] = lists(answer.curve, searched)
         if answer.prior_only is not None:
-            columns["prior_only"] = _flags(answer.prior_only, searched)
+            columns["prior_only"] = pa.array(answer.prior_only, mask=~searched)
         if answer.criterion is not None:
-            columns["criterion"] = np.where(searched, answer.criterion.min(axis=1), np.nan).tolist()
-    columns["at_bound"] = _flags(at_bound | outside, searched | outside)
+            columns["criterion"] = np.where(searched, answer.criterion.min(axis=1), np.nan)
+    columns["at_bound"] = pa.array(at_bound, mask=~known)
     return to_table(columns, SEGMENT)
-
-
-def _flags(flags: Bools, known: Bools) -> list[bool | None]:
-    """Flags as cells, empty where they are not known."""
-    return [flag if is_known else None for flag, is_known in zip(flags.tolist(), known, strict=True)]
 
 
 def _notes(
@@ -448,22 +427,19 @@ def _notes(
     if answer.status[i] == "unidentifiable":
         first.append(_why(answer, i, days, config))
     elif ESTIMATORS[name].notes_bound and answer.candidates is not None and answer.delay is not None:
-        first.append(_edge(answer.delay[i], answer.candidates))
+        delay = answer.delay[i]
+        if delay == answer.candidates[-1]:
+            first.append(f"d = {delay:.0f} is the longest delay tried: the true one may be longer")
+        elif delay == answer.candidates[0] == 1:
+            first.append(
+                "d = 1 is the shortest delay that is tried: the true one may be about one sample or less"
+            )
+        elif delay == answer.candidates[0]:
+            first.append(f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter")
     if answer.iterations is not None and estimator.max_iterations is not None:
         if answer.iterations[i] >= estimator.max_iterations:
             first.append(f"not settled after {estimator.max_iterations} rounds ([jmap] tolerance)")
-    return [note for note in (*first, *notes) if note]
-
-
-def _edge(delay: float, candidates: NDArray[np.intp]) -> str:
-    """A remark on a delay at the edge of the candidates; empty elsewhere."""
-    if delay == candidates[-1]:
-        return f"d = {delay:.0f} is the longest delay tried: the true one may be longer"
-    if delay == candidates[0]:
-        if delay == 1:
-            return "d = 1 is the shortest delay that is tried: the true one may be about one sample or less"
-        return f"d = {delay:.0f} is the shortest delay tried: the true one may be shorter"
-    return ""
+    return [*first, *notes]
 
 
 def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
@@ -715,7 +691,9 @@ def _summarise(
     table = rows.table
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
-    estimators = before.get("estimators")  # of a file that users may have edited
+    estimators = before.get("estimators")
+    if not isinstance(estimators, list):  # of a file that users may have edited
+        estimators = []
     counts: dict[str, dict[str, int]] = {}
     for name in pc.unique(table["estimator"]).to_pylist():
         of = table["status"].filter(pc.equal(table["estimator"], name))
@@ -736,11 +714,7 @@ def _summarise(
         bad_files=bad_files,
         new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
         damaged=store.damaged,
-        unasked=[
-            name
-            for name in map(str, estimators if isinstance(estimators, list) else ())
-            if name not in config.run.estimators
-        ],
+        unasked=[str(name) for name in estimators if str(name) not in config.run.estimators],
     )
     return summary, failed
 

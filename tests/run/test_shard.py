@@ -21,8 +21,6 @@ def test_every_day_is_of_one_shard_whatever_other_days_there_are(count):
     of = Counter(shard.index for day in days for shard in shards if shard.holds(day))
     assert sum(of.values()) == len(days) and set(of) == set(range(1, count + 1))
     assert max(of.values()) - min(of.values()) <= 2 * BLOCK
-    places = Counter(shard.index for place in range(80) for shard in shards if shard.holds_place(place))
-    assert sum(places.values()) == 80 and len(places) == count
 
 
 def test_what_is_no_shard_is_refused(tmp_path):
