@@ -67,13 +67,10 @@ pa.enable_signal_handlers(False)  # its CSV reader loses a signal that comes whi
 
 _OFFSET = re.compile(r"\d{1,2}:?\d\d.*?(Z|[+-]\d\d(?::?\d\d)?)$")
 _FLOAT = pa.float64()
-_NAIVE = pa.timestamp("us")
-_AWARE = pa.timestamp("us", tz="UTC")
 LONGEST_TEXT = 200
 """Characters of a cell of Parquet: a text column is unpacked only where no cell is longer."""
 _FOOTER = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 200_000}
 """Of the metadata of Parquet: a damaged length must not ask for gigabytes."""
-_NO_YEAR = "a year that no log is of"
 
 
 def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
@@ -113,7 +110,8 @@ def _options(names: tuple[str, ...], spec: Spec, aware: bool) -> tuple[Any, Any,
     given, wanted = spec.input, [spec.time[0], *spec.sources]
     # unused columns may be doubled or nameless; arrow wants distinct names
     distinct = [n if n in wanted else f"\x00{i}" for i, n in enumerate(names)]
-    types = {name: _FLOAT for name in spec.sources} | {spec.time[0]: _AWARE if aware else _NAIVE}
+    types = {name: _FLOAT for name in spec.sources}
+    types[spec.time[0]] = pa.timestamp("us", tz="UTC" if aware else None)
     return (
         pc.ReadOptions(use_threads=False, column_names=distinct, block_size=1 << 30),
         pc.ParseOptions(delimiter=given.separator),
@@ -304,7 +302,7 @@ def _times(
             micros = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
         known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
         _mark(np.isnan(micros), bad, "no time")
-        _mark(~known, bad, _NO_YEAR)
+        _mark(~known, bad, "a year that no log is of")
         offset = _fixed_offset(zone)
         times = np.where(known, micros, 0).astype(np.int64)
         return times, offset, zone is not None, zone if offset is None else None
@@ -527,34 +525,30 @@ def read_table(path: Path, name: str, spec: Spec, limits: tuple[int, int], *, ex
 def table_of(
     content: bytes, spec: Spec, name: str, limits: tuple[int, int], stem: str, *, export: bool
 ) -> Table:
-    """Read a text: the part of :func:`read_table` that needs no file."""
+    """Read a text: the part of :func:`read_table` that needs no file.
+
+    The fast reader serves where it returns as much: of an export, all columns are read and no cell is empty.
+    """
     content = to_utf8(content, spec, name)
     refuse_rows(name, content.count(b"\n"), limits[1])
-    header = read_header(content, spec, name, some=export)
+    header = names, body, _ = read_header(content, spec, name, some=export)
     content, footers = cut_footer(content, header, spec)
-    table = _read_text(content, header, spec, name, stem, export)
-    table.footers = footers
-    for columns in table.parts if footers else ():
-        columns.dropped["footer rows"] = [len(columns.times)] * footers
-    table.name = name
-    return table
-
-
-def _read_text(content: bytes, header: Header, spec: Spec, name: str, stem: str, export: bool) -> Table:
-    """The fast reader where it returns as much: of an export, all columns are read and no cell is empty."""
-    columns, (names, body, _) = None, header
+    fast = None
     if not export or set(names) == {*spec.time, *spec.sources}:
-        columns = read_fast(content, header, spec)
-    if columns is None or (export and any(np.isnan(v).any() for v in columns.numbers.values())):
+        fast = read_fast(content, header, spec)
+    if fast is None or (export and any(np.isnan(v).any() for v in fast.numbers.values())):
         table = read_lines(content, header, spec, name, stem, watch=export)
     else:
-        table = Table([columns], rows=len(columns.times))
+        table = Table([fast], rows=len(fast.times))
     if export and not spec.long and spec.input.unit_rows:
         above = LINE.split(content[:body].decode("utf-8", "replace").rstrip("\r\n"))
         rows = [split_cells(line, spec.input.separator) or [] for line in above[-spec.input.unit_rows :]]
         for source in set(spec.sources) & set(names):
             at = names.index(source)
             table.units[source] = next((row[at] for row in rows if at < len(row) and row[at]), "")
+    table.name, table.footers = name, footers
+    for columns in table.parts if footers else ():
+        columns.dropped["footer rows"] = [len(columns.times)] * footers
     return table
 
 

@@ -192,7 +192,6 @@ _ENDLESS = 10**9
 _DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d|\d{8}")
 ZRXP_UNIT = re.compile(r"CUNIT([^|*]+)")
 """Unit of a block in a comment of a ZRXP file."""
-_UTF8_BOM = b"\xef\xbb\xbf"
 _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 _NO_TEXT = {
     b"\x1f\x8b": "gzip, though its name does not end in .gz: let it end in .csv.gz",
@@ -230,7 +229,7 @@ def to_utf8(content: bytes, spec: Spec, name: str) -> bytes:
         wide = "utf-16" if content.startswith(_UTF16_BOMS) else unmarked_utf16(content)
         if wide:
             raise UndeclaredError(f'{name} is UTF-16, not {encoding}: set [input] encoding = "{wide}"')
-        return content[3:] if content.startswith(_UTF8_BOM) else content
+        return content.removeprefix(b"\xef\xbb\xbf")
     try:
         text = content.decode(encoding)
     except (UnicodeError, LookupError) as error:

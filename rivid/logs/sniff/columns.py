@@ -356,7 +356,7 @@ def _outside(level: ColumnGuess) -> tuple[bool, bool]:
 
 
 Roles = tuple[dict[str, Group], str, dict[str, list[Group]]]
-"""Columns by canonical column (several are summed), the kind of reach, and other choices by column."""
+"""Columns by canonical column (several are summed, none may be found), kind of reach, other choices."""
 
 
 def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
@@ -389,8 +389,7 @@ def roles_of(columns: list[ColumnGuess], questions: Questions) -> Roles:
             if group:
                 questions.append((role, f"{role}: is {names} the {what}? ({reason})"))
         instead |= _others(ins, outs, flows, sites)
-    groups = {"h_L": [level], "u_Qi": ins, "u_Qo": outs}
-    return {role: group for role, group in groups.items() if group}, "pool", instead
+    return {"h_L": [level], "u_Qi": ins, "u_Qo": outs}, "pool", instead
 
 
 def _by_order(columns: Group, questions: Questions) -> Roles:
@@ -419,8 +418,7 @@ def _river(flows: Group, questions: Questions) -> Roles:
         many = "more than two discharges" if len(order) > 2 else "two discharges"
         questions.append(("u_Qi", f"{many} and no level: which is the inflow, which the output?"))
         instead = {"u_Qi": _distinct([[c] for c in order], ins), "Q_L": _distinct([[c] for c in order], outs)}
-    groups = {"u_Qi": ins, "Q_L": outs}
-    return {role: group for role, group in groups.items() if group}, "river", instead
+    return {"u_Qi": ins, "Q_L": outs}, "river", instead
 
 
 def _unmistakable(ins: Group, outs: Group, flows: Group) -> bool:

@@ -102,7 +102,8 @@ class Proposal:
         if layout.headerless:
             self.ask("columns", "the file has no header: the names in columns are made up, in its order")
         self.ask("time_format", layout.doubt)
-        self.roles, self.kind, self.instead = roles_of(self.columns, self.questions)
+        roles, self.kind, self.instead = roles_of(self.columns, self.questions)
+        self.roles = {role: group for role, group in roles.items() if group}
         self.used = [column for group in self.roles.values() for column in group]
         self.step = sorted(layout.steps)[len(layout.steps) // 2] / MICRO if layout.steps else 0.0
         self.every = min((column.every for column in self.used), default=1)
