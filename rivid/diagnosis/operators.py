@@ -278,18 +278,16 @@ def _least_squares(
     white = (white * np.sqrt(weights)[:, None]).reshape(len(white), -1)
     G = white @ white.T
     n, m = len(inflows), len(levels)
-    best, least = (0, 0, np.zeros(3)), np.inf
-    for lag in range(n):
-        for aim in range(m):
-            at = [1 + lag, 1 + n + aim, 1 + n + m + aim]
-            S = G[np.ix_(at, at)]
-            scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
-            found = np.linalg.lstsq(S / np.outer(scale, scale), G[at, 0] / scale, rcond=1e-10)[0] / scale
-            left = G[0, 0] - float(found @ G[at, 0])
-            left += SURE**2 if tried[aim][0].slope else 0.0
-            if left < least:
-                best, least = (lag, aim, found), left
-    return best
+    lag, aim = (a.ravel() for a in np.indices((n, m)))
+    at = np.stack([1 + lag, 1 + n + aim, 1 + n + m + aim], axis=1)
+    S, b = G[at[:, :, None], at[:, None]], G[at, 0]  # (lags times aims, 3, 3) and (..., 3)
+    scale = np.sqrt(np.maximum(np.diagonal(S, axis1=1, axis2=2), 1e-300))
+    inverse = np.linalg.pinv(S / (scale[:, :, None] * scale[:, None]), rcond=1e-10, hermitian=True)
+    found = (inverse @ (b / scale)[:, :, None])[:, :, 0] / scale
+    left = G[0, 0] - (found * b).sum(axis=1)
+    left += SURE**2 * np.array([one.slope != 0.0 for one, _ in tried])[aim]
+    best = int(np.argmin(left))
+    return int(lag[best]), int(aim[best]), found[best]
 
 
 def _noise(residual: Floats, quantum: float, start: NoiseModel | None) -> NoiseModel:

@@ -312,7 +312,10 @@ class Limits(NamedTuple):
         """Numbers of the filter at points (q, f), shape (q, 8)."""
         given = {f.name: getattr(self.model, f.name) for f in fields(self.model)}
         given |= dict(zip(self.free, np.exp(points).T, strict=True))
-        return np.stack(np.broadcast_arrays(*_numbers(**given), np.empty(len(points)))[:-1], axis=1)
+        out = np.empty((len(points), 8))
+        for i, values in enumerate(_numbers(**given)):
+            out[:, i] = values
+        return out
 
 
 def limits_of(
