@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.special import expit, logsumexp
-from scipy.stats import logistic, norm
+from scipy.special import expit, log_ndtr, logsumexp
+from scipy.stats import logistic
 
 from rivid.core.posterior.daily import posterior
 from rivid.core.posterior.front import LAG_TAPS, LAGGED, LAGS, LEAST_LAGGED, MODELS, log_evidence, structures
@@ -53,11 +53,13 @@ def slow_models(y, u, o, structure, first, last, n_lags):
     """Every model of an equation: (log evidence, noise, lag or None, inflow and outflow behind it, d, w)."""
     kinds = list(noise_bank()[structure.noises])
     where = [(d, w) for d in range(first, last + 1) for w in np.arange(10, 0, -1) / 10]
-    models = [
-        (slow_evidence(y, u, o, structure, C, len(kinds), d, w, n_lags), C, None, u, o, d, w)
-        for C in kinds
-        for d, w in where
-    ]
+    models = []
+    for C in kinds:
+        white = whitened(C, y, u, o)
+        models += [
+            (slow_evidence(*white, structure, len(kinds), d, w, n_lags), C, None, u, o, d, w)
+            for d, w in where
+        ]
     if o is None or structure.name == "first order":
         return models
     top = [max(m[0] for m in models if m[1] is C) for C in kinds]
@@ -65,16 +67,21 @@ def slow_models(y, u, o, structure, first, last, n_lags):
     models = [(m[0] + np.log(1 - LAGGED), *m[1:]) for m in models]
     for lag in LAGS:
         behind = shown(u, lag), shown(o, lag)
+        white = whitened(best, y, *behind)
         for d, w in where:
             if structure.is_store or d >= LEAST_LAGGED:
-                log = slow_evidence(y, *behind, structure, best, len(kinds), d, w, n_lags)
+                log = slow_evidence(*white, structure, len(kinds), d, w, n_lags)
                 models.append((log + worth + np.log(LAGGED / len(LAGS)), best, lag, *behind, d, w))
     return models
 
 
-def slow_evidence(y, u, o, structure, C, n_kinds, d, w, n_lags):
-    """By QR on the rows themselves: -(n/2) ln RSS - (P/2) ln n + ln Phi(t) - ln(kinds)."""
-    y, u, o, one = (None if s is None else lfilter([1.0], C, s) for s in (y, u, o, np.ones(len(y))))
+def whitened(C, *series):
+    """The series and a constant, prewhitened."""
+    return [None if s is None else lfilter([1.0], C, s) for s in (*series, np.ones(len(series[0])))]
+
+
+def slow_evidence(y, u, o, one, structure, n_kinds, d, w, n_lags):
+    """By QR on the prewhitened rows: -(n/2) ln RSS - (P/2) ln n + ln Phi(t) - ln(kinds)."""
     rows = np.arange(n_lags, len(y))
     response, X = regression(structure.name, y, u, o, one, d, w, rows)
     q, r = np.linalg.qr(X)
@@ -83,7 +90,7 @@ def slow_evidence(y, u, o, structure, C, n_kinds, d, w, n_lags):
     n = len(rows)
     sd = np.sqrt(rss / n * np.sum(np.linalg.inv(r)[0] ** 2))
     bic = 0.5 * (X.shape[1] + 1) * np.log(n)
-    return -0.5 * n * np.log(rss) - bic + norm.logcdf(np.clip(theta[0] / sd, -30, 30)) - np.log(n_kinds)
+    return -0.5 * n * np.log(rss) - bic + log_ndtr(np.clip(theta[0] / sd, -30, 30)) - np.log(n_kinds)
 
 
 def slow_is_echo(y, u, o, candidate, n_lags):
@@ -93,7 +100,7 @@ def slow_is_echo(y, u, o, candidate, n_lags):
     n, bank = len(y) - n_lags, noise_bank()
     shares = np.arange(10, 0, -1) / 10
     waves = max(
-        slow_evidence(y, u, o, structure, C, len(bank[structure.noises]), candidate, w, n_lags)
+        slow_evidence(*whitened(C, y, u, o), structure, len(bank[structure.noises]), candidate, w, n_lags)
         for structure in (first, second)
         for C in bank[structure.noises]
         for w in shares
@@ -106,7 +113,7 @@ def slow_is_echo(y, u, o, candidate, n_lags):
         if not 3 * d <= candidate <= 3 * d + 3:
             continue
         for C in bank[first.noises]:
-            white = [lfilter([1.0], C, a) for a in (y, u, o, np.ones(len(y)))]
+            white = whitened(C, y, u, o)
             rows = np.arange(n_lags, len(y))
             echo = np.stack([delayed(white[1], 3 * d + 1 + k, rows) for k in range(4)], axis=1)
             for w in shares:
@@ -115,8 +122,8 @@ def slow_is_echo(y, u, o, candidate, n_lags):
                 theta = np.linalg.lstsq(with_echo, response, rcond=None)[0]
                 both = rss(response, with_echo)
                 sd = np.sqrt(both / n * np.linalg.inv(with_echo.T @ with_echo)[0, 0])
-                positive = norm.logcdf(np.clip(theta[0] / sd, -30, 30))
-                alone = slow_evidence(y, u, o, second, C, len(bank[second.noises]), d, w, n_lags)
+                positive = log_ndtr(np.clip(theta[0] / sd, -30, 30))
+                alone = slow_evidence(*white, second, len(bank[second.noises]), d, w, n_lags)
                 fit = -0.5 * n * np.log(both) - 0.5 * 8 * np.log(n) + positive - np.log(6)
                 by_front = 0.5 * n * np.log(rss(response, with_echo[:, 2:]) / both) + positive
                 if by_front >= 0.6 * (fit - alone) and fit - 2.0 * np.log(n) > waves:
@@ -139,9 +146,8 @@ def test_evidence_is_that_of_a_regression_for_each_candidate(days, with_outflow,
         for _ in range(examples(25, 12)):
             i, k, d, j = (int(rng.integers(m)) for m in (2, len(kinds), last - first + 1, 10))
             out = o[i] if with_outflow else None
-            slow = slow_evidence(
-                y[i], u[i], out, structure, kinds[k], len(kinds), first + d, (10 - j) / 10, last + 4
-            )
+            white = whitened(kinds[k], y[i], u[i], out)
+            slow = slow_evidence(*white, structure, len(kinds), first + d, (10 - j) / 10, last + 4)
             if np.isinf(fronts[which][k, d, j, i]):
                 assert with_outflow and which < 2 and slow_is_echo(y[i], u[i], o[i], first + d, last + 4)
             else:
@@ -189,7 +195,7 @@ def slow_below(edges, x, store, s):
     travel = np.arange(first + 0.025, last + 1, 0.05)
     likely = np.zeros(len(travel))
     for gate in np.arange(1, 16, 2) / 16 * s.wave_gate:
-        likely += [logistic.pdf(slow_wave_place(t, gate, s), x, s.wave_error) for t in travel]
+        likely += logistic.pdf([slow_wave_place(t, gate, s) for t in travel], x, s.wave_error)
     return [likely[travel < edge].sum() / likely.sum() for edge in edges]
 
 
@@ -255,9 +261,8 @@ def test_the_response_is_that_of_the_likeliest_models_simulated(days, with_outfl
     weight /= weight.sum()
     h = np.zeros(s.order)
     for share, (_, structure, C, lag, *behind, d, w) in zip(weight, models, strict=True):
-        white = [None if a is None else lfilter([1.0], C, a) for a in (y, *behind)]
         rows = np.arange(n_lags, N)
-        response, X = regression(structure.name, *white, lfilter([1.0], C, np.ones(N)), d, w, rows)
+        response, X = regression(structure.name, *whitened(C, y, *behind), d, w, rows)
         theta = np.linalg.lstsq(X, response, rcond=None)[0]
         front = np.zeros(s.order)
         for tap in range(structure.taps):

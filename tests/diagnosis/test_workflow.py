@@ -124,9 +124,9 @@ def test_steps_of_the_gauge_are_named_with_their_times():
 
 
 def test_a_cause_that_is_in_no_library_gets_no_name():
-    """A daily wave of 40 m3/s, where only a late gate and steps of the gauge may be named."""
+    """A daily wave of 40 m3/s, where only a late gate, steps of the gauge and releases may be named."""
     record = season(CATALOGUE["diurnal_inflow"](amplitude=40.0, hour=9.0))
-    result, _ = answer(record, "outflow_lag", "sensor_step")
+    result, _ = answer(record, "outflow_lag", "sensor_step", "unlogged_upstream_release")
     assert result.verdict == "unknown" and not result.effects, result.reason
     best = result.ranking[0]
     assert best.unknown == "flow" and best.gain > 20.0 and best.probability > 0.5
@@ -140,12 +140,6 @@ def test_a_flow_that_returns_with_a_period_of_its_own_is_unknown_with_that_perio
     assert result.verdict == "unknown" and not result.effects, result.reason
     assert "a rhythm with a period of 7.3 h" in result.reason
     assert result.ranking[0].unknown == "flow" and result.ranking[0].probability > 0.9
-
-
-def test_a_daily_wave_is_not_called_a_release_where_no_daily_wave_may_be_named():
-    record = season(CATALOGUE["diurnal_inflow"](amplitude=40.0, hour=9.0))
-    result, _ = answer(record, "unlogged_upstream_release", "outflow_lag")
-    assert result.verdict == "unknown" and not result.effects, result.reason
 
 
 def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
