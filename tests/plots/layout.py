@@ -20,7 +20,7 @@ def saved(*, write=False):
         if write:
             save(figure, path)
         else:
-            figure.canvas.draw()
+            figure.draw_without_rendering()  # what is checked is where texts are, not their pixels
 
     with patch.object(style, "save", keep):
         yield figures

@@ -23,9 +23,13 @@ NUMBERS = [str(number) for number in range(1, 20)]
 @pytest.fixture(scope="module")
 def figures():
     """The figures of a year by their number, drawn and not written."""
-    y, e = year(), estimated()
+    return all_of(year(), estimated())
+
+
+def all_of(y, e):
+    day, reach = choose(e), of_year(y)
     with styled():
-        drawn = {num: figure_of(num, y, e, choose(e), [of_year(y)]) for num in FIGURES}
+        drawn = {num: figure_of(num, y, e, day, [reach]) for num in FIGURES}
     assert list(drawn) == NUMBERS
     return drawn
 
@@ -33,7 +37,7 @@ def figures():
 @pytest.mark.parametrize("num", NUMBERS)
 def test_no_text_is_cut_off_and_no_tick_labels_overlap(num, figures):
     with styled():
-        figures[num].canvas.draw()
+        figures[num].draw_without_rendering()
     check(figures[num], num)
 
 
@@ -95,11 +99,7 @@ def test_the_given_day_is_shown_and_an_unknown_one_or_one_without_a_response_is_
     ids=["without outflow or answers", "one day"],
 )
 def test_other_years_are_drawn_as_well(y):
-    e = estimate(y)
-    with styled():
-        drawn = {num: figure_of(num, y, e, choose(e), [of_year(y)]) for num in FIGURES}
-    assert list(drawn) == NUMBERS
-    panels = drawn["9"].axes
+    panels = all_of(y, estimate(y))["9"].axes
     assert panels[1].axison == bool(y.outflow)
 
 
