@@ -41,11 +41,12 @@ glen-canyon: install  ## the measured river: Lees Ferry to mile 30, and dam to L
 KERNELS := $(shell grep -rl "^@njit" --include=*.py rivid)
 $(VENV)/.compiled: $(VENV)/.dev $(KERNELS)  # these tests call all kernels: compiled here once, not by each worker
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not long" \
-		tests/reach/test_gate.py tests/diagnosis/test_noise.py tests/diagnosis/test_response.py
+		tests/reach/test_gate.py tests/diagnosis/test_noise.py tests/diagnosis/test_response.py \
+		tests/diagnosis/test_decision.py
 	@touch $@
 
-test: setup $(VENV)/.compiled  ## all tests but the long loops
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not long"
+test: setup $(VENV)/.compiled  ## all tests but the long loops; no worker waits for another's last file
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not long"
 
 test-long: setup $(VENV)/.compiled  ## the long loops and the tests of the benchmarks too
 	RIVID_LONG=1 $(BIN)/python -m pytest -n auto tests rivid benchmarks/tests

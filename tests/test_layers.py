@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import rivid
@@ -58,7 +59,10 @@ def imports(path):
         todo += (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
 
 
-GRAPH = {name: {other for other in imports(path) if other != name} for name, path in MODULES.items()}
+@cache
+def imported():
+    """The modules that each module imports: read by the tests, and not while they are collected."""
+    return {name: {other for other in imports(path) if other != name} for name, path in MODULES.items()}
 
 
 def circles(graph):
@@ -77,7 +81,7 @@ def circles(graph):
 def inside(folder):
     """The imports among what stands in a folder, named by its first part."""
     found = {}
-    for name, others in GRAPH.items():
+    for name, others in imported().items():
         if name.startswith(folder + "."):
             here = name.removeprefix(folder + ".").split(".")[0]
             there = {o.removeprefix(folder + ".").split(".")[0] for o in others if o.startswith(folder + ".")}
@@ -97,14 +101,14 @@ def test_imports_go_downwards():
 def test_no_imports_run_in_circles():
     folders = {name.rsplit(".", 1)[0] for name in MODULES if "." in name}
     found = {folder: circles(inside(folder)) for folder in folders}
-    found["modules"] = circles(GRAPH)
+    found["modules"] = circles(imported())
     assert {name: groups for name, groups in found.items() if groups} == {}
 
 
 def test_the_mathematics_imports_numerical_packages_only():
     wrong = [
         (name, other)
-        for name, others in GRAPH.items()
+        for name, others in imported().items()
         for other in others
         if (top := name.split(".")[1] if "." in name else "") in OUTSIDE
         and (package := other.split(".")[0]) != "rivid"
