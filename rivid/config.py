@@ -181,6 +181,19 @@ class ReachConfig(Section):
 
         return travel_bounds(discharge, length=self.length, width=self.width, depth=self.depth_at(level))
 
+    @property
+    def waves(self) -> tuple[float, float] | None:
+        """Shortest and longest travel time of a wave that carries the signal, over discharge_range [s].
+
+        The gravity wave carries it in a pool; in a river all waves up to the kinematic one do. None where the
+        geometry is not configured.
+        """
+        if not {"length", "width", "depth"} <= self.model_fields_set:
+            return None
+        bounds = self.bounds(self.discharge_range)
+        slowest = bounds.gravity if self.kind == "pool" else bounds.kinematic
+        return float(bounds.gravity.min()), float(slowest.max())
+
     def proposal(self, sample_time: float | None = None) -> "DelayProposal":
         """Candidate delays from the hydraulics, at another `sample_time` [s] where given."""
         from rivid.core.hydraulics import propose_delays

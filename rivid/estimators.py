@@ -302,6 +302,8 @@ def _of_posterior(
     """A day without a front, or with a delay outside the candidates, has no probabilities."""
     import numpy as np
 
+    from rivid.core.hydraulics import SLOW
+
     outside = found.status == "at_bound"
     below = found.beyond[:, 0] > found.beyond[:, 1]
     known = np.isfinite(found.probability).all(axis=1) & (found.link >= 0.5) & ~outside
@@ -312,12 +314,18 @@ def _of_posterior(
         if s.d_min > 1
         else "the delay is about one sample or less (a shorter [reach] sample_time would show it)"
     )
+    too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'posterior', 'd_max')}"
     given, T_s = config.input.model_dump(include={"stamp", "hold", "interval"}), config.reach.sample_time
     _, short = stamp_doubt(given, T_s, river=config.reach.kind == "river")
     if short and s.d_min == 1:
         too_short += f", or up to {short:g} s longer if u_Qi is stamped at the end of its interval"
         too_short += " ([input.stamp])"
-    too_long = f"the delay is longer than d_max = {s.d_max}: raise {_key(config, 'posterior', 'd_max')}"
+    waves = config.reach.waves
+    if waves and (s.d_max - 1) * T_s > SLOW * waves[1]:
+        too_long += (
+            f", or check length, width and depth in [reach]: by these a wave takes {waves[1] / 60:.3g} min "
+            "or less"
+        )
     least = getattr(s, "answer_above", None)  # a river's t50 needs a narrow band instead
     unsure = found.message
     if least is not None:

@@ -274,8 +274,11 @@ def _always(record: Record, fits: Fits, usual: tuple[float, float]) -> list[Find
         return [Finding("clock.gate", values)]
     if lag_in <= -SMALLEST["pool"]:
         return [Finding("clock.before", {"output": record.output, "off_s": -lag_in})]
-    if record.declared("length") and record.balanced and lag_in >= longest + SMALLEST["pool"]:
-        return [Finding("clock.slow", {"lag_s": lag_in, "longest_s": longest})]
+    # what delays the answer to both flows, in a gauge or its clock, is no travel of a wave
+    travel = lag_in - max(lag_out, 0.0)
+    if record.declared("length") and record.balanced and travel > longest + record.step:
+        values = {"lag_s": lag_in, "longest_s": longest, "length": record.reach.length}
+        return [Finding("clock.slow", values)]
     return []
 
 

@@ -45,8 +45,8 @@ TEXTS = {
     "clock of {column} {off_s:span} {speed}?",
     "clock.before": "{output} moves {off_s:span} before u_Qi: is the clock of u_Qi fast, or are columns "
     "swapped?",
-    "clock.slow": "h_L answers u_Qi after {lag_s:span}, where a wave takes at most {longest_s:span} "
-    "([reach]): is the clock of u_Qi slow?",
+    "clock.slow": "h_L answers u_Qi after {lag_s:span}, where a wave takes at most {longest_s:span} over "
+    "[reach] length = {length:g} m: is this too short, or the clock of u_Qi slow?",
     "drift": "the clock of {column} drifts: it becomes {speed} by {off_s:span} from {first} to {last}, "
     "{per_day_s:.0f} s a day, against the other columns",
     "unit.factor": f"{_TIMES}, and 1 {{declared}} is {{factor:times}} {{unit}}: is {{large}} in {{unit}}? "

@@ -11,9 +11,10 @@ import pyarrow.parquet as pq
 
 from rivid.cli.console import abbreviate, wrap
 from rivid.config import Config
+from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.report.summary import SPREAD_OUT, facts
-from rivid.results.read import FEW, EstimatorResults, Results, has_t50, passage
+from rivid.report.summary import SPREAD_OUT, facts, leading
+from rivid.results.read import FEW, EstimatorResults, Results, has_t50, leading_response, passage
 from rivid.results.store import brief_results, finite
 from rivid.run.run import Options, Summary
 from rivid.text import count, delays, duration, probability, samples_first, share, travel_within
@@ -48,6 +49,8 @@ def print_summary(summary: Summary, config: Config, options: Options, quiet: boo
             click.echo(wrap(f"{e.estimator:<{width}}  {counts}", 2, width + 4))
             for line in _numbers(results, e):
                 click.echo(wrap(line, width + 4))
+        if (waves := config.reach.waves) and (doubt := _doubt(results, waves)):
+            click.echo(wrap(doubt, 2))
     _print_failures(summary)
     if not quiet:
         if not summary.reused:
@@ -68,6 +71,18 @@ def _print_failures(summary: Summary) -> None:
         more = f" to {days[-1][0]} ({len(days)} days), the first" if len(days) > 1 else ""
         line = wrap(f"{first}{more} failed: {message}", 2)
         click.echo(click.style(line, fg="red"), err=True)
+
+
+def _doubt(results: Results, waves: tuple[float, float]) -> str:
+    """What the median delay or t50 of the reach is in conflict with: the travel times of [reach] [s]."""
+    e, T_s = leading_response(results) or leading(results), results.sample_time
+    if e is None:
+        return ""
+    earliest = passage(results, e).median if has_t50(e).any() else facts(results, e)["median"]
+    latest = earliest if has_t50(e).any() else earliest + 1.0
+    if (latest + 1.0) * T_s < waves[0] or (earliest - 1.0) * T_s > SLOW * waves[1]:
+        return f"by [reach] a wave takes {duration(waves)}: check length, width, depth, and the clocks"
+    return ""
 
 
 def _numbers(results: Results, e: EstimatorResults) -> list[str]:

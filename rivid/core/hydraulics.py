@@ -15,6 +15,10 @@ from rivid.types import Floats
 GRAVITY = 9.80665
 """Acceleration of gravity [m/s2]."""
 
+SLOW = 2.0
+"""Latest arrival that a geometry allows, over the travel time of its wave. A gravity wave takes twice as long
+only where the mean depth is a quarter, a kinematic wave only where the section is twice as large."""
+
 
 @dataclass(frozen=True)
 class TravelBounds:
@@ -109,7 +113,7 @@ def propose_delays(
     -------
     DelayProposal
         `delay_scale` is the middle of the delays over the range, to half a sample, because the mode of
-        the Rayleigh prior is its scale. In a pool `d_max` is twice the longest delay and `order` twice
+        the Rayleigh prior is its scale. In a pool `d_max` is :data:`SLOW` longest delays and `order` twice
         `d_max`, as 15 and 30 are in the paper. In a river the kinematic wave is the slow bound already:
         `d_max` is its longest delay, and `order` leaves half as much again for the tail. `order` is
         shortened to the longest that estimators accept, as long as `d_max` fits.
@@ -130,7 +134,7 @@ def propose_delays(
     delays = np.maximum(tau / sample_time - 1.0, 1.0)
     scale = max(round(2.0 * float(delays.mean())) / 2.0, 1.0)
     longest = float(delays.max())
-    d_max = max(int(2 * longest) if kind == "pool" else int(np.ceil(longest)), 4)
+    d_max = max(int(SLOW * longest) if kind == "pool" else int(np.ceil(longest)), 4)
     order = max(2 * d_max if kind == "pool" else d_max + d_max // 2, 12)
     if d_max + 3 <= MAX_ORDER:
         order = min(order, MAX_ORDER)

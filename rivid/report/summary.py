@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
 from rivid.results.read import (
     EstimatorResults,
@@ -103,8 +104,8 @@ def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
     """Count and condense the rows of one estimator over the record.
 
     The counts are of `days` (rows), `answered`, `with_delay`, `degenerate`; of the days with a delay:
-    `at_bound`, `prior_only`, `too_fast` (:func:`too_fast`). Delays [samples]: the one or two most frequent in
-    order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
+    `at_bound`, `prior_only`, `too_fast` (:func:`impossible`). Delays [samples]: the one or two most frequent
+    in order (`common`, on `common_days`), `median`, and 80 % of the days from `low` to `high`. Medians of the
     answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
     the delays: `probability`, `least`; NaN where there are none.
     """
@@ -125,7 +126,7 @@ def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
         "at_bound": int((e.at_bound & days).sum()),
         "prior_only": int((e.prior_only & days).sum()),
         "degenerate": e.status.count("degenerate"),
-        "too_fast": int((too_fast(results, e) & days).sum()),
+        "too_fast": int(impossible(results, e)[0].sum()),
         "condition": _median(e.condition[e.answered]),
         "noise_sd": _median(e.noise_sd[e.answered]),
         "alpha": _median(e.alpha[e.answered]),
@@ -230,18 +231,27 @@ def trend(values: Floats, ago: Ints) -> dict[str, Any] | None:
     }
 
 
-def too_fast(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> Bools:
-    """Return the days with an arrival more than a sample before the gravity wave, shape (n,).
+def impossible(results: Results, estimator: EstimatorResults, quantity: str = "delay") -> tuple[Bools, Bools]:
+    """Return the days with an arrival that the geometry excludes: too fast and too slow, each of shape (n,).
 
-    The arrival is t50 where that is the `quantity`, else the travel time, or the latest one that d allows.
+    Too fast is more than a sample before the gravity wave; too slow is more than a sample after
+    :data:`rivid.core.hydraulics.SLOW` travel times of the wave that carries the signal: of the gravity wave
+    in a pool, of the kinematic wave in a river. The arrival is t50 where that is the `quantity`, else the
+    travel time, or all that d allows.
     """
     e, T_s = estimator, results.sample_time
     if quantity == "t50":
-        latest, days = e.t50 * T_s, has_t50(e)
+        earliest, latest, days = e.t50 * T_s, e.t50 * T_s, has_t50(e)
+    elif e.travel_s is not None:
+        earliest, latest, days = e.travel_s, e.travel_s, found(e)
     else:
-        latest, days = (e.delay + 1) * T_s if e.travel_s is None else e.travel_s, found(e)
-    fast: Bools = days & (latest + T_s < e.bound_gravity_s)
-    return fast
+        earliest, latest, days = e.delay * T_s, (e.delay + 1) * T_s, found(e)
+    return days & (latest + T_s < e.bound_gravity_s), days & (earliest - T_s > SLOW * _wave(results, e))
+
+
+def _wave(results: Results, e: EstimatorResults) -> Floats:
+    """Travel time of the wave that carries the signal [s], shape (n,)."""
+    return e.bound_gravity_s if results.output_unit == "m" else e.bound_kinematic_s
 
 
 def _ends(values: Floats) -> tuple[float, float] | None:
@@ -316,7 +326,7 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
     elif not given.any():
         code = "none_in_week"
         statuses = _statuses([s for s, inside in zip(e.status, recent.week, strict=True) if inside])
-    fast = int((too_fast(results, e, recent.quantity) & given).sum())
+    fast, slow = (2 * int((days & given).sum()) for days in impossible(results, e, recent.quantity))
     return {
         "code": code,
         "quantity": recent.quantity,
@@ -335,7 +345,8 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
         "statuses": statuses,
         "latest": (e.dates[finite[-1]], float(recent.values[finite[-1]])) if finite.size else None,
         "at_end": recent.quantity != "t50" and tried.size > 2 and d in (tried[0], tried[-1]),
-        "fast": bool(given.any() and 2 * fast >= given.sum()),
+        "fast": bool(given.any() and fast >= given.sum()),
+        "slow": _ends(_wave(results, e)[given]) if given.any() and slow >= given.sum() else None,
     }
 
 
@@ -413,7 +424,7 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
         return {"code": "assumed"}
     given = recent.given if recent.given.any() else np.isfinite(recent.values)
     gravity = _ends(recent.estimator.bound_gravity_s[given])
-    fast = int((too_fast(results, recent.estimator, recent.quantity) & given).sum())
+    fast = int((impossible(results, recent.estimator, recent.quantity)[0] & given).sum())
     if gravity is None or (recent.quantity == "t50" and not fast):
         return None
     return {"code": "given", "gravity": gravity, "fast": fast, "days": int(given.sum())}

@@ -36,6 +36,12 @@ def test_a_clock_that_is_an_hour_off_on_every_day_gives_impossible_lags(column, 
     the_one(late(days[:n], seconds, column), config, code, **values)
 
 
+def test_a_length_that_is_ten_times_too_short_gives_impossible_lags():
+    days, config = sound()
+    short = {"reach": config.reach.model_dump(exclude_unset=True) | {"length": config.reach.length / 10}}
+    the_one(days[:3], parse(short, Config), "clock.slow", length=config.reach.length / 10)
+
+
 @pytest.mark.parametrize(("column", "per_day"), [("inflow", 60), ("outflow", -90), LEVEL_DRIFT])
 def test_a_clock_that_drifts(column, per_day):
     days, config = sound()

@@ -14,17 +14,17 @@ from rivid.report.summary import (
     LIMITS,
     WEEKS,
     facts,
+    impossible,
     last_week,
     leading,
     missing,
-    too_fast,
     trend,
     weeks_ago,
 )
 from rivid.results.store import assumed, describe
 from rivid.text import spans
 from tests.plots.synthetic import dates_of, results, river, without_answers
-from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel
+from tests.report.runs import STEADY, among, combined, passing, simple, summary_of, with_travel, write
 
 AGO = np.repeat(np.arange(WEEKS, -1, -1), 7)
 """Nine weeks, day by day."""
@@ -298,12 +298,12 @@ def test_the_jump_delay_of_a_river_is_of_little_use_where_the_prior_decides():
 def test_days_faster_than_the_gravity_wave_are_judged_by_the_best_known_time():
     bound = np.full(4, 9.1 * 133)
     run = simple([7, 8, 9, NAN], ["ok"] * 3 + ["failed"], bound_gravity_s=bound)
-    assert too_fast(run, run.estimators[0]).tolist() == [True, False, False, False]
+    assert impossible(run, run.estimators[0])[0].tolist() == [True, False, False, False]
     exact = with_travel(run, 0.05)
-    assert too_fast(exact, exact.estimators[0]).tolist() == [True, True, False, False]
+    assert impossible(exact, exact.estimators[0])[0].tolist() == [True, True, False, False]
     water = river(5)
     e = dataclasses.replace(water.estimators[0], bound_gravity_s=(water.estimators[0].t50 + 1.01) * 900)
-    fast = too_fast(water, e, "t50")
+    fast, _ = impossible(water, e, "t50")
     assert fast.tolist() == np.isfinite(e.t50).tolist() and fast.any()
     s = summary_of(dataclasses.replace(water, estimators=[e]))
     assert s["now"]["fast"] and s["waves"]["fast"] == s["waves"]["days"]
@@ -314,6 +314,23 @@ def test_the_headline_doubts_a_week_that_is_mostly_too_fast(bound, days, headlin
     s = summary_of(simple([7] * 21, bound_gravity_s=np.where(among(21, days), bound * 133, 1000.0)))
     assert s["now"]["fast"] == headline
     assert s["waves"]["fast"] == (min(days, 7) if bound > 9 else 0)
+
+
+@pytest.mark.parametrize(("bound", "days", "headline"), [(2.9, 21, True), (2.9, 3, False), (3.1, 21, False)])
+def test_the_headline_doubts_a_week_that_is_mostly_too_slow(tmp_path, bound, days, headline):
+    run = simple([7] * 21, bound_gravity_s=np.where(among(21, days), bound * 133, 1000.0))
+    assert (summary_of(run)["now"]["slow"] is not None) == headline
+    assert ("the configuration gives 6.4\u00a0min: check length" in write(run, tmp_path)[0]) == headline
+
+
+def test_a_river_is_too_slow_by_its_kinematic_wave():
+    water = river(5)
+    (_, slow), (_, sound) = (
+        impossible(water, dataclasses.replace(e, bound_kinematic_s=(e.t50 - 1) * 900 / 2 + off), "t50")
+        for e in water.estimators[:1]
+        for off in (-1, 1)
+    )
+    assert slow.tolist() == np.isfinite(water.estimators[0].t50).tolist() and not sound.any()
 
 
 def test_an_assumed_geometry_is_compared_with_nothing():

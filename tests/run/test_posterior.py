@@ -238,3 +238,14 @@ def test_an_hourly_pool_with_a_delay_below_one_sample_names_the_doubt_of_its_sta
     assert found.status[0] == "unidentifiable"
     assert "about one sample or less" in found.reason[0] and "shorter than" not in found.reason[0]
     assert ("3600 s longer if u_Qi is stamped" in found.reason[0]) is doubt
+
+
+def test_a_length_that_is_ten_times_too_short_is_doubted(logs, tmp_path):
+    """On the terminal where there are delays; in the reason where the delay lies beyond d_max."""
+    (tmp_path / "short.toml").write_text("[reach]\nlength = 820\nwidth = 81.6\ndepth = 4.9\n")
+    given = ("run", logs, "--config", tmp_path / "short.toml", "--no-figures", *ASKED)
+    assert "by [reach] a wave takes 1.5 to 1.9 min: check length" in rivid(*given, "--out", tmp_path / "a")[1]
+    with open(tmp_path / "short.toml", "a") as file:
+        file.write("[posterior]\nd_max = 4\n")
+    rivid(*given, "--out", tmp_path / "b")
+    assert "check length, width and depth in [reach]" in rows_of(tmp_path / "b")[0]["message"]
