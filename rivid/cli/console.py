@@ -142,21 +142,21 @@ class Console:
 
 
 @contextmanager
-def progress(total: int, name: str = "estimating", quiet: bool = False) -> Iterator[Callable[..., None]]:
-    """Yield a function to call with a number of finished steps and, optionally, the name of the next.
+def progress(total: int) -> Iterator[Callable[[int], None]]:
+    """Yield a function to call with a number of finished steps.
 
-    On a terminal it moves a bar, unless `quiet`; elsewhere it does nothing.
+    On a terminal it moves a bar; elsewhere it does nothing.
     """
-    if quiet or not sys.stderr.isatty():
-        yield lambda n, name=None: None
+    if not sys.stderr.isatty():
+        yield lambda n: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=total)
-        yield lambda n, name=None: bar.update(task, advance=n, description=name)
+        task = bar.add_task("estimating", total=total)
+        yield lambda n: bar.update(task, advance=n)
 
 
 def versions() -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rivid.cli import options as shared
-from rivid.cli.console import Console, progress
+from rivid.cli.console import Console
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import CascadeReach
@@ -72,38 +72,32 @@ def command(
 def _paper(
     out: Path, day: dt.date | None, logs: Path | None, cascade: tuple[Path, ...], console: Console
 ) -> int:
-    from rivid.plots.paper import FIGURES, draw_paper
+    from rivid.plots.paper import draw_paper
     from rivid.plots.paper_data import estimate, of_year, read_run
     from rivid.report.build import write_gallery
     from rivid.results.store import Store
 
     default = (CASCADE, Path(__file__).parents[2] / CASCADE)
     given = list(cascade) or [path for path in default if path.is_file()][:1]
-    console.phase("starting")
-    steps = len(FIGURES) + 2 + max(len(given), 1)
-    with progress(steps, "paper's figures", console.quiet) as step:
+    with console.steps("starting") as step:
+        step("reading the logs")
         year = read_run(out, logs)
-        step(1, "reading the logs")
-        console.phase("reading the logs")
+        step("estimating")
         estimates = estimate(year)
-        step(1, "estimating")
-        console.phase("estimating")
         reaches: list[CascadeReach] = []
         for path in given:
-            step(1, f"cascade: {path}")
+            step(f"the cascade: {path}")
             reaches += simulated_cascade(path) if path.suffix == ".toml" else [of_year(read_run(path))]
         if not reaches:
-            step(1, "cascade")
             reaches = [of_year(year)]
             console.info(f"no --cascade, and no {CASCADE} here: Fig. 19 shows {reaches[0].name} alone")
-        console.phase("the cascade")
         with Store(out):
             place = out / "paper"
             figures = draw_paper(
-                year, estimates, reaches, place, day=day, progress=lambda: step(1, "drawing")
+                year, estimates, reaches, place, day=day, progress=lambda done: step("drawing", done)
             )
+            step("writing the page")
             page = write_gallery(year, figures, place)
-    console.phase("drawing")
     if not console.quiet:
         click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0

@@ -48,25 +48,25 @@ def draw_paper(
     folder: Path,
     *,
     day: dt.date | None = None,
-    progress: Callable[[], Any] = lambda: None,
+    progress: Callable[[float], Any] = lambda done: None,
 ) -> list[FigureFile]:
     """Draw the paper's figures as ``fig02.png``, ``fig02.svg`` and so on; the same logs give the same bytes.
 
     `cascade` are the reaches of Fig. 19, at least one; `day` is that of Figs 7 and 12, a typical one by
-    default. `progress` is called after each of :data:`FIGURES`. Returns the files in the paper's order, the
-    kind of each being its number. ConfigError if `day` has no impulse response, RividError if a file cannot
-    be written.
+    default. `progress` is called with the share that is drawn before each of :data:`FIGURES`. Returns the
+    files in the paper's order, the kind of each being its number. ConfigError if `day` has no impulse
+    response, RividError if a file cannot be written.
     """
     i = choose(estimated, day)
     dam = "downstream" if year.outflow else "upstream"
     files = []
     with style.styled():
-        for num, (title, _) in FIGURES.items():
+        for k, (num, (title, _)) in enumerate(FIGURES.items()):
+            progress(k / len(FIGURES))
             figure = figure_of(num, year, estimated, i, cascade)
             path = folder / f"fig{int(num):02d}{'_priors' if num == '11' else ''}.png"
             files.append(style.written(figure, path, title, kind=num, dam=dam))
             style.save_vector(figure, path.with_suffix(".svg"))
-            progress()
     return files
 
 

@@ -44,6 +44,9 @@ def test_the_figures_of_a_run_come_with_their_page(out, monkeypatch):
     done = invoke(cli.command, out, "--paper", "--cascade", out, "--day", "2008-01-03")
     assert done.exception is None and done.return_value == 0
     assert "2 figures of the paper" in done.output
+    assert done.stderr.splitlines() == [
+        "reading the logs", "estimating", f"the cascade: {out}", "drawing", "writing the page"
+    ]  # fmt: skip
     page = (out / "paper" / "index.html").read_text(encoding="utf-8")
     assert "12 days" in page and "Fig. 19." in page
 
