@@ -12,10 +12,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from rivid.check import check
 from rivid.errors import ConfigError, DataError, NoDataError
+from rivid.logs import log
 from rivid.logs.days import find_days, read_window
 from tests.daily import a_day, text_of, write_days
 from tests.logs.helpers import DAY, HEAD, config, put, read, rows, text
+from tests.run.test_run import rivid
 
 
 def parquet(folder, name=None, columns=None, **options):
@@ -387,6 +390,26 @@ def test_one_bad_file_of_many_loses_nothing_else(tmp_path):
         except DataError as error:
             assert "2008-03-12.csv is UTF-16" in str(error)
     assert read_days == [10, 11, 13, 14]
+
+
+def test_a_file_that_does_not_fit_into_memory_fails_its_day_only(tmp_path, monkeypatch):
+    """The first, the middle and the last day are read for their columns before all others."""
+    write_days(tmp_path / "logs", 3)
+    (tmp_path / "logs" / "many.csv").write_text("time,u_Qi,u_Qo,h_L\n")
+    read_table = log.read_table
+
+    def short_of_memory(path, *given, **options):
+        if path.name in (f"{DAY}.csv", "many.csv"):
+            raise MemoryError
+        return read_table(path, *given, **options)
+
+    monkeypatch.setattr(log, "read_table", short_of_memory)
+    report = check(tmp_path / "logs", config())
+    assert [day.status for day in report.days] == ["failed", "ok", "ok"]
+    assert report.days[0].reason == f"{DAY}.csv does not fit into memory (0 MB)"
+    assert report.bad_files == [("many.csv", "does not fit into memory (0 MB)")]
+    code, text = rivid("run", tmp_path / "logs", "--out", tmp_path / "out", "--no-figures")
+    assert code == 3 and "2 ok" in text and "does not fit into memory" in text
 
 
 @pytest.mark.parametrize(
