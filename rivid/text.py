@@ -25,6 +25,17 @@ def count(n: int, noun: str, plural: str | None = None) -> str:
     return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
 
 
+def shown_in(unit: str, river: bool = False) -> tuple[float, str]:
+    """Factor and unit of a size on pages: those of a level are in mm, as its errors are.
+
+    >>> shown_in("m/day"), shown_in("m or m3/s"), shown_in("m or m3/s", river=True)
+    ((1000.0, 'mm/day'), (1000.0, 'mm'), (1.0, 'm3/s'))
+    """
+    if unit == "m or m3/s":
+        unit = "m3/s" if river else "m"
+    return (1000.0, f"m{unit}") if unit in ("m", "m/day") else (1.0, unit)
+
+
 def listed(parts: Sequence[str], last: str = "and") -> str:
     """Join words as a sentence does.
 

@@ -30,6 +30,7 @@ from rivid.diagnosis.result import (
 from rivid.diagnosis.search import command_steps
 from rivid.diagnosis.spectrum import FEWEST, SHORTEST, rhythm, spectrum
 from rivid.effects import Effect
+from rivid.text import shown_in
 from rivid.types import HOUR, Bools, Floats
 
 MOST = 0.5
@@ -120,7 +121,8 @@ def conclude(
 def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict, str]:
     """Verdict and its reason in a sentence."""
     base, end = gap.rmse_baseline[1], (gap.rmse_described or gap.rmse_augmented)[1]
-    shown = f"{base:.3g} {gap.unit} to {end:.3g} {gap.unit} after 4 h"
+    factor, unit = shown_in(gap.unit)
+    shown = f"{factor * base:.3g} {unit} to {factor * end:.3g} {unit} after 4 h"
     named = study.sure or study.group
     if not named:
         if study.unfit:
@@ -219,7 +221,10 @@ def _small(study: Study) -> tuple[str, ...]:
         one = next(one for one, _ in study.ranking if name in one.names)
         effect = next(effect for effect in one.effects if effect.name == name)
         size = next(iter(_parameters(effect, {}, (), 1.0)), None)
-        about = "" if size is None else f", {size.name.replace('_', ' ')} about {size.value:.3g} {size.unit},"
+        about = ""
+        if size is not None:
+            factor, unit = shown_in(size.unit, study.record.kind == "river")
+            about = f", {_words(size.name)} about {factor * size.value:.3g} {unit},"
         found.append(
             f"{_words(name).capitalize()}{about} improves the fit with a probability of {p:.2f}, and changes "
             "the error too little to matter: it may stand for what the response lacks."

@@ -25,7 +25,7 @@ from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
 from rivid.report.page import data_uri, write_page
 from rivid.results.store import described, to_table, write_parquet
-from rivid.text import count, day_range, number
+from rivid.text import count, day_range, number, shown_in
 
 BAND = 1.959964
 """Standard deviations to either side of a 95 % band."""
@@ -126,6 +126,7 @@ def write_diagnosis_page(
 ) -> Path:
     """Write OUT/diagnosis.html, which embeds `figures` in their order, and return its path."""
     quantities.environment()
+    diagnosis = quantities.as_shown(diagnosis)
     record = evidence.record if evidence is not None else None
     gap = diagnosis.gap
     river = record is not None and record.kind == "river"
@@ -196,8 +197,8 @@ def _noise(noise: Mapping[str, float | None], output: str) -> list[tuple[str, st
         if value is None:
             continue
         name, unit = NOISE.get(key, (quantities.name(key), ""))
-        text = f"{value:,.0f}" if abs(value) >= 1e3 else f"{value:.3g}"
-        unit = output if unit == "output" else unit
+        factor, unit = shown_in(output) if unit == "output" else (1.0, unit)
+        text = f"{value:,.0f}" if abs(value) >= 1e3 else f"{factor * value:.3g}"
         rows.append((name, quantities.period(value) if unit == "s" else f"{text} {unit}".strip()))
     return rows
 
@@ -216,12 +217,13 @@ def _toml(table: Mapping[str, Any]) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the result in a sentence: what is missing, its size and its time."""
-    return quantities.sentence("headline", diagnosis)
+    return quantities.sentence("headline", quantities.as_shown(diagnosis))
 
 
 def summary(diagnosis: Diagnosis, page: Path | None = None) -> str:
     """Return the result for a terminal in lines of at most 80 columns, but for the path of the `page`."""
     template = quantities.environment().get_template("diagnosis.txt.j2")
+    diagnosis = quantities.as_shown(diagnosis)
     ranking, lines = quantities.explanations(diagnosis.ranking)[0], list[str]()
     for line in html.unescape(template.render(d=diagnosis, ranking=ranking)).splitlines():
         key, _, text = line.partition("\t")

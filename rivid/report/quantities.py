@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rivid.diagnosis.result import VERDICTS, Estimate, Gap, NamedEffect, Ranked, Where
+from rivid.diagnosis.result import VERDICTS, Diagnosis, Estimate, Gap, NamedEffect, Ranked, Where
 from rivid.report import page
-from rivid.text import count, day_range, listed
+from rivid.text import count, day_range, listed, shown_in
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -219,7 +219,20 @@ def closed(share: float) -> str:
 
 def scale(gap: Gap) -> tuple[float, str]:
     """Return factor and unit of the errors of a gap: mm for a level, m³/s for a discharge."""
-    return (1000.0, "mm") if gap.unit == "m" else (1.0, "m³/s")
+    factor, unit = shown_in(gap.unit)
+    return factor, unit.replace("m3", "m³")
+
+
+def as_shown(diagnosis: Diagnosis) -> Diagnosis:
+    """Return the diagnosis with the sizes of its effects in the units of pages; diagnosis.json is in SI."""
+    river = diagnosis.gap is not None and diagnosis.gap.unit != "m"
+
+    def sized(e: Estimate) -> Estimate:
+        factor, unit = shown_in(e.unit, river)
+        return replace(e, unit=unit, value=factor * e.value, low=factor * e.low, high=factor * e.high)
+
+    effects = (replace(f, parameters=tuple(map(sized, f.parameters))) for f in diagnosis.effects)
+    return replace(diagnosis, effects=tuple(effects))
 
 
 def gap_rows(gap: Gap, factor: float = 1.0) -> list[Errors]:

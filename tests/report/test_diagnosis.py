@@ -68,6 +68,19 @@ def test_the_files_are_those_of_the_contract(out):
     assert "shown" not in answer["closed_loop"]
 
 
+@pytest.mark.parametrize(
+    ("evidence", "unit", "size"), [(EVIDENCE, "m", "31 mm"), (RIVER, "m3/s", "0.031 m³/s")]
+)
+def test_sizes_of_a_level_are_in_the_unit_of_its_errors(tmp_path, evidence, unit, size):
+    amplitude = Estimate("amplitude", 0.0307, "m or m3/s", 0.0281, 0.0407)
+    tide = dataclasses.replace(DIURNAL, name="tide", parameters=(amplitude,))
+    answer = diagnosis("explained", evidence, effects=(tide,))
+    assert f"amplitude {size}".replace("³", "3") in summary(answer)
+    assert f"amplitude {size}" in headline(answer)
+    text = words(page(tmp_path, "explained", evidence, effects=(tide,), noise={"gauge_sd": 0.0036}))
+    assert size in text and ("3.6 mm" in text) == (unit == "m")
+
+
 def test_the_unexplained_inflow_has_a_row_per_used_sample(out):
     table = pq.read_table(out / "unexplained_inflow.parquet")
     record, kept = EVIDENCE.record, EVIDENCE.record.used
@@ -175,7 +188,7 @@ def test_the_closed_loop_has_its_errors_and_operators(whole, tmp_path):
     for part in (
         "95 % of a change",
         "131 m³/s",
-        "1.2 cm",
+        "12 mm",
         "130.01 m",
         "3.93 h",
         "17.7 min",
