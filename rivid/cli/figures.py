@@ -94,7 +94,7 @@ def _paper(
         with Store(out):
             place = out / "paper"
             figures = draw_paper(
-                year, estimates, reaches, place, day=day, progress=lambda done: step("drawing", done)
+                year, estimates, reaches, place, day=day, progress=lambda num: step(f"drawing Fig. {num}")
             )
             step("writing the page")
             page = write_gallery(year, figures, place)

@@ -48,12 +48,12 @@ def draw_paper(
     folder: Path,
     *,
     day: dt.date | None = None,
-    progress: Callable[[float], Any] = lambda done: None,
+    progress: Callable[[str], Any] = lambda num: None,
 ) -> list[FigureFile]:
     """Draw the paper's figures as ``fig02.png``, ``fig02.svg`` and so on; the same logs give the same bytes.
 
     `cascade` are the reaches of Fig. 19, at least one; `day` is that of Figs 7 and 12, a typical one by
-    default. `progress` is called with the share that is drawn before each of :data:`FIGURES`. Returns the
+    default. `progress` is called with the number of each of :data:`FIGURES` before it is drawn. Returns the
     files in the paper's order, the kind of each being its number. ConfigError if `day` has no impulse
     response, RividError if a file cannot be written.
     """
@@ -61,8 +61,8 @@ def draw_paper(
     dam = "downstream" if year.outflow else "upstream"
     files = []
     with style.styled():
-        for k, (num, (title, _)) in enumerate(FIGURES.items()):
-            progress(k / len(FIGURES))
+        for num, (title, _) in FIGURES.items():
+            progress(num)
             figure = figure_of(num, year, estimated, i, cascade)
             path = folder / f"fig{int(num):02d}{'_priors' if num == '11' else ''}.png"
             files.append(style.written(figure, path, title, kind=num, dam=dam))

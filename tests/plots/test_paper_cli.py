@@ -45,7 +45,8 @@ def test_the_figures_of_a_run_come_with_their_page(out, monkeypatch):
     assert done.exception is None and done.return_value == 0
     assert "2 figures of the paper" in done.output
     assert done.stderr.splitlines() == [
-        "reading the logs", "estimating", f"the cascade: {out}", "drawing", "writing the page"
+        "reading the logs", "estimating", f"the cascade: {out}", "drawing Fig. 2", "drawing Fig. 19",
+        "writing the page",
     ]  # fmt: skip
     page = (out / "paper" / "index.html").read_text(encoding="utf-8")
     assert "12 days" in page and "Fig. 19." in page
