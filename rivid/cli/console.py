@@ -89,22 +89,36 @@ class Console:
         return bar
 
     @contextmanager
-    def steps(self, name: str) -> Iterator[Callable[[str], None]]:
+    def steps(self, name: str) -> Iterator[Callable[..., None]]:
         """Yield a function to call with the name of each step as it begins; `name` is the first step.
 
-        A terminal shows the current step only; with --verbose, each step is printed with its duration.
+        Its second argument, where known, is the share of the work that is done, from 0 to 1: the time left
+        is estimated from the time since the first call with it. A terminal shows the current step only; with
+        --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose
-        current = name
+        current, began = name, None
 
-        def step(text: str) -> None:
+        def time_left(done: float) -> str:
+            nonlocal began
+            now = time.perf_counter()
+            if began is None:
+                began = now, done
+            if done <= began[1]:
+                return ""
+            seconds = (now - began[0]) * (1.0 - done) / (done - began[1])
+            return f", about {seconds:.0f} s left" if seconds < 90 else f", about {seconds / 60:.0f} min left"
+
+        def step(text: str, done: float | None = None) -> None:
             nonlocal current
+            end = "" if done is None else time_left(done)
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:
-                click.echo(f"{text[: WIDTH - 2]:<{WIDTH - 2}}\r", err=True, nl=False)
+                shown = text[: WIDTH - 2 - len(end)] + end
+                click.echo(f"{shown:<{WIDTH - 2}}\r", err=True, nl=False)
             elif text != current and not self.quiet:
-                click.echo(text, err=True)
+                click.echo(text + end, err=True)
             current = text
 
         try:

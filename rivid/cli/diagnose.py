@@ -49,11 +49,10 @@ def command(
     settings = load_config(config)
     with console.steps("starting") as step:
         step("reading the logs")
-        # no time left is shown: one to four rounds come, and even the first takes 2 to 8 times as long as the
-        # calibration before it
         diagnosed = diagnose(
-            data_dir, settings, first=first, last=last, model=model, report=lambda _, what: step(what)
-        )
+            data_dir, settings, first=first, last=last, model=model,
+            report=lambda done, what: step(what, done),
+        )  # fmt: skip
         step("writing")
         page = diagnosed.write(place, pictures=not no_figures)
     if as_json:

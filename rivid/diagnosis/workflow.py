@@ -76,6 +76,9 @@ FINALISTS = 3
 """Fits that are not compared before they end, and values of an effect from which it is scanned."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""
+CALIBRATION, ROUND = 0.15, 0.6
+"""Share of the work that the calibration is, and share of what is left that the next round is, for the time
+left: of six diagnoses 3 to 31 % and 50 to 96 %. How many rounds come is not known before."""
 Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
@@ -240,7 +243,7 @@ class _Search:
         these is no reason to scan again."""
         self.cores: Cores = {}
         self.tails: float | None = None
-        self._report, self._done, self._until, self._round = report, 0.0, 0.3, ""
+        self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
 
     def _carried(
         self, responses: tuple[Response, ...], record: Record
@@ -276,7 +279,7 @@ class _Search:
     def begin_round(self, turn: int, most: int) -> None:
         """A round of explanations with one more effect begins: the calibration is a round, too."""
         self._done, self._round = self._until, f", round {turn + 1} of {most} at most"
-        self._until += (1.0 - self._until) / (most - turn)
+        self._until += ROUND * (1.0 - self._until)
 
     def add(self, one: Explanation) -> Explanation:
         """An explanation with its score, in the pool."""

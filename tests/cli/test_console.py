@@ -122,13 +122,23 @@ def test_steps_are_printed_as_they_begin_or_timed_as_they_end(capsys, monkeypatc
         assert capsys.readouterr().err == printed
 
 
-def test_a_terminal_shows_the_current_step_in_one_line(capsys, monkeypatch):
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+@pytest.mark.parametrize("terminal", [False, True])
+def test_the_time_left_follows_from_the_share_of_work_done(terminal, capsys, monkeypatch):
+    # the logs are read from 100 to 103 s; a fifth of the work is done in 2 s, then the rest gets slower
+    clock = iter([100.0, 103.0, 105.0, 108.0, 403.0, 500.0])
+    monkeypatch.setattr("rivid.cli.console.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
     with Console().steps("starting") as step:
         step("reading the logs")
-        step(f"refitting {'a very long name ' * 9}")
-    shown = capsys.readouterr().err
-    assert "\n" not in shown and {len(line) for line in shown.split("\r")} == {78, 0}
+        for k, done in enumerate((0.0, 0.2, 0.25, 0.5), start=1):
+            step(f"step {k} of 8: refitting {'a very long name ' * (9 if k == 4 else 0)}", done)
+    shown = [
+        line.strip() for line in capsys.readouterr().err.replace("\r", "\n").splitlines() if line.strip()
+    ]
+    assert shown[:2] == ["reading the logs", "step 1 of 8: refitting"]
+    assert [line.rpartition(", about ")[2] for line in shown[2:]] == ["8 s left", "15 s left", "5 min left"]
+    assert all(line.startswith(f"step {k} of 8") for k, line in enumerate(shown[1:], start=1))
+    assert not terminal or max(map(len, shown)) <= 78
 
 
 def test_files_are_counted_with_the_first_and_the_last(tmp_path):
