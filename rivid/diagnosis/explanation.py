@@ -136,8 +136,15 @@ class Explanation:
         return price
 
 
-STEPS = 20
+STEPS = 60
 """Most steps of a fit; few take as many."""
+FRESH = 12
+"""How often the columns of a fit that others extend are computed anew. Where it ends before its optimum, an
+effect that leads it on gains what is not its own: with one computation and 20 steps nothing missing was 1,700
+nats below its optimum in an uneven channel, and a leak led the way to it."""
+RELIABLE = 0.25
+"""Least part of its promise that a step keeps where the columns hold; below, a trust region shrinks (Nocedal
+and Wright, 2006, Algorithm 4.1)."""
 
 
 def fitted(
@@ -178,8 +185,8 @@ def fitted(
     steps : int
         Most steps.
     fresh : int
-        How often the columns are computed anew: after the first step, and where steps with those at hand,
-        corrected by the steps before, gain no more.
+        How often the columns are computed anew at most: after the first step, and where steps with those at
+        hand, corrected by the steps before, gain no more or less than :data:`RELIABLE` of what they promise.
     rough : bool
         Whether the noise at the end is the one near that of the last step.
 
@@ -208,11 +215,12 @@ def fitted(
         root, off = np.sqrt(weights)[:, None], (_values(model) - middle) / sd
         squares, g, G = (np.tensordot(weights, part, 1) for part in _information(noise, seen, J, few))
         g, G = g * sd - off, G * (sd[:, None] * sd) + np.eye(len(sd))
-        cost, fell = 0.5 * float(squares + off @ off), 0.0
+        cost, fell, promised = 0.5 * float(squares + off @ off), 0.0, 0.0
         low, high = _room(model, sd)
         for _ in range(TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
-            if _predicted(G, g, move) < LEAST_STEP:
+            promised = _predicted(G, g, move)
+            if promised < LEAST_STEP:
                 break
             try:
                 other = _moved(model, move * sd)
@@ -233,7 +241,8 @@ def fitted(
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
         stale = stale or fell > 0.0
-        if same and step < FIXED or fell >= ENOUGH and (step > 0 or fresh == 0):
+        least = max(ENOUGH, RELIABLE * promised if stale and fresh > 0 else 0.0)
+        if same and step < FIXED or fell >= least and (step > 0 or fresh == 0):
             continue
         if not stale or fresh == 0:
             break

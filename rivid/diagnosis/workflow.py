@@ -17,7 +17,7 @@ from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, HAIR, Cores, Study, alike, harmless, leading, ranked
-from rivid.diagnosis.explanation import STEPS, Explanation, fitted, scored, tails_of
+from rivid.diagnosis.explanation import FRESH, STEPS, Explanation, fitted, scored, tails_of
 from rivid.diagnosis.fit import Model, NoiseKind
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
@@ -319,7 +319,7 @@ class _Search:
             model = replace(model, noise=None, reach=reach)
             tried = (  # the fit may leave what the sealed days allow: its start does not
                 self._carrying(
-                    model, fresh=1, unknown="dynamics" if dynamics else "", steps=steps,
+                    model, fresh=FRESH, unknown="dynamics" if dynamics else "", steps=steps,
                     log_prior=self.log_prior(int(dynamics)),
                 )
                 for steps in (STEPS, 0)
@@ -617,7 +617,7 @@ class _Search:
     def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
         """`parent` with a candidate, fitted to all open days from a model."""
         return fitted(
-            model, self.record, self.opened, fresh=1, parent=parent, unknown=parent.unknown,
+            model, self.record, self.opened, fresh=FRESH, parent=parent, unknown=parent.unknown,
             log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
         )  # fmt: skip
 
