@@ -42,7 +42,7 @@ def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells
         length, width, depth, PLAIN.level.set_point, sample_time=record.sample_time, flow=record.usual_flow,
         slope=slope, cells=cells, **others,
     )  # fmt: skip
-    return walls(made).settled(record)
+    return walls(made)
 
 
 def walls(response):

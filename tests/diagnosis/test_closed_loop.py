@@ -222,7 +222,7 @@ def test_the_true_reach_and_the_true_law_give_the_true_days():
     assert np.nanmax(np.abs(without - day.outflow[0])) > 6.0
 
 
-@pytest.mark.parametrize("kind", ["channel", "zero", "fir"])
+@pytest.mark.parametrize("kind", ["channel", "fir"])
 def test_corrections_by_lagged_flows_agree_with_the_outflow_that_was_decided(kind):
     s = season("hydraulic", 15, 6) if kind == "channel" else season("intermittent", 15, 6)
     record = record_of(s)

@@ -35,9 +35,6 @@ class Curve:
     def with_parameters(self, vector):
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def settled(self, record):
-        return self
-
     def baseline(self, record, changes=NO_CHANGES):
         a, b = (p.value for p in self.parameters)
         if a > self.breaks:

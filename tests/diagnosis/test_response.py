@@ -153,7 +153,7 @@ def test_an_offset_of_the_gauge_changes_the_reading_only():
     np.testing.assert_allclose(shifted, response.baseline(record) + offset, atol=1e-9)
 
 
-def test_corrections_are_lagged_flows_and_those_of_the_inflow_go_with_its_arrival():
+def test_corrections_are_lagged_flows_and_those_of_the_inflow_lie_about_its_arrival():
     record = season(4, days=2)
     response = nominal(record)
     names = [p.name for p in response.parameters]
@@ -163,12 +163,7 @@ def test_corrections_are_lagged_flows_and_those_of_the_inflow_go_with_its_arriva
         vector = vector_of(response) + scale * (np.array(names) == name)
         added = response.with_parameters(vector).baseline(record) - response.baseline(record)
         np.testing.assert_allclose(added[:, lag:], scale * (flow[:, :-lag] - flow[:, :1]), atol=1e-12)
-    assert response.inflow_lags == (6, 7, 8, 9, 10)
-    assert response.settled(record) is response
-    deeper = response.with_parameters(vector_of(response) + np.eye(len(names))[2] * 0.4)
-    moved = deeper.settled(record)
-    assert moved.inflow_lags[0] < 6 and len(moved.parameters) == len(response.parameters)
-    assert moved.parameters[:11] == deeper.parameters[:11]
+    assert response.inflow_lags == (7, 8, 9, 10, 11)  # of the nominal channel, which has banks
 
 
 def test_the_mean_depth_and_width_are_the_same_whatever_the_modes():
@@ -265,7 +260,6 @@ def a_river():
 CASES = {
     "hydraulic": lambda: (season(4, days=2), nominal(season(4, days=2))),
     "integrator": lambda: pool_of("none"),
-    "zero": lambda: pool_of("zero"),
     "fir": lambda: pool_of("fir"),
     "river": a_river,
 }
@@ -306,7 +300,7 @@ def test_sensitivities_are_those_of_runs_one_by_one():
 
 
 def test_slopes_turn_round_at_a_limit():
-    record, response = pool_of("zero")
+    record, response = pool_of("fir")
     jump = vector_of(response)
     jump[4] = response.parameters[4].high
     edge = response.with_parameters(jump)

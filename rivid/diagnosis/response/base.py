@@ -105,10 +105,6 @@ class Response(Protocol):
         """The same model with other values, shape (p,), on the parameters' scale; limits hold."""
         ...
 
-    def settled(self, record: Record) -> Self:
-        """The same model with its discrete parts, such as lags in samples, set from its parameters."""
-        ...
-
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Output for the logs, linearised about the observed course, shape (days, n) [m or m3/s]."""
         ...
@@ -128,13 +124,7 @@ def vector_of(response: Response) -> Floats:
 
 
 def placed(parameters: tuple[FreeParameter, ...], vector: ArrayLike) -> tuple[FreeParameter, ...]:
-    """Parameters at other values.
-
-    Raises
-    ------
-    RividError
-        Where there are not as many values as parameters, or one is no number.
-    """
+    """Parameters at other values, shape (p,)."""
     values = np.asarray(vector, float)
     if values.shape != (len(parameters),) or not np.isfinite(values).all():
         raise RividError(
@@ -174,32 +164,10 @@ def sensitivities(
     slopes: Floats | None = None,
     base: Floats | None = None,
 ) -> Floats:
-    """Derivatives of the baseline, and what candidates change in it.
+    """Derivatives of the baseline, and its change with each candidate, (p + len(candidates), days, n).
 
-    Memory is that of the result and of one run.
-
-    Parameters
-    ----------
-    response : Response
-    record : Record
-    candidates : sequence of Changes
-        Each with all that the reach then has, `changes` included.
-    changes : Changes
-        Those of the baseline.
-    slopes : ndarray, shape (p, days, n), optional
-        Derivatives for one unit of each parameter of the response, where they are known.
-    base : ndarray, shape (days, n), optional
-        The baseline, where it is known.
-
-    Returns
-    -------
-    ndarray, shape (p + len(candidates), days, n)
-        Derivatives, and the output with each candidate less the baseline.
-
-    Raises
-    ------
-    RividError
-        Where the reach cannot carry the flows.
+    A candidate is all that the reach then has, `changes` included; `slopes` (p, days, n) and `base` (days, n)
+    are given where they are known. Memory is that of the result and of one run.
     """
     if slopes is not None and not candidates:
         return np.asarray(slopes, float)
@@ -251,13 +219,7 @@ class RealFlows:
 
 
 def real_flows(record: Record, changes: Changes) -> RealFlows:
-    """The real flows of a record under changes.
-
-    Raises
-    ------
-    RividError
-        Where changes of a level, an outflow or a volume are given for a river reach, or arrays do not fit.
-    """
+    """The real flows of a record; a river reach takes no changes of a level, an outflow or a volume."""
     shape = record.time.shape
     inflow = record.inflow if changes.inflow is None else on_grid("the real inflow", changes.inflow, shape)
     added = tuple(AddedFlow(part.place, on_grid("an added flow", part.flow, shape)) for part in changes.added)
@@ -384,15 +346,9 @@ def kernels_of(response: Response, record: Record) -> dict[str, Floats]:
 # Compiled: the gate's position depends on the sample before.
 @njit(cache=True, error_model="numpy")
 def follow(
-    steps: Floats,
-    command: Floats,
-    level: Floats,
-    gate: GateArrays,
-    exchange: Floats,
-    area: Floats,
-    outflow: Floats,
-    into: Floats,
-) -> None:
+    steps: Floats, command: Floats, level: Floats, gate: GateArrays, exchange: Floats, area: Floats,
+    outflow: Floats, into: Floats,
+) -> None:  # fmt: skip
     """Write the gate's real flow (days, n) and what flows into each pond (ponds, days, n) [m3/s]."""
     days, n = command.shape
     ponds = len(area)

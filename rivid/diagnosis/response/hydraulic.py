@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -150,16 +150,10 @@ class HydraulicResponse:
         flow: float,
         slope: float | None = None,
         manning: float = 0.03,
-        length_sd: float = 0.03,
-        width_sd: float = 0.05,
-        depth_sd: float = 0.15,
-        manning_sd: float = 0.25,
         width_modes: int = 3,
         bed_modes: int = 3,
         corrections: bool = True,
         cells: int = CELLS,
-        gate_time: float = 30.0,
-        gate_time_sd: float = 0.7,
     ) -> "HydraulicResponse":
         """From the configured geometry.
 
@@ -175,21 +169,12 @@ class HydraulicResponse:
             Of the bed [-]; default: a fall of :data:`FALL` depths over the reach.
         manning : float
             Manning's n [s/m^(1/3)].
-        length_sd, width_sd, depth_sd, manning_sd, gate_time_sd : float
-            Relative uncertainties.
         width_modes, bed_modes : int
             Modes ``cos(j pi x / L)`` of the logarithm of the width and of the bed.
         corrections : bool
             Whether the first lags of the outflow and those about the inflow's arrival are corrected.
         cells : int
             Cells of the channel.
-        gate_time : float
-            [s].
-
-        Raises
-        ------
-        RividError
-            Where a value is impossible, or the reach has no subcritical flow.
         """
         if slope is not None and not 0.0 <= slope * length <= 2.0 * depth:
             raise RividError(
@@ -198,23 +183,33 @@ class HydraulicResponse:
             )
         fall = FALL * depth if slope is None else slope * length
         shape = [
-            FreeParameter.positive("length", "m", length, length_sd),
-            FreeParameter.positive("width", "m", width, width_sd),
-            FreeParameter.positive("depth", "m", depth, depth_sd),
+            FreeParameter.positive("length", "m", length, 0.03),
+            FreeParameter.positive("width", "m", width, 0.05),
+            FreeParameter.positive("depth", "m", depth, 0.15),
             FreeParameter("fall", "m", fall, fall, 0.2 * depth, 0.0, 2.0 * depth),
-            FreeParameter.positive("manning", "s/m^(1/3)", manning, manning_sd),
+            FreeParameter.positive("manning", "s/m^(1/3)", manning, 0.25),
             FreeParameter("bank", "-", BANKS[0], *BANKS[:2], 0.0, BANKS[2]),
-            FreeParameter.positive("gate_time", "s", gate_time, gate_time_sd, reach=3.0),
+            FreeParameter.positive("gate_time", "s", 30.0, 0.7, reach=3.0),
         ]
         for j in range(1, width_modes + 1):
             shape.append(FreeParameter(f"width_mode_{j}", "-", 0.0, 0.0, 0.15, -0.5, 0.5))
         for j in range(2, bed_modes + 1):  # the first is nearly the fall
-            shape.append(FreeParameter(f"bed_mode_{j}", "m", 0.0, 0.0, *_times(depth, 0.08, -0.25, 0.25)))
+            name = f"bed_mode_{j}"
+            shape.append(FreeParameter(name, "m", 0.0, 0.0, 0.08 * depth, -0.25 * depth, 0.25 * depth))
         made = cls(
             (*shape, gauge_lag()), level, flow, cells=cells, width_modes=width_modes, bed_modes=bed_modes,
         )  # fmt: skip
         made = replace(made, pace=HEADROOM * fastest_wave(made.channel, flow, level) / length)
-        return made._corrected(sample_time, flow) if corrections else made
+        if not corrections:
+            return made
+        delay = math.ceil(float(arrival_time(made.channel, [flow], [level])[0]) / sample_time) - 1
+        lags = tuple(delay + lag for lag in ARRIVAL_LAGS if delay + lag >= 1)
+        scale = sample_time / made.channel.surface_area(level)
+        sd, limit = CORRECTION_SD * scale, CORRECTION_LIMIT * scale
+        names = [f"outflow_lag_{lag}" for lag in GATE_LAGS] + [f"inflow_lag_{lag}" for lag in lags]
+        added = (FreeParameter(name, "m per m3/s", 0.0, 0.0, sd, -limit, limit) for name in names)
+        parameters = (*made.parameters[:-1], *added, made.parameters[-1])
+        return replace(made, parameters=parameters, outflow_lags=GATE_LAGS, inflow_lags=lags)
 
     @property
     def surface_area(self) -> float:
@@ -240,13 +235,6 @@ class HydraulicResponse:
         """The same channel with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def settled(self, record: Record) -> "HydraulicResponse":
-        """With the corrections of the inflow at its present arrival; those that move start at zero."""
-        if not self.inflow_lags:
-            return self
-        lags = self._arrival_lags(record.sample_time, record.usual_flow)
-        return self if lags == self.inflow_lags else self._corrected(record.sample_time, record.usual_flow)
-
     def starts(self) -> "tuple[HydraulicResponse, ...]":
         """The nominal channel and others that its priors make likely: a fit has many maxima.
 
@@ -268,27 +256,19 @@ class HydraulicResponse:
         return able
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Level [m] about the observed course, shape (days, n).
-
-        Raises
-        ------
-        RividError
-            Where the channel cannot carry the flows.
-        """
-        gauge = gauge_of(record, changes)
-        flow = self._run(record, changes, gauge, nudged=True)
-        return stilled(record.time, self._level(record, changes, flow), self._lag + changes.well) + gauge
+        """Level [m] about the observed course, shape (days, n)."""
+        return self._read(record, changes, nudged=True)
 
     def simulate(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] of rows that run free from their first readings, shape (days, n).
 
         NaN from where a row cannot follow the logs: without the missing water an open loop can run dry.
         """
-        return as_far_as_it_goes(self._free, record, changes)
+        return as_far_as_it_goes(partial(self._read, nudged=False), record, changes)
 
-    def _free(self, record: Record, changes: Changes) -> Floats:
+    def _read(self, record: Record, changes: Changes, nudged: bool) -> Floats:
         gauge = gauge_of(record, changes)
-        flow = self._run(record, changes, gauge, nudged=False)
+        flow = self._run(record, changes, gauge, nudged)
         return stilled(record.time, self._level(record, changes, flow), self._lag + changes.well) + gauge
 
     def slopes(self, record: Record, base: Floats, changes: Changes = NO_CHANGES) -> Floats:
@@ -331,11 +311,9 @@ class HydraulicResponse:
         """Water level of a run with the corrections, its nudge undone [m]."""
         level = without_nudge(record.time, flow.level, flow.nudge)
         values = [p.value for p in self.parameters[self._shape_count : -1]]
-        return (
-            level + np.tensordot(values, self._columns(record, changes, flow.released), 1)
-            if any(values)
-            else level
-        )
+        if any(values):
+            level += np.tensordot(values, self._columns(record, changes, flow.released), 1)
+        return level
 
     def _columns(self, record: Record, changes: Changes, outflow: Floats) -> Floats:
         """Lagged flows less their first values, shape (corrections, days, n) [m3/s]."""
@@ -344,33 +322,3 @@ class HydraulicResponse:
             [lagged(outflow, lag) - outflow[:, :1] for lag in self.outflow_lags]
             + [lagged(inflow, lag) - inflow[:, :1] for lag in self.inflow_lags]
         )
-
-    def _arrival_lags(self, sample_time: float, flow: float) -> tuple[int, ...]:
-        arrival = float(arrival_time(self.channel, [flow], [self.level])[0])
-        delay = math.ceil(arrival / sample_time) - 1
-        return tuple(delay + lag for lag in ARRIVAL_LAGS if delay + lag >= 1)
-
-    def _corrected(self, sample_time: float, flow: float) -> "HydraulicResponse":
-        lags = self._arrival_lags(sample_time, flow)
-        scale = sample_time / self.channel.surface_area(self.level)
-        old = {p.name: p for p in self.parameters if p.name.startswith("outflow_lag")}
-
-        def correction(name: str) -> FreeParameter:
-            size = _times(scale, CORRECTION_SD, -CORRECTION_LIMIT, CORRECTION_LIMIT)
-            return old.get(name, FreeParameter(name, "m per m3/s", 0.0, 0.0, *size))
-
-        return replace(
-            self,
-            parameters=(
-                *self.parameters[: self._shape_count],
-                *(correction(f"outflow_lag_{lag}") for lag in GATE_LAGS),
-                *(correction(f"inflow_lag_{lag}") for lag in lags),
-                self.parameters[-1],
-            ),
-            outflow_lags=GATE_LAGS,
-            inflow_lags=lags,
-        )
-
-
-def _times(scale: float, sd: float, low: float, high: float) -> tuple[float, float, float]:
-    return sd * scale, low * scale, high * scale

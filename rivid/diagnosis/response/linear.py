@@ -1,4 +1,4 @@
-"""Pools without a usable geometry: the integrator with a delay, with fronts, or with FIRs on both flows.
+"""Pools without a usable geometry: the integrator with a delay, alone or with FIRs on both flows.
 
 All are sums of the flows' volumes and of the flows themselves at lags, so what they give about the observed
 course is what they give at all. Their errors of volume grow without limit; the noise, with its unknown inflow
@@ -32,8 +32,8 @@ from rivid.reach.gauge import stilled
 from rivid.reach.transport import delayed_volume, held_volume
 from rivid.types import Floats
 
-Fronts = Literal["none", "zero", "fir"]
-NAMES: dict[str, str] = {"none": "integrator-delay", "zero": "integrator-delay-zero", "fir": "fir"}
+Fronts = Literal["none", "fir"]
+NAMES: dict[str, str] = {"none": "integrator-delay", "fir": "fir"}
 SLOW = 3600.0
 """Memory of the slow flow on which coefficients depend [s]."""
 COEFFICIENT_SD, COEFFICIENT_LIMIT = 5.0, 50.0
@@ -46,21 +46,20 @@ DENSE = 6
 
 @dataclass(frozen=True, eq=False)
 class LinearPool:
-    """A pool with a level of volume over area, with or without fronts.
+    """A pool with a level of volume over area, and FIRs on both flows for its fronts.
 
     ``h = (V_i(t - tau) G - V_o(t)) / A + sum_l a_l Qi[k - l] + sum_l b_l Qo[k - l]``
 
     with V the volumes that have passed the dams, and tau that of a wave on the day's mean flow Q,
-    ``tau = delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. For
-    ``zero`` one front each, at the delay and at once; for ``fir`` lags with coefficients that grow with the
-    slow flow.
+    ``tau = delay / (1 + s (Q / flow - 1))``, s the share of the water's speed in the wave's. The
+    coefficients grow with the slow flow.
 
     Attributes
     ----------
     parameters : tuple of FreeParameter
         Logarithms of the area A, of the delay at the usual flow and of the gain G of the inflow over the
-        outflow; s; the fronts; the lag of the gauge behind h.
-    fronts : {"none", "zero", "fir"}
+        outflow; s; the coefficients; the lag of the gauge behind h.
+    fronts : {"none", "fir"}
     lags : tuple of int
         Of the FIRs [samples].
     flow, flow_range : float
@@ -68,8 +67,7 @@ class LinearPool:
 
     Notes
     -----
-    Source: equations (5) and (7); Litrico and Fromion (2004) for the fronts; (16) for the FIRs, on both
-    flows.
+    Source: equations (5) and (7); (16) for the FIRs, on both flows.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -87,9 +85,6 @@ class LinearPool:
         surface_area: float,
         delay: float,
         speed_share: float = 0.0,
-        area_sd: float = 0.2,
-        delay_sd: float = 0.2,
-        gain_sd: float = 1e-4,
     ) -> "LinearPool":
         """From the configured geometry.
 
@@ -97,37 +92,25 @@ class LinearPool:
         ----------
         record : Record
             For T_s, the usual flows and the lead time, which no lag exceeds.
-        fronts : {"none", "zero", "fir"}
+        fronts : {"none", "fir"}
         surface_area, delay : float
             A [m2] and tau at the usual flow [s].
         speed_share : float
             s [-], from 0 to 1.
-        area_sd, delay_sd, gain_sd : float
-            Relative uncertainties of these and of the gain 1; more of it is an effect, the error of a meter.
-
-        Raises
-        ------
-        RividError
-            Where a value is impossible.
         """
         if fronts not in NAMES:
             raise RividError(f"fronts = {fronts!r}: expected one of {', '.join(NAMES)}")
         parameters = [
-            FreeParameter.positive("surface_area", "m2", surface_area, area_sd),
-            FreeParameter.positive("delay", "s", delay, delay_sd),
-            FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd),
+            FreeParameter.positive("surface_area", "m2", surface_area, 0.2),
+            FreeParameter.positive("delay", "s", delay, 0.2),
+            FreeParameter.positive("inflow_gain", "-", 1.0, 1e-4),  # more is an effect, the error of a meter
             FreeParameter(
                 "speed_share", "-", speed_share, speed_share, SHARE_SD * max(speed_share, 0.1), 0.0, 1.0
             ),
         ]
         alpha = record.sample_time / surface_area
         lags: tuple[int, ...] = ()
-        if fronts == "zero":
-            for name, mean in (("inflow_jump", 5.0 * alpha), ("outflow_jump", 9.0 * alpha)):
-                parameters.append(
-                    FreeParameter(name, "m per m3/s", mean, mean, 5.0 * alpha, 0.0, 50.0 * alpha)
-                )
-        elif fronts == "fir":
+        if fronts == "fir":
             lags = _lags(math.ceil(delay / record.sample_time), record.lead)
             sd, limit = COEFFICIENT_SD * alpha, COEFFICIENT_LIMIT * alpha
             for what, share in (("", 1.0), ("_by_flow", 0.5)):
@@ -155,10 +138,6 @@ class LinearPool:
     def with_parameters(self, vector: ArrayLike) -> "LinearPool":
         """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
-
-    def settled(self, record: Record) -> "LinearPool":
-        """Itself: nothing of it comes in steps."""
-        return self
 
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
         """Level [m] from each row's first readings on, shape (days, n)."""
@@ -195,10 +174,7 @@ class LinearPool:
         stored = came - held_volume(time, flows.outflow)
         rise = np.diff(stored, axis=1, prepend=0.0) / _before(flows.storage)
         level = np.cumsum(rise, axis=1) / area
-        if self.fronts == "zero":
-            up, down = (p.natural for p in self.parameters[4:6])
-            level += up * mean_before(time, came) - down * mean_before(time, held_volume(time, flows.outflow))
-        elif self.fronts == "fir":
+        if self.fronts == "fir":
             values = [p.value for p in self.parameters[4:-1]]
             if any(values):
                 for value, flow in zip(values, self._columns(record, flows), strict=True):

@@ -18,6 +18,8 @@ CELLS = 24
 """Cells of the reach: the fluxes of so many hold a spread of a tenth of the delay or more."""
 NARROWEST = 0.1
 """Least spread over the delay [-]."""
+GAIN_SD = 0.03
+"""How well the gain of two gauges is known, as a share."""
 COURANT = 0.7
 """Of Heun's method on these fluxes: stable up to 1 where they lean upstream; central ones grow slowly."""
 TABLE, BEYOND = 4096, 2.0
@@ -63,44 +65,23 @@ class RiverResponse:
         delay: float,
         spread: float,
         flow: float,
-        *,
         exponent: float = 0.4,
-        delay_sd: float = 0.3,
-        spread_sd: float = 0.7,
-        exponent_sd: float = 0.2,
-        gain_sd: float = 0.03,
     ) -> "RiverResponse":
-        """From a rough delay.
+        """From a rough mean and standard deviation of the arrivals [s] at the usual flow [m3/s].
 
-        Parameters
-        ----------
-        delay, spread : float
-            Mean and standard deviation of the arrivals at the usual flow [s].
-        flow : float
-            Usual flow [m3/s].
-        exponent : float
-            By which the delay falls with the flow [-].
-        delay_sd, spread_sd, gain_sd : float
-            How well delay, spread and the gain 1 are known, as shares; the constant is known as the gain is.
-        exponent_sd : float
-            [-].
-
-        Raises
-        ------
-        RividError
-            Where a value is impossible.
+        The delay falls with the flow by `exponent` [-]. The constant is known as well as the gain.
         """
         if not flow > 0.0:
             raise RividError(f"flow = {flow} m3/s: expected a positive usual flow")
         return cls(
             (
-                FreeParameter.positive("delay", "s", delay, delay_sd),
-                FreeParameter("exponent", "-", exponent, exponent, exponent_sd, -0.2, 0.8),
-                FreeParameter.positive("spread", "s", spread, spread_sd, reach=1.0),
+                FreeParameter.positive("delay", "s", delay, 0.3),
+                FreeParameter("exponent", "-", exponent, exponent, 0.2, -0.2, 0.8),
+                FreeParameter.positive("spread", "s", spread, 0.7, reach=1.0),
                 FreeParameter("held_share", "-", 0.15, 0.15, 0.15, 0.0, 0.6),
                 FreeParameter.positive("held_time", "s", delay, 0.5, reach=2.0),
-                FreeParameter.positive("inflow_gain", "-", 1.0, gain_sd, reach=3.0),
-                FreeParameter("rating_offset", "-", 0.0, 0.0, gain_sd, -3.0 * gain_sd, 3.0 * gain_sd),
+                FreeParameter.positive("inflow_gain", "-", 1.0, GAIN_SD, reach=3.0),
+                FreeParameter("rating_offset", "-", 0.0, 0.0, GAIN_SD, -3.0 * GAIN_SD, 3.0 * GAIN_SD),
             ),
             flow,
         )
@@ -109,18 +90,8 @@ class RiverResponse:
         """The same with other values; see :class:`rivid.diagnosis.response.base.Response`."""
         return replace(self, parameters=placed(self.parameters, vector))
 
-    def settled(self, record: Record) -> "RiverResponse":
-        """Itself: nothing of it comes in steps."""
-        return self
-
     def baseline(self, record: Record, changes: Changes = NO_CHANGES) -> Floats:
-        """Discharge at the lower end [m3/s], shape (days, n).
-
-        Raises
-        ------
-        RividError
-            Where losses leave no water in the reach.
-        """
+        """Discharge at the lower end [m3/s], shape (days, n)."""
         flows = real_flows(record, changes)
         delay, exponent, spread, held, hold, gain, offset = (p.natural for p in self.parameters)
         kappa = 0.5 * (CELLS * max(spread / delay, NARROWEST) ** 2 - 1.0)
@@ -155,15 +126,9 @@ class RiverResponse:
 
 @njit(cache=True, error_model="numpy")
 def route(
-    inflow: Floats,
-    sides: Floats,
-    time: Floats,
-    steps: int,
-    flow_of: Floats,
-    top: float,
-    kappa: float,
+    inflow: Floats, sides: Floats, time: Floats, steps: int, flow_of: Floats, top: float, kappa: float,
     out: Floats,
-) -> bool:
+) -> bool:  # fmt: skip
     """Write the discharge at the lower end (days, n) at the beginning of each sample; False if it runs dry.
 
     `inflow` (days, n) and `sides` (N + 1, days, n), or (0, days, n), which enter at the cells' upper faces
@@ -213,13 +178,7 @@ def at(table: Floats, place: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def rates(
-    volume: Floats,
-    inflow: float,
-    added: Floats,
-    flow_of: Floats,
-    kappa: float,
-    flows: Floats,
-    out: Floats,
+    volume: Floats, inflow: float, added: Floats, flow_of: Floats, kappa: float, flows: Floats, out: Floats
 ) -> bool:
     """Write the rates (N,) [m3/s] of the volumes, in table entries; False where a cell is empty."""
     last, least = len(flow_of) - 2, volume[0]
