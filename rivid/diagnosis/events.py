@@ -106,15 +106,6 @@ LARGEST_JUMP = 1.0
 """A gauge set anew or knocked [m]: with a flat prior to here, 1 nat more for 2.7 times."""
 
 
-def price_of(starts: int, largest: float, size_se: float) -> float:
-    """Price of an event that may start at so many times, with a size between -`largest` and `largest` [nats].
-
-    The logarithm of its evidence, by Laplace's approximation with flat priors, is its gain less this:
-    ``log(starts) + log(2 largest / (sqrt(2 pi) size_se))``.
-    """
-    return float(np.log(max(starts, 1) * 2.0 * largest / (np.sqrt(2.0 * np.pi) * size_se)))
-
-
 @dataclass(frozen=True, eq=False)
 class Kind:
     """A kind of event."""
@@ -211,7 +202,7 @@ class Rows:
 
     def __init__(
         self, residual: ArrayLike, whiten: Whiten, kind: Kind, sample_time: float, lead: int,
-        follows: ArrayLike | None, weights: ArrayLike | None, price: float | None, most: int,
+        follows: ArrayLike | None,
     ) -> None:  # fmt: skip
         z = np.asarray(residual, float)
         if z.ndim != 2 or not 0 <= lead < z.shape[1]:
@@ -220,13 +211,9 @@ class Rows:
             )
         days, n = z.shape
         self.follows = np.zeros(days, bool) if follows is None else np.asarray(follows, bool)
-        self.weights = np.ones(days) if weights is None else np.asarray(weights, float)
-        if self.follows.shape != (days,) or self.weights.shape != (days,):
-            raise RividError(
-                f"follows and weights have shapes {self.follows.shape} and {self.weights.shape}: "
-                f"expected ({days},)"
-            )
-        self.whiten, self.kind, self.T, self.lead, self.most = whiten, kind, sample_time, lead, most
+        if self.follows.shape != (days,):
+            raise RividError(f"follows has shape {self.follows.shape}: expected ({days},)")
+        self.whiten, self.kind, self.T, self.lead = whiten, kind, sample_time, lead
         self.there = np.isfinite(z)
         self.white = whiten(np.where(self.there, z, np.nan)[None], z)[0]
         self.before = self._before(max(kind.samples(sample_time)))
@@ -236,7 +223,7 @@ class Rows:
         self.usual = Counter(row.tobytes() for row in self.there).most_common(1)[0][0]
         self.patterns: dict[bytes, _Pattern] = {}
         self.products: dict[int, Floats] = {}
-        self.price = self._usual_price() if price is None else price
+        self.price = self._price()
 
     def search(self, forms: Sequence[Form], rows: Sequence[int], timed: int = 0) -> list[_Found]:
         """Events of each form in some rows, in order; `timed` as of :func:`pursue`."""
@@ -270,8 +257,8 @@ class Rows:
         best = -np.inf
         while True:
             tried, likelier = pursue(
-                steps, c, lasts, unit, low, apart, self.kind.sign, self._price_in(form), self.most,
-                float(self.weights[d]), carried, timed, form.ends,
+                steps, c, lasts, unit, low, apart, self.kind.sign,
+                self.price + float(np.log(len(durations))), MOST, carried, timed, form.ends,
             )  # fmt: skip
             early = [e for e in tried[len(old) :].tolist() if goes_on and 0.0 <= e[0] - before + day < n]
             there = [self._gain(found, d - 1, e[0] - before + day, e[1:3]) for e in early]
@@ -308,7 +295,7 @@ class Rows:
                 made[k, 0] += self._made(h, *one)
         there = np.where(self.there[d], 0.0, np.nan)[None]
         before, more = self.whiten(made, there)[:, 0]
-        return float(self.weights[d] * (more @ (self.white[d] - before - 0.5 * more)))
+        return float(more @ (self.white[d] - before - 0.5 * more))
 
     def _kernel(self, form: Form) -> Floats:
         """Response to an event of a form that does not end."""
@@ -383,11 +370,11 @@ class Rows:
             units.append(pattern.units[at])
         return made, np.array(units)
 
-    def _price_in(self, form: Form) -> float:
-        """Price of an event that may have one of several durations [nats]."""
-        return self.price + float(np.log(len(form.durations)))
+    def _price(self) -> float:
+        """Price of an event [nats]; of a jump by Laplace's approximation to its evidence, with flat priors.
 
-    def _usual_price(self) -> float:
+        The log evidence is the gain less the price, log(starts 2 LARGEST_JUMP / (sqrt(2 pi) se)).
+        """
         if self.kind.shape != "jump":
             return PRICE
         whole = self.pattern(self.there[int(np.argmax(self.there.sum(1)))])
@@ -395,7 +382,8 @@ class Rows:
         sure = unit[unit > 0.0]
         if not len(sure):
             return PRICE
-        return price_of(int(self.there.sum()), LARGEST_JUMP, float(np.median(sure)))
+        starts, se = max(int(self.there.sum()), 1), float(np.median(sure))
+        return float(np.log(starts * 2.0 * LARGEST_JUMP / (np.sqrt(2.0 * np.pi) * se)))
 
 
 def find_events(
@@ -406,9 +394,6 @@ def find_events(
     *,
     lead: int = 0,
     follows: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
-    price: float | None = None,
-    most: int = MOST,
     refine: bool = True,
 ) -> Events:
     """Find events of one kind, day by day, for each duration; keep the duration of largest gain.
@@ -426,22 +411,11 @@ def find_events(
         Samples of a row before its day; rows are `n - lead` samples apart.
     follows : array_like of bool, shape (days,), optional
         Whether a row is the day after the one above it: events under way are carried over. Default: none.
-    weights : array_like, shape (days,), optional
-        Of each day's log-likelihood.
-    price : float, optional
-        Of an event [nats]. Default: :data:`PRICE`, of a jump that of :func:`price_of`.
-    most : int
-        Most new events of a day.
     refine : bool
         Whether the duration is refined between the values of the grid, starts are moved between the samples,
         and pulses may have two durations, or one each, where that gains more than its price.
-
-    Raises
-    ------
-    RividError
-        Where arrays do not fit.
     """
-    rows = Rows(residual, whiten, kind, sample_time, lead, follows, weights, price, most)
+    rows = Rows(residual, whiten, kind, sample_time, lead, follows)
     every = range(len(rows.white))
     if refine and kind.shape != "jump":
         (found,) = rows.search([_refined(rows)], every, timed=2)
@@ -460,8 +434,7 @@ to one of 1.04, within which the gain is flat."""
 
 def _some(rows: Rows) -> list[int]:
     """The rows with most to explain, in order."""
-    size = rows.weights * (rows.white**2).sum(1)
-    return sorted(np.argsort(-size, kind="stable")[:FEW_ROWS].tolist())
+    return sorted(np.argsort(-(rows.white**2).sum(1), kind="stable")[:FEW_ROWS].tolist())
 
 
 def _usual(rows: Rows) -> Form:
@@ -512,37 +485,23 @@ WITHIN = 1800.0
 """Two starts are at the same hour if they are no further apart by the clock [s]."""
 
 
-def timetable(
-    events: Sequence[Event], *, within: float = WITHIN, draws: int = 999, seed: int = 0
-) -> tuple[float, float]:
-    """Whether events start at the same hours of the day.
+def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tuple[float, float]:
+    """Whether events start at the same hours of the day: p, and the share of starts at an hour of many.
 
-    Parameters
-    ----------
-    events : sequence of Event
-        Those under way at the start of a row are left out.
-    within : float
-        Largest distance of two starts at the same hour [s].
-    draws, seed : int
-        Random timetables.
-
-    Returns
-    -------
-    p_value : float
-        Of as many pairs of starts at the same hour, were they uniform; 1 with events of one day only.
-    share : float
-        Share of the starts at an hour at which many start.
+    p is that of as many pairs of starts at the same hour, were they uniform; 1 with events of one day only.
+    Events under way at the start of a row are left out.
     """
     counted = [e for e in events if not e.under_way]
     starts = np.array([e.start_s % DAY for e in counted])
     if len({e.day for e in counted}) < 2:
         return 1.0, 0.0
-    observed = _agreeing(starts[None], within)[0]
+    observed = _agreeing(starts[None])[0]
     by_chance = np.random.default_rng(seed).uniform(0.0, DAY, (draws, len(starts)))
-    p_value = float((1 + (_agreeing(by_chance, within) >= observed).sum()) / (1 + draws))
+    p_value = float((1 + (_agreeing(by_chance) >= observed).sum()) / (1 + draws))
     left = np.ones(len(starts), bool)
     while left.any():
-        near = (_apart(starts[:, None], starts) <= within) & left
+        apart = np.abs(starts[:, None] - starts)
+        near = (np.minimum(apart, DAY - apart) <= WITHIN) & left
         members = near[int(np.argmax(near.sum(1)))]
         if members.sum() < max(3, 0.15 * len(starts)):
             break
@@ -559,15 +518,9 @@ def size_variation(events: Sequence[Event]) -> float:
     return float(np.sqrt(own) / max(abs(float(a.mean())), 1e-300))
 
 
-def _apart(a: Floats, b: Floats) -> Floats:
-    """Distance by the clock [s]."""
-    d = np.abs(a - b)
-    return np.asarray(np.minimum(d, DAY - d), float)
-
-
-def _agreeing(starts: Floats, within: float) -> Ints:
-    """Pairs of starts up to about `within` apart by the clock, on a ring of bins; starts (draws, events)."""
-    ring = max(round(DAY / (within / 3.0)), 8)
+def _agreeing(starts: Floats) -> Ints:
+    """Pairs of starts up to about :data:`WITHIN` apart by the clock, on a ring of bins; (draws, events)."""
+    ring = round(DAY / (WITHIN / 3.0))
     bins = np.minimum((starts * (ring / DAY)).astype(np.int64), ring - 1)
     cell = bins + ring * np.arange(len(starts))[:, None]
     counts = np.bincount(cell.ravel(), minlength=ring * len(starts)).reshape(len(starts), ring)

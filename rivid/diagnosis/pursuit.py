@@ -168,12 +168,12 @@ def _put(rows: Rows, k: int, at: float, D: float, steps: Steps) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _factor(rows: Rows, K: int, weight: float) -> Floats:
+def _factor(rows: Rows, K: int) -> Floats:
     """Cholesky factor (K, K) of the sizes' information."""
     L = np.empty((K, K))
     for k in range(K):
         for i in range(k + 1):
-            total = weight * _with(rows.step[i], rows.share[i], rows.product[k])
+            total = _with(rows.step[i], rows.share[i], rows.product[k])
             if i == k:
                 total = total * (1.0 + 1e-9) + rows.precision[k] + 1e-300
             for j in range(i):
@@ -183,15 +183,15 @@ def _factor(rows: Rows, K: int, weight: float) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _fit(rows: Rows, K: int, c: Floats, weight: float) -> float:
+def _fit(rows: Rows, K: int, c: Floats) -> float:
     """Fit the sizes; the log-likelihood over that without events."""
     if K == 0:
         return 0.0
-    L = _factor(rows, K, weight)
+    L = _factor(rows, K)
     y = np.empty(K)
     gain = 0.0
     for k in range(K):
-        y[k] = weight * _with(rows.step[k], rows.share[k], c) + rows.precision[k] * rows.mean[k]
+        y[k] = _with(rows.step[k], rows.share[k], c) + rows.precision[k] * rows.mean[k]
         gain -= 0.5 * rows.precision[k] * rows.mean[k] ** 2
         for j in range(k):
             y[k] -= L[k, j] * y[j]
@@ -215,9 +215,9 @@ def _wrong(rows: Rows, old: int, K: int, sign: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _variances(rows: Rows, K: int, weight: float) -> Floats:
+def _variances(rows: Rows, K: int) -> Floats:
     """Variances of the sizes (K,): the diagonal of the inverse information."""
-    L = _factor(rows, K, weight)
+    L = _factor(rows, K)
     out = np.zeros(K)
     for k in range(K):
         column = np.zeros(K)
@@ -343,7 +343,7 @@ NEAR = 2.0
 
 @njit(cache=True, error_model="numpy")
 def _timed(
-    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, low: float, ends: bool,
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     gain: float,
 ) -> float:  # fmt: skip
     """Move the starts, or the ends too, between the samples until they are still; the new likelihood."""
@@ -359,10 +359,10 @@ def _timed(
                 if abs(new_at - at) + abs(new_D - D if end else 0.0) < 1e-6:
                     continue
                 _put(rows, k, new_at, new_D, steps)
-                now = _fit(rows, K, c, weight)
+                now = _fit(rows, K, c)
                 if now < gain or _wrong(rows, old, K, sign):
                     _put(rows, k, at, D, steps)
-                    _fit(rows, K, c, weight)
+                    _fit(rows, K, c)
                 else:
                     far = max(far, abs(new_at - at), abs(new_D - D) if end else 0.0)
                     gain = now
@@ -373,7 +373,7 @@ def _timed(
 
 @njit(cache=True, error_model="numpy")
 def _merged(
-    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, price: float, gain: float
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, price: float, gain: float
 ) -> tuple[int, float]:  # fmt: skip
     """Make one event of two that follow each other where this costs less than a price; how many are left."""
     k = old
@@ -386,7 +386,7 @@ def _merged(
             _put(rows, k, at[k], max(at[m] + D[m], at[k] + D[k]) - at[k], steps)
             if m < K - 1:  # the last one takes the place
                 _put(rows, m, rows.at[K - 1], rows.D[K - 1], steps)
-            now = _fit(rows, K - 1, c, weight)
+            now = _fit(rows, K - 1, c)
             wrong = _wrong(rows, old, K - 1, sign)
             if now > gain - price and not wrong:
                 K, gain, k = K - 1, now, old - 1
@@ -394,12 +394,12 @@ def _merged(
             _put(rows, k, at[k], D[k], steps)
             _put(rows, m, at[m], D[m], steps)
         k += 1
-    return K, _fit(rows, K, c, weight)
+    return K, _fit(rows, K, c)
 
 
 @njit(cache=True, error_model="numpy")
 def _dropped(
-    steps: Steps, rows: Rows, K: int, old: int, c: Floats, weight: float, sign: int, low: float, ends: bool,
+    steps: Steps, rows: Rows, K: int, old: int, c: Floats, sign: int, low: float, ends: bool,
     price: float, gain: float,
 ) -> tuple[int, float]:  # fmt: skip
     """Leave out each event that the others, moved, make up for but for less than a price; how many are left.
@@ -416,16 +416,16 @@ def _dropped(
         if not alone:
             if k < K - 1:
                 _put(rows, k, at[K - 1], D[K - 1], steps)
-            now = _fit(rows, K - 1, c, weight)
+            now = _fit(rows, K - 1, c)
             if not _wrong(rows, old, K - 1, sign):
-                now = _timed(steps, rows, K - 1, old, c, weight, sign, low, ends, now)
+                now = _timed(steps, rows, K - 1, old, c, sign, low, ends, now)
             if now > gain - price:
                 K, gain = K - 1, now
                 continue
             for m in range(old, K):
                 if rows.at[m] != at[m] or rows.D[m] != D[m]:
                     _put(rows, m, at[m], D[m], steps)
-            _fit(rows, K, c, weight)
+            _fit(rows, K, c)
         k += 1
     return K, gain
 
@@ -433,7 +433,7 @@ def _dropped(
 @njit(cache=True, error_model="numpy")
 def pursue(
     steps: Steps, c: Floats, durations: Floats, unit: Floats, low: Ints, apart: float, sign: int,
-    price: float, most: int, weight: float, carried: Floats, timed: int, ends: bool,
+    price: float, most: int, carried: Floats, timed: int, ends: bool,
 ) -> tuple[Floats, float]:  # fmt: skip
     """Events of a whitened row, those carried from the row before first.
 
@@ -456,8 +456,6 @@ def pursue(
         Of an event [nats].
     most : int
         Most new events.
-    weight : float
-        Of the row's log-likelihood.
     carried : ndarray, shape (k, 4)
         Events of the row before: start, duration, size and its standard error; they cost nothing.
     timed : {0, 1, 2}
@@ -482,21 +480,21 @@ def pursue(
         rows.mean[k], rows.precision[k] = carried[k, 2], 1.0 / max(carried[k, 3], 1e-12) ** 2
         _put(rows, k, carried[k, 0], carried[k, 1], steps)
     K = old
-    gain = _fit(rows, K, c, weight)
+    gain = _fit(rows, K, c)
     refused = np.zeros((len(durations), S), np.bool_)
     free = np.zeros((len(durations), S), np.bool_)
     window, x = np.empty(len(durations), np.int64), np.empty(S)
     tries = 0
-    while K - old < most and tries < 3 * most and weight > 0.0:
+    while K - old < most and tries < 3 * most:
         tries += 1
         _rest(rows, K, c, x)
         worth, s, i = _best(x, durations, unit, apart, sign, rows, K, -1, refused, low, S)
         # With the others fitted again an atom gains more than this, twice as much where it leans on them.
-        if s < 0 or weight * worth * worth < price:
+        if s < 0 or worth * worth < price:
             break
         at, D = rows.at[:K].copy(), rows.D[:K].copy()
         _put(rows, K, float(s), durations[i], steps)
-        now = _fit(rows, K + 1, c, weight)
+        now = _fit(rows, K + 1, c)
         _rest(rows, K + 1, c, x)
         for k in range(old, K + 1 if K > old else K):  # each at its best start nearby, given the others
             was_at, was_D = rows.at[k], rows.D[k]
@@ -507,28 +505,28 @@ def pursue(
             if s_k < 0 or (s_k == was_at and durations[i_k] == was_D):
                 continue
             _put(rows, k, float(s_k), durations[i_k], steps)
-            other = _fit(rows, K + 1, c, weight)
+            other = _fit(rows, K + 1, c)
             if other > now:
                 now = other
             else:
                 _put(rows, k, was_at, was_D, steps)
-                _fit(rows, K + 1, c, weight)
+                _fit(rows, K + 1, c)
             _rest(rows, K + 1, c, x)
         if _wrong(rows, old, K + 1, sign) or now - gain < price:
             refused[i, s] = True
             for k in range(old, K):
                 if rows.at[k] != at[k] or rows.D[k] != D[k]:
                     _put(rows, k, at[k], D[k], steps)
-            _fit(rows, K, c, weight)
+            _fit(rows, K, c)
         else:
             K, gain = K + 1, now
     for turn in range(timed):
-        gain = _timed(steps, rows, K, old, c, weight, sign, float(low.min()), ends, gain)
+        gain = _timed(steps, rows, K, old, c, sign, float(low.min()), ends, gain)
         if turn == 0 and ends:
-            K, gain = _merged(steps, rows, K, old, c, weight, sign, price, gain)
+            K, gain = _merged(steps, rows, K, old, c, sign, price, gain)
         if turn == 1:
-            K, gain = _dropped(steps, rows, K, old, c, weight, sign, float(low.min()), ends, price, gain)
-    variance = _variances(rows, K, weight)
+            K, gain = _dropped(steps, rows, K, old, c, sign, float(low.min()), ends, price, gain)
+    variance = _variances(rows, K)
     kept = old
     for k in range(old, K):  # exact: the likelihood is a parabola
         if 0.5 * rows.size[k] ** 2 / max(variance[k], 1e-300) >= price:
@@ -537,8 +535,8 @@ def pursue(
             kept += 1
     if kept < K:
         K = kept
-        gain = _fit(rows, K, c, weight)
-        variance = _variances(rows, K, weight)
+        gain = _fit(rows, K, c)
+        variance = _variances(rows, K)
     found = np.empty((K, 5))
     for k in range(K):
         found[k, 0], found[k, 1], found[k, 2], found[k, 3] = rows.at[k], rows.D[k], rows.size[k], variance[k]

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from rivid.diagnosis import events
 from rivid.diagnosis.events import (
     Event,
     Form,
@@ -73,7 +74,7 @@ def test_an_atom_is_the_whitened_response_of_its_flow(shape, rise, noise):
     there[:5] = there[22:31] = False
     like = np.where(there, 0.0, np.nan)[None]
     kind = Kind("x", shape, 1, kernel, (7.25 * T, 18.0 * T))
-    rows = Rows(like, noise.whiten, kind, T, 0, None, None, None, 5)
+    rows = Rows(like, noise.whiten, kind, T, 0, None)
     h = extended(kernel, 3 * n)
     for samples in (7.25, 18.0):
         steps, unit = rows.atoms(rows.pattern(there), Form((samples,), rise))
@@ -98,14 +99,15 @@ def test_an_atom_is_the_whitened_response_of_its_flow(shape, rise, noise):
 
 
 @sizes("seeds", 3, 12)
-def test_pursuit_finds_what_a_search_over_all_pairs_finds(seeds):
+def test_pursuit_finds_what_a_search_over_all_pairs_finds(seeds, monkeypatch):
     n, samples, agree = 70, 8, 0
     kind = Kind("lock", "pulse", -1, HERE[:n], (samples * T,))
     for seed in range(seeds):
         z, _ = planted(
             seed, 1, LOCK, samples, lambda rng: (rng.integers(8, 28), rng.integers(38, 56)), 60.0, n=n
         )
-        rows = Rows(z, NOISE.whiten, kind, T, 0, None, None, 12.0, 2)
+        monkeypatch.setattr(events, "MOST", 2)
+        rows = Rows(z, NOISE.whiten, kind, T, 0, None)
         (found,) = rows.search([Form((float(samples),))], [0])
         steps, unit = rows.atoms(rows.pattern(np.ones(n, bool)), found.form)
         A = steps.W - np.concatenate([steps.W[samples:], np.zeros((samples, n))])
@@ -317,12 +319,11 @@ def test_rain_is_not_a_release_and_down_is_not_up():
     assert gains[0] > max(gains[1:]) + 20.0
 
 
-def test_close_events_are_separated_timed_from_midnight_and_left_out_on_days_without_weight():
+def test_close_events_are_separated_and_timed_from_midnight():
     z, _ = planted(3, 6, LOCK, 14, lambda rng: (100, 121, 142), 60.0)
-    found = find_events(z, NOISE.whiten, LOCK, T, lead=43, weights=[1, 0, 1, 1, 1, 1], refine=False)
-    assert found.duration_s == 1800.0 and len(found.events) == 15
-    assert {e.day for e in found.events} == {0, 2, 3, 4, 5}
-    for d in (0, 2, 3, 4, 5):
+    found = find_events(z, NOISE.whiten, LOCK, T, lead=43, refine=False)
+    assert found.duration_s == 1800.0 and len(found.events) == 18
+    for d in range(6):
         starts = [k for day, k in starts_of(found) if day == d]
         assert (np.diff(starts) >= 14).all()
         assert starts == pytest.approx([57, 78, 99], abs=1)
@@ -421,5 +422,5 @@ def test_what_cannot_be_an_event_is_refused():
         Kind("x", "pulse", 1, HERE, (0.0,))
     with pytest.raises(RividError, match="n > lead"):
         find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, lead=9, refine=False)
-    with pytest.raises(RividError, match="follows and weights"):
-        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, weights=[1.0], refine=False)
+    with pytest.raises(RividError, match="follows has shape"):
+        find_events(np.zeros((2, 9)), NOISE.whiten, LOCK, T, follows=[True], refine=False)
