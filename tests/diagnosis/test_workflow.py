@@ -280,7 +280,8 @@ def test_a_rival_is_extended_from_its_own_model_and_not_from_that_of_the_lead():
     candidate = SimpleNamespace(effect=CATALOGUE["leakage"](), columns=None)
     given = []
     search = SimpleNamespace(
-        _nominal=lambda model: None, _scanned=lambda *_: [], report=lambda *_: None, record="record",
+        _nominal=lambda model: SimpleNamespace(name=""), _scanned=lambda *_: [], report=lambda *_: None,
+        record="record", deepened={},
         _joint=lambda *_: (1.0, "model of the lead"), _from=print,
         _grow=lambda parent, library, wanted: given.extend(wanted),
     )  # fmt: skip
