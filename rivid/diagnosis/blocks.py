@@ -60,20 +60,9 @@ class Split:
 
 
 def split(days: int | Sequence[object] | NDArray[np.datetime64], block_days: int | None = None) -> Split:
-    """Deal whole days into blocks and roles.
+    """Deal whole days, so many in a row or of these dates, into blocks of so many days, and into roles.
 
-    Parameters
-    ----------
-    days : int or sequence of dates, shape (days,)
-        How many consecutive days, or their dates in order; a block never reaches across a gap in the
-        calendar that is longer than itself.
-    block_days : int, optional
-        Length of a block. Default: 3 for up to 90 days, else 7.
-
-    Raises
-    ------
-    RividError
-        Where there are no days, or dates are not in order.
+    A block never reaches across a gap in the calendar that is longer than itself.
 
     Examples
     --------
@@ -92,8 +81,6 @@ def split(days: int | Sequence[object] | NDArray[np.datetime64], block_days: int
             )
     if len(day) == 0:
         raise RividError("no days to split: expected at least one")
-    length = block_days if block_days is not None else SHORT if len(day) <= SEASON else LONG
-    if length < 1:
-        raise RividError(f"block_days is {length}: expected 1 or more")
+    length = block_days or (SHORT if len(day) <= SEASON else LONG)
     block = np.unique(day // length, return_inverse=True)[1].astype(np.int64)
     return Split(day, np.array(CYCLE, np.int64)[block % len(CYCLE)], block)

@@ -36,6 +36,8 @@ STEP = 0.02
 SINCE = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 24.0)
 """Hours since a step: edges of bins."""
 
+FIRST_SHIFT = 5.0
+"""Hour at which one of three shifts begins."""
 WEEKDAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
 FEWEST = 5
 """Least number of blocks of a bin: flips of fewer give no small p."""
@@ -56,20 +58,19 @@ class Driver:
     cyclic: bool = False  # whether the last bin is next to the first one
 
 
-def drivers(record: Record, blocks: ArrayLike, shift_start: float = 5.0) -> tuple[Driver, ...]:
+def drivers(record: Record, blocks: ArrayLike) -> tuple[Driver, ...]:
     """Everything the logs allow to bin by; constant quantities are left out.
 
-    `blocks` (days,) are those of the days: parts of the season are whole blocks. One of three shifts begins
-    at `shift_start` [h].
+    `blocks` (days,) are those of the days: parts of the season are whole blocks.
     """
     hour, used = record.hour, record.used
     weekday = np.asarray(record.day_number + record.dates[0].weekday(), float) % 7.0
     level = ("level", "m") if record.kind == "pool" else ("discharge", "m3/s")
     logs = (("inflow", "m3/s", record.inflow), ("outflow", "m3/s", record.outflow), (*level, record.output))
     lag = max(1, round(3600.0 / record.sample_time))
-    shift = np.mod(hour - shift_start, 24.0) / 8.0
+    shift = np.mod(hour - FIRST_SHIFT, 24.0) / 8.0
     hours = [f"{h} to {h + 1} h" for h in range(24)]
-    turns = [f"{(shift_start + 8 * i) % 24:g} to {(shift_start + 8 * i + 8) % 24:g} h" for i in range(3)]
+    turns = [f"{(FIRST_SHIFT + 8 * i) % 24:g} to {(FIRST_SHIFT + 8 * i + 8) % 24:g} h" for i in range(3)]
 
     def rate(values: Floats) -> Floats:
         """Change over the last hour [1/h], shape (days, n); NaN before."""
@@ -155,30 +156,20 @@ class Scores:
     block: Ints  # (days,) 0, 1, ... without holes
 
 
-def as_scores(
-    score: ArrayLike, used: ArrayLike, blocks: ArrayLike, information: ArrayLike | None = None
-) -> Scores:
-    """Scores (days, n) with information (1 by default), used samples (days, n) and blocks (days,), checked.
-
-    Raises
-    ------
-    RividError
-        Where arrays do not fit, or there are too few blocks.
-    """
-    there, s = np.asarray(used, bool), np.asarray(score, float)
-    q = np.ones_like(s) if information is None else np.asarray(information, float)
-    block = np.asarray(blocks)
-    if s.ndim != 2 or not (s.shape == there.shape == q.shape) or block.shape != s.shape[:1]:
-        raise RividError(f"score, used, information, blocks have shapes {s.shape}, {there.shape}, "
-                         f"{q.shape}, {block.shape}: expected (days, n) and (days,)")  # fmt: skip
-    if not (np.isfinite(s[there]).all() and np.isfinite(q[there]).all()):
+def as_scores(score: ArrayLike, used: ArrayLike, blocks: ArrayLike) -> Scores:
+    """Scores of an inflow (days, n), with the information 1, used samples and blocks (days,), checked."""
+    there, s, block = np.asarray(used, bool), np.asarray(score, float), np.asarray(blocks)
+    if s.ndim != 2 or s.shape != there.shape or block.shape != s.shape[:1]:
+        raise RividError(f"score, used, blocks have shapes {s.shape}, {there.shape}, {block.shape}: "
+                         "expected (days, n) and (days,)")  # fmt: skip
+    if not np.isfinite(s[there]).all():
         raise RividError("a used sample has no score: mark it as not used")
     seen = len(np.unique(block[there.any(1)]))
     if seen < FEWEST_BLOCKS:
         raise RividError(f"{seen} blocks have samples that count: expected {FEWEST_BLOCKS} or more; "
                          "give more days or shorter blocks")  # fmt: skip
     number = np.unique(block, return_inverse=True)[1].astype(np.int64)
-    return Scores(np.where(there, s, 0.0), np.where(there, q, 0.0), there, number)
+    return Scores(np.where(there, s, 0.0), there.astype(float), there, number)
 
 
 def p_values(
@@ -256,21 +247,19 @@ class Place:
 
 
 def strongest(
-    scores: Scores, by: Sequence[Driver], dates: Sequence[date], *, unit: str = "m3/s", level: float = 0.05,
-    cut_level: float = 0.01, draws: int = 1999, seed: int = 0,
-) -> Place | None:  # fmt: skip
+    scores: Scores, by: Sequence[Driver], dates: Sequence[date], level: float = 0.05
+) -> Place | None:
     """The largest departure: neighbouring bins of one driver, and dates; None if none is significant.
 
-    `unit` is that of a size; `level` and `cut_level` are the levels of the largest bin of all drivers and of
-    the dates. With k blocks no p is below 2^(1 - k). `dates` has the length days.
+    `level` is that of the largest bin of all drivers. With k blocks no p is below 2^(1 - k).
     """
-    each, p_value = p_values(scores, by, draws=draws, seed=seed)
+    each, p_value = p_values(scores, by)
     significant = [d for d, p in zip(by, each, strict=True) if p <= level]
     if p_value > level or not significant:
         return None
     all_days = np.ones(len(dates), bool)
     driver = max(significant, key=lambda d: _best_run(scores, d, all_days)[0])
-    days, first, last = _extent(scores, driver, cut_level, seed)
+    days, first, last = _extent(scores, driver)
     where = days[:, None] & (_between(driver, first, last) | (driver.name == "date"))
     two = Driver("two", "", np.arange(3.0), ("out", "in"), where.astype(np.int64))
     S, Q = (sums(two, a, scores.block) for a in (scores.score, scores.information))
@@ -293,15 +282,15 @@ def strongest(
     if len(spans) > 3:
         spans = [f"at {len(spans)} times from {in_words(windows[0][0])} to {in_words(windows[-1][1])}"]
     when = "on all days" if days.all() else f"on days {' and '.join(spans)}"
-    return Place(driver.name, low, high, value, se, p_value, windows, f"{span}{value:.3g} {unit}, {when}")
+    return Place(driver.name, low, high, value, se, p_value, windows, f"{span}{value:.3g} m3/s, {when}")
 
 
-def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bools, int, int]:
+def _extent(scores: Scores, driver: Driver) -> tuple[Bools, int, int]:
     """Days (days,), and the first and last bin, of the largest departure."""
     days = np.ones(len(scores.block), bool)
     if driver.name == "date":
         q = scores.information.sum(1)
-        cut = segment(scores.score.sum(1), q, scores.block, rest="free", level=level, seed=seed)
+        cut = segment(scores.score.sum(1), q, scores.block, rest="free")
         if cut.found:
             longest = int(np.argmax(np.diff(cut.bounds)))  # the usual state is the one that lasts
             apart = np.abs(cut.size - cut.size[longest])
@@ -319,7 +308,7 @@ def _extent(scores: Scores, driver: Driver, level: float, seed: int) -> tuple[Bo
         q = (scores.information * inside).sum(1)
         if len(np.unique(scores.block[q > 0.0])) < FEWEST_BLOCKS:
             break  # on too few days for dates of their own
-        cut = segment(g, q, scores.block, sign=sign, level=level, seed=seed)
+        cut = segment(g, q, scores.block, sign=sign)
         now = cut.mask if cut.found else np.ones_like(days)
         if (now == days).all():
             break

@@ -45,25 +45,11 @@ def partition(
 ) -> tuple[Ints, Bools, float]:
     """The best segments, by exact dynamic programming over the first day of the last one.
 
-    Parameters
-    ----------
-    score, information : array_like, shape (days,)
-        g and q; a day without data has 0 and 0.
-    penalty : float
-        Price of a window (`rest` "zero") or of a change (`rest` "free") [nats].
-    rest : {"zero", "free"}
-        "zero": days outside windows have no effect, and windows have any size. "free": the effect is always
-        present, and its size changes.
-    sign : {-1, 0, 1}
-        Sign that sizes must have; 0 for any.
-    shortest : int
-        Days of the shortest segment with an effect.
-    edge : float
-        Price of each end of a window inside the season, in addition to the penalty [nats].
-
-    Returns
-    -------
-    bounds (k + 1,), on (k,), and the gain over no window or no change [nats].
+    Returns bounds (k + 1,), on (k,), and the gain over no window or no change [nats]. `score` and
+    `information` (days,) are g and q, 0 and 0 on a day without data. With the `rest` "zero" days outside
+    windows have no effect, and windows have any size; with "free" the effect is always present, and its size
+    changes. A window or a change costs the penalty [nats], an end of a window inside the season `edge` more.
+    Sizes have the sign `sign`, any for 0; `shortest` are the days of the shortest segment with an effect.
     """
     g, q = np.asarray(score, float), np.asarray(information, float)
     n = len(g)
@@ -146,25 +132,10 @@ def segment(
     draws: int = 499,
     seed: int = 0,
 ) -> Segments:
-    """Cut days where an effect begins, ends or changes.
+    """Cut days where an effect begins, ends or changes; arguments as of :func:`partition`.
 
-    Parameters
-    ----------
-    score, information : array_like, shape (days,)
-        g and q: of a candidate's whitened column x and residual r, x'r and x'x of each day.
-    blocks : array_like of int, shape (days,)
-        Block of each day; days of one block are correlated, blocks hardly.
-    rest, sign, shortest
-        As for :func:`partition`.
-    level : float
-        Share of seasons without an effect that are cut nevertheless.
-    draws, seed : int
-        Simulated seasons without an effect, and their seed.
-
-    Raises
-    ------
-    RividError
-        Where there are too few blocks, or arrays do not fit.
+    Days of one block are correlated, blocks hardly; `level` is the share of seasons without an effect that
+    are cut nevertheless, by as many simulated ones as `draws`.
     """
     g, q, block = np.asarray(score, float), np.asarray(information, float), np.asarray(blocks)
     if not (g.shape == q.shape == block.shape and g.ndim == 1):

@@ -33,22 +33,10 @@ def spectrum(
     draws: int = 199,
     seed: int = 0,
 ) -> tuple[float, float, float, Floats]:
-    """Largest line in the spectrum of innovations, and a limit for it.
+    """Largest line in the spectrum of innovations (days, n), and a limit for it.
 
-    Parameters
-    ----------
-    innovations : array_like, shape (days, n)
-        Whitened residual; rows on the same clock.
-    used : array_like of bool, shape (days, n)
-        Samples that count.
-    sample_time : float
-        T_s [s].
-    weights : array_like, shape (days,), optional
-        Weight of each day in the average.
-    level : float
-        Probability of exceeding the limit if nothing is there; 0.01 needs 99 draws or more.
-    draws, seed : int
-        Of the bootstrap.
+    Days are averaged by their weights (days,); `level` is the probability of exceeding the limit where
+    nothing is there: 0.01 needs 99 draws of the bootstrap or more.
 
     Returns
     -------
@@ -60,11 +48,6 @@ def spectrum(
         Ratio that white innovations exceed with probability `level`.
     power : ndarray, shape (m,)
         Average periodogram over that of white innovations, longest period first.
-
-    Raises
-    ------
-    RividError
-        Where arrays do not fit, or no day has enough samples.
     """
     r, there = np.asarray(innovations, float), np.asarray(used, bool)
     weight = np.ones(len(r)) if weights is None else np.asarray(weights, float)
@@ -118,19 +101,10 @@ class Rhythm(NamedTuple):
 
 
 def rhythm(series: ArrayLike, used: ArrayLike, time: ArrayLike) -> Rhythm | None:
-    """The strongest line of a whole record; None without a line.
+    """The strongest line of a whole record, a series (days, n) at times on one clock [s]; None without one.
 
-    Parameters
-    ----------
-    series : array_like, shape (days, n)
-    used : array_like of bool, shape (days, n)
-        Samples that count; of samples that come twice, as in lead times, one may.
-    time : array_like, shape (days, n)
-        Of the samples, on one clock [s].
-
-    Notes
-    -----
-    A line is as many times the local median as white noise with the same gaps exceeds with :data:`CHANCE`.
+    Of samples that come twice, as in lead times, one may count. A line is as many times the local median as
+    white noise with the same gaps exceeds with :data:`CHANCE`.
     """
     from scipy.fft import rfft
 

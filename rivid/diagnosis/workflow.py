@@ -143,22 +143,18 @@ def diagnose(
     Diagnosis, Evidence or None
         None where there are too few days.
     """
-    lacking = None
+    lacking = ""
     if record.days < FEWEST_DAYS or not split(record.dates).complete:
-        lacking = (
-            f"{record.days} days can be used: expected {FEWEST_DAYS} or more, to have days that fit, that "
-            "select and that confirm."
-        )
+        lacking = f"{record.days} days can be used: expected {FEWEST_DAYS} or more, to have days that fit, "
+        lacking += "that select and that confirm."
     elif not np.ptp(record.inflow, axis=1).any() and not np.ptp(record.outflow, axis=1).any():
-        lacking = (
-            f"the flows of {record.days} days never move: expected commands that change, for a response to "
-            "be seen; check the columns"
-        )
+        lacking = f"the flows of {record.days} days never move: expected commands that change, for a "
+        lacking += "response to be seen; check the columns"
     elif not classes:
         lacking = (
             "no effect may be named: expected one or more in the library; [diagnose] exclude leaves none"
         )
-    if lacking is not None:
+    if lacking:
         return Diagnosis("insufficient_data", lacking, "none"), None
     with threadpool_limits(1):  # the matrices are small: threads of the BLAS would wait for each other
         study = find_effects(
@@ -180,7 +176,8 @@ def find_effects(
     report: Report = lambda done, what: None,
 ) -> Study:
     """All steps but the report; see :func:`diagnose`."""
-    search = _Search(record, as_responses(response), classes, gauge_floor, tuple(start), report, tuple(dated))
+    responses = tuple(response) if isinstance(response, Sequence) else (response,)
+    search = _Search(record, responses, classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
     for turn in range(most):
         search.begin_round(turn, most)
@@ -204,11 +201,6 @@ def find_effects(
         parent = lead
     report(1.0, "the sealed days")
     return search.study()
-
-
-def as_responses(response: Responses) -> tuple[Response, ...]:
-    """One response, or several."""
-    return tuple(response) if isinstance(response, Sequence) else (response,)
 
 
 class _Search:
@@ -350,23 +342,24 @@ class _Search:
         best_fit = _best_fits([self._plain(start) for start in starts], part, fresh=1)[0]
         return best_fit.likely, best_fit.one
 
-    def _bare(self, model: Model) -> Model:
-        """A model with the effects known from the start alone."""
-        return replace(model, effects=self.start, free=((),) * len(self.start))
+    def _columns(self, one: Explanation, record: Record) -> Library:
+        """The columns of all trials about the response of an explanation, with the effects of the start."""
+        bare = replace(one.model, effects=self.start, free=((),) * len(self.start))
+        return Library.of(bare, record, self.classes)
 
     def _library(self, one: Explanation) -> Library:
-        """The columns of all trials about the response of an explanation."""
+        """The same for all days, once for each kind of response."""
         name = one.model.reach.name
         if name not in self.libraries:
             self.report(0.2, f"{len(self.classes)} effects in the simulator")
-            self.libraries[name] = Library.of(self._bare(one.model), self.record, self.classes)
+            self.libraries[name] = self._columns(one, self.record)
         return self.libraries[name]
 
     def _promise(self, one: Explanation, part: Record) -> float:
         """What an effect may gain on a response [nats a day]: twice the linear gain, as the noise shrinks."""
         if one.model.reach.name == "fir":  # no ground for effects
             return 0.0
-        found = screened(one, Library.of(self._bare(one.model), part, self.classes), part)
+        found = screened(one, self._columns(one, part), part)
         return 2.0 * found[0].gain / part.days if found else 0.0
 
     def _plain(self, reach: Response) -> Model:
@@ -403,11 +396,10 @@ class _Search:
 
         Without unknown dynamics, which are no ground for more.
         """
-        first, block = self.first, self.dealt.block
+        first, opened, block = self.first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
-        able = [one for one in known if harmless(one, first, self.opened, block)]
-        pool = leading(able, self.opened)
-        chances = ranked(pool, self.opened, self.dealt.block)
+        pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
+        chances = ranked(pool, opened, block)
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
@@ -625,12 +617,7 @@ class _Search:
         """A model with one more effect than `parent`, fitted to some days, and its likelihood [nats a day].
 
         From the response of `parent` and from another one: the first may have bent to the effect so far
-        that no small step shows it.
-
-        Raises
-        ------
-        RividError
-            Where the reach cannot carry the flows with it.
+        that no small step shows it. Raises where the reach cannot carry the flows with it.
         """
         model, effect = parent.model, candidate.effect
         larger = replace(
@@ -882,12 +869,7 @@ def _best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[_
     """Fits of models to all days of a record, the best one first.
 
     Of many the likeliest third after a few steps is fitted on, and of these again (successive halving:
-    Jamieson and Talwalkar 2016).
-
-    Raises
-    ------
-    RividError
-        Where none of them carries the flows.
+    Jamieson and Talwalkar 2016). Raises where none of them carries the flows.
     """
     if len(models) <= FINALISTS:
         return _fits(models, record, fresh=fresh)
@@ -913,10 +895,7 @@ def _fits(
 ) -> list[_Fit]:
     """Fits of models that carry the flows to all days of a record, each from a fit near by, the best first.
 
-    Raises
-    ------
-    RividError
-        Where none of them carries the flows.
+    Raises where none of them carries the flows.
     """
     every = np.ones(record.days, bool)
     near: list[NoiseModel | None] = [None]  # the noise of the first fit starts those of the others
