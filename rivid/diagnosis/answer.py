@@ -11,7 +11,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.decision import ALONE, TOGETHER, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
-from rivid.diagnosis.fit import HOURS, DayErrors, Model, day_errors
+from rivid.diagnosis.fit import HOURS, Model, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
 from rivid.diagnosis.result import (
@@ -91,16 +91,7 @@ class Evidence:
 def conclude(
     study: Study, classes: dict[str, type[Effect]], floor: Sequence[float] | None
 ) -> tuple[Diagnosis, Evidence]:
-    """The diagnosis of a study, and its arrays.
-
-    Parameters
-    ----------
-    study : Study
-    classes : dict
-        Effects by name.
-    floor : sequence of float, optional
-        RMSE at each horizon of the model that knows the truth.
-    """
+    """The diagnosis of a study, and its arrays; `floor` is the RMSE of the true model at each horizon."""
     gap = replace(_gap(study, floor), by_regime=regimes(study))
     evidence = _evidence(study)
     remainder = _unknown(study, evidence)
@@ -341,7 +332,9 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
 
     def rmse(one: Explanation, days: Bools, foreseen: bool) -> tuple[float, ...]:
         assert one.errors is not None
-        errors = one.errors if foreseen or not one.events else _unforeseen(study, one)
+        errors = one.errors
+        if one.events and not foreseen:
+            errors = day_errors(record, one.predicted + one.coded, one.noise)
         return tuple(errors.rmse(days)[-len(HOURS) :].tolist())
 
     steps = tuple(
@@ -362,11 +355,6 @@ def _gap(study: Study, floor: Sequence[float] | None) -> Gap:
         rmse_open_baseline=rmse(study.first, opened, True),
         rmse_open_augmented=rmse(study.last, opened, False),
     )  # fmt: skip
-
-
-def _unforeseen(study: Study, one: Explanation) -> DayErrors:
-    """Errors of forecasts to which the events of the day are unknown."""
-    return day_errors(study.record, one.predicted + one.coded, one.noise)
 
 
 def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float]) -> float | None:
@@ -460,15 +448,8 @@ def _notes(study: Study) -> tuple[str, ...]:
 def regimes(study: Study) -> tuple[Regime, ...]:
     """The gap on the sealed days by the state of the reach in which a forecast ends.
 
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    tuple of Regime
-        Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A
-        state that is always or never there is left out. Events of the day itself are unknown, as in the gap.
+    Low, middle and high inflow; after a step of the outflow and in calm, of a pool; night and day. A state
+    that is always or never there is left out. Events of the day itself are unknown, as in the gap.
     """
     record = study.record
     first, last = study.first, study.last

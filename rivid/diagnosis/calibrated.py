@@ -100,22 +100,7 @@ def calibration(model: Model) -> dict[str, Any]:
 
 
 def load_model(path: Path | str) -> ReachModel:
-    """Read the calibrated reach of `rivid diagnose`.
-
-    Parameters
-    ----------
-    path : Path or str
-        model.toml, or the directory that holds it.
-
-    Returns
-    -------
-    ReachModel
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, has no `[calibration]`, or one that is not complete.
-    """
+    """Read the calibrated reach of `rivid diagnose`: model.toml, or the directory that holds it."""
     path = Path(path)
     path = path / "model.toml" if path.is_dir() else path
     if not path.exists():
@@ -175,24 +160,10 @@ def write_model(
     start: Sequence[Effect] = (),
     model: Model | None = None,
 ) -> None:
-    """Write the calibrated reach and the named effects as a scenario.
+    """Write the calibrated reach and the named effects, after those known from the start, as a scenario.
 
-    Parameters
-    ----------
-    path : Path
-    diagnosis : Diagnosis
-    record : Record
-    config : Config
-        Of the diagnosis.
-    start : sequence of Effect
-        Effects known from the start.
-    model : Model, optional
-        What `[calibration]` holds; without it the file is a scenario alone.
-
-    Notes
-    -----
-    `rivid simulate` runs that of a pool; that of a river reach is for `diagnose --model`, `forecast` and
-    `export`.
+    `model` is what `[calibration]` holds; without it the file is a scenario alone. `rivid simulate` runs that
+    of a pool; that of a river reach is for `diagnose --model`, `forecast` and `export`.
     """
     reach = config.reach
     noise = diagnosis.noise or {}
@@ -254,13 +225,7 @@ def _wave_depth(config: Config, record: Record, delay: float) -> float:
 
 
 def read_effects(path: Path, config: Config) -> tuple[Effect, ...]:
-    """The effects of an augmented model.
-
-    Raises
-    ------
-    ConfigError
-        Where the file cannot be read or an effect is impossible.
-    """
+    """The effects of an augmented model."""
     raw = read_toml(path)
     tables = raw.get("effects", [])
     if not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):

@@ -22,11 +22,6 @@ def responses_of(config: Config, record: Record) -> tuple[Response, ...]:
 
     A pool: Saint-Venant, the integrator with its delay, and FIRs on both flows for unknown dynamics. A river:
     a diffusive wave.
-
-    Raises
-    ------
-    ConfigError
-        Where the geometry is impossible.
     """
     first = response_of(config, record)
     if record.kind == "river":

@@ -45,12 +45,8 @@ SHOWN = 0.8
 def run_day(reach: Response, law: Law, day: Record, changes: Changes) -> tuple[Floats, Floats]:
     """Level [m] and commands [m3/s] of one day with the operators in the loop, shape (n,) each.
 
-    NaN before the first sample that counts. `day` is a record of one row, `changes` those on it.
-
-    Raises
-    ------
-    RividError
-        Where the pool runs dry, or the response is neither Saint-Venant nor linear.
+    NaN before the first sample that counts. `day` is a record of one row, `changes` those on it. Raises where
+    the pool runs dry.
     """
     first = int(np.argmax(day.used[0]))
     plain = without_fronts(reach)
@@ -86,19 +82,12 @@ def _operators(law: Law, day: Record, first: int, offset: Floats, water: float) 
     # The loop starts with the inflow passed on and the first error answered: both are taken off here.
     start = float(day.outflow[0, first]) - law.level_gain * error
     return OperatorArrays(
-        inflow=start + law.feedforward * (inflow - inflow[0]),
-        disturbance=offset,
-        aim=np.full(n, aim),
-        feedforward=np.ones(n),
-        level_gain=np.full(n, -law.level_gain),
-        wait=np.full(n, law.look),
-        dead_band=law.dead_band,
-        trim_time=law.trim_time,
+        inflow=start + law.feedforward * (inflow - inflow[0]), disturbance=offset, aim=np.full(n, aim),
+        feedforward=np.ones(n), level_gain=np.full(n, -law.level_gain), wait=np.full(n, law.look),
+        dead_band=law.dead_band, trim_time=law.trim_time,
         notice=law.notice * abs(law.feedforward) if law.feedforward != 0.0 else np.inf,
-        quantum=law.quantum,
-        lowest=law.lowest,
-        gauge_quantum=law.gauge_quantum,
-    )
+        quantum=law.quantum, lowest=law.lowest, gauge_quantum=law.gauge_quantum,
+    )  # fmt: skip
 
 
 def _channel(

@@ -121,13 +121,8 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
 
     A response is least right where the flows have moved: a front that is early or late by a share of a sample
     changes the output by that share of the change of its rate. The place of a front is uncertain by some
-    samples, so that the squares are means over :data:`NEAR` of the delay to either side.
-
-    Parameters
-    ----------
-    record : Record
-    up, down : ndarray, shape (n,)
-        Output after a unit step of the inflow and of the outflow [m per m3/s, or -].
+    samples, so that the squares are means over :data:`NEAR` of the delay to either side. `up` and `down` (n,)
+    are the output after a unit step of the inflow and of the outflow [m per m3/s, or -].
     """
     n = record.time.shape[1]
     order = 2 if record.kind == "pool" else 1
@@ -156,28 +151,11 @@ def as_record(
     delay: int,
     kind: Kind = "pool",
 ) -> Record:
-    """Put days in rows and give each the end of the day before it.
+    """Put days, in order, in rows and give each the end of the day before it.
 
-    Parameters
-    ----------
-    dates : sequence of datetime.date, length days
-        In order, none twice.
-    seconds : array_like, shape (N,)
-        Sample times after local midnight [s].
-    inflow, output : array_like, shape (days, N)
-        u_Qi [m3/s]; level [m] or discharge [m3/s], NaN where missing.
-    outflow : array_like of shape (days, N), or None
-        u_Qo [m3/s]; None for a river reach.
-    sample_time : float
-        T_s [s].
-    delay : int
-        Rough delay [samples]; the lead is this and :data:`START_UP` samples.
-    kind : {"pool", "river"}
-
-    Raises
-    ------
-    RividError
-        Where the arrays do not fit, dates are out of order, or commands are missing.
+    Samples are `seconds` (N,) after local midnight. The logs (days, N) are u_Qi [m3/s], u_Qo [m3/s] (None for
+    a river reach) and level [m] or discharge [m3/s], NaN where missing. The lead is the rough delay [samples]
+    and :data:`START_UP` samples.
     """
     clock, u, y = (np.asarray(x, float) for x in (seconds, inflow, output))
     o = np.zeros_like(u) if outflow is None else np.asarray(outflow, float)
@@ -221,27 +199,9 @@ def read_record(
     last: dt.date | None = None,
     today: dt.date | dt.datetime | None = None,
 ) -> tuple[Record, "Known"]:
-    """Read the days of DATA_DIR that a diagnosis can use, without values that `rivid check` finds untrue.
+    """Read the days of DATA_DIR, or of one file, that a diagnosis can use, from `first` until `last`.
 
-    Parameters
-    ----------
-    root : Path
-        DATA_DIR, or one file.
-    config : Config
-    first, last : datetime.date, optional
-        Only days from and until these.
-    today : datetime.date or datetime.datetime, optional
-        A log of this day may be unfinished.
-
-    Returns
-    -------
-    Record
-    Known
-
-    Raises
-    ------
-    NoDataError
-        Where no day can be used.
+    Without values that `rivid check` finds untrue. A log of `today` may be unfinished.
     """
     catalog = find_days(root, config)
     failed: list[tuple[dt.date | None, str]] = [(None, f"{name}: {why}") for name, why in catalog.bad_files]
@@ -307,19 +267,8 @@ def checked(days: Sequence[DataSet], config: Config) -> tuple[list[DataSet], Kno
     """Leave out what `rivid check` finds untrue: values of the output, or whole days.
 
     A jump of the gauge and a shifted clock are effects, and left to the search. No search can find one that
-    is on sealed days alone: these days are left out.
-
-    Parameters
-    ----------
-    days : sequence of DataSet
-        In order of dates.
-    config : Config
-
-    Returns
-    -------
-    list of DataSet
-        What is left; an output that is left out is NaN.
-    Known
+    is on sealed days alone: these days are left out. `days` are in order of dates; an output that is left out
+    becomes NaN.
     """
     left, notes, dated = {day.date: day for day in days}, list[str](), list[Effect]()
     findings = [finding for finding in check_days(days, config) if finding.wrong]
@@ -350,12 +299,9 @@ def _sealed(dates: Iterable[dt.date]) -> set[dt.date]:
 
 
 def _no_day(
-    root: Path,
-    failed: list[tuple[dt.date | None, str]],
-    dates: list[dt.date],
-    first: dt.date | None,
+    root: Path, failed: list[tuple[dt.date | None, str]], dates: list[dt.date], first: dt.date | None,
     last: dt.date | None,
-) -> str:
+) -> str:  # fmt: skip
     """Why no day can be used: none in the given dates, or each failed."""
     if not any(date for date, _ in failed) and dates:
         return (

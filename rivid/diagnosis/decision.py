@@ -56,11 +56,6 @@ def block_sums(days: Floats, chosen: Bools, blocks: Ints) -> Floats:
     return out
 
 
-def scores_of(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
-    """Log densities of the blocks of chosen days, shape (explanations, blocks)."""
-    return np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
-
-
 def _density(one: Explanation) -> Floats:
     assert one.density is not None
     return one.density
@@ -75,7 +70,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     explanation with as many effects: those before it have a scatter of their own. An unknown has none, for
     there the scatter is what is unknown: what predicts worse than it is compared with it as it is.
     """
-    scores = scores_of(pool, chosen, blocks)
+    scores = np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
     total = scores.sum(axis=1).tolist()
     bare = min(len(one.names) for one in pool)  # effects known from the start
     unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
@@ -513,10 +508,7 @@ class Study:
         without, with_ = (
             replace(one, errors=self._drawn(one, drawn, np.random.default_rng(0))) for drawn in (plain, noise)
         )
-        return self._removes(without, with_)
-
-    def _removes(self, one: Explanation, other: Explanation) -> bool:
-        share, draws = shares(one, other, self.opened, self.split.block)
+        share, draws = shares(without, with_, self.opened, self.split.block)
         return bool(((share >= MATERIAL) & (np.quantile(draws, DOUBT, axis=0) > 0.0)).any())
 
     def _drawn(self, one: Explanation, noise: NoiseModel, rng: np.random.Generator) -> DayErrors:

@@ -163,16 +163,10 @@ def fitted(
     fresh: int = 0,
     rough: bool = False,
 ) -> Explanation:
-    """Fit a model and its noise to the open days.
+    """Fit a model, from where it is, and its noise to the open days (days,); raises where it carries none.
 
     Parameters
     ----------
-    model : Model
-        Start of the fit.
-    record : Record
-    open_days : ndarray of bool, shape (days,)
-    unknown : str
-    log_prior : float
     start : Explanation, optional
         A fit near by: its columns of the response's parameters and, for the first steps, its noise and
         weights are used. By default columns are computed, and the noise fitted, at the start.
@@ -189,11 +183,6 @@ def fitted(
         hand, corrected by the steps before, gain no more or less than :data:`RELIABLE` of what they promise.
     rough : bool
         Whether the noise at the end is the one near that of the last step.
-
-    Raises
-    ------
-    RividError
-        Where the reach cannot carry the flows.
     """
     p, few = len(model.reach.parameters), record.take(open_days)
     sd = np.concatenate([[f.sd for f in model.reach.parameters], WIDE * model.scales()])
@@ -219,7 +208,7 @@ def fitted(
         low, high = _room(model, sd)
         for _ in range(TRIES):
             move = step_within(G + damping * np.diag(np.diag(G)), g, low, high)
-            promised = _predicted(G, g, move)
+            promised = float(g @ move - 0.5 * move @ G @ move)  # the gain, where the columns hold
             if promised < LEAST_STEP:
                 break
             try:
@@ -258,20 +247,15 @@ def fitted(
         other_J = model.jacobian(rest, base, None if shared is None else shared[:, sealed])
     else:
         left, other_J = z[:0], J[:, :0]
+    whole = np.zeros(record.days)
+    whole[open_days] = weights
+    if shared is None:
+        shared = _joined(open_days, J[:p], other_J[:p], np.float32)
     return Explanation(
-        model,
-        unknown,
-        log_prior,
-        _joined(open_days, z, left),
-        _joined(open_days, J[:p], other_J[:p], np.float32) if shared is None else shared,
-        _joined(open_days, J[p:], other_J[p:], np.float32),
-        sd,
-        _joined(open_days, weights[:, None], np.zeros((int(sealed.sum()), 1)))[:, 0],
-        others,
-        events,
-        parent=parent,
+        model, unknown, log_prior, _joined(open_days, z, left), shared,
+        _joined(open_days, J[p:], other_J[p:], np.float32), sd, whole, others, events, parent=parent,
         inflation=inflation,
-    )
+    )  # fmt: skip
 
 
 def _joined(open_days: Bools, opened: Floats, sealed: Floats, dtype: DTypeLike = float) -> Any:
@@ -356,11 +340,6 @@ def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
     return np.asarray(found.x)
 
 
-def _predicted(G: Floats, g: Floats, move: Floats) -> float:
-    """Gain of a step [nats] where the columns hold."""
-    return float(g @ move - 0.5 * move @ G @ move)
-
-
 def _noise(
     model: Model, record: Record, seen: Floats, weights: Floats | None, alone: bool
 ) -> tuple[NoiseModel, Floats]:
@@ -372,13 +351,7 @@ def _noise(
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
     """The explanation with its score: density and errors of each day, predicted without its block.
 
-    Parameters
-    ----------
-    one : Explanation
-    record : Record
-    blocks : ndarray of int, shape (days,)
-    tails : float
-        Degrees of freedom of the days' common size.
+    `blocks` (days,) are those of the days, `tails` the degrees of freedom of the days' common size.
     """
     noise = one.noise
     seen = np.where(record.used, one.residual, np.nan)

@@ -166,17 +166,9 @@ def _mistaken(trial: Trial, other: Effect) -> bool:
 
 
 def _windows(
-    trial: Trial,
-    columns: Floats,
-    s: Floats,
-    q: Floats,
-    c: Floats,
-    G: Floats,
-    sd: Floats,
-    record: Record,
-    open_days: Ints,
-    beside: Effect | None = None,
-) -> list[Candidate]:
+    trial: Trial, columns: Floats, s: Floats, q: Floats, c: Floats, G: Floats, sd: Floats, record: Record,
+    open_days: Ints, beside: Effect | None,
+) -> list[Candidate]:  # fmt: skip
     """A trial in the whole season and in its best window of dates (and hours), or in those of an effect."""
     days = s.shape[1]
     if trial.hourly:
@@ -218,14 +210,9 @@ def _windows(
 
 
 def _candidate(
-    trial: Trial,
-    columns: Floats,
-    b: Floats,
-    window: dict[str, Any],
-    gain: float,
-    log_prior: float,
+    trial: Trial, columns: Floats, b: Floats, window: dict[str, Any], gain: float, log_prior: float,
     shift: Floats,
-) -> Candidate:
+) -> Candidate:  # fmt: skip
     return candidate_of(replace(trial.make(b), **window), trial, columns, gain, log_prior, shift)
 
 
@@ -234,9 +221,12 @@ def candidate_of(
 ) -> Candidate:
     """A candidate of a trial with an effect of its kind, of any size and dates."""
     key = trial.free[0]
+    value = getattr(whole, key)
 
     def make(share: float) -> Effect:
-        return whole.with_values(**{key: _trial_size(whole, key, share)})
+        if isinstance(value, tuple):
+            return whole.with_values(**{key: tuple(whole.clipped(key, share * one) for one in value)})
+        return whole.with_values(**{key: whole.clipped(key, share * value)})
 
     return Candidate(make(1.0), trial.free, gain, log_prior, shift, make, columns)
 
@@ -285,14 +275,6 @@ def scatter_of(one: Explanation, columns: Floats, record: Record, blocks: Ints) 
 
 SHOWN = 0.01
 """Share of the largest block's information below which a block shows nothing."""
-
-
-def _trial_size(effect: Effect, key: str, share: float) -> Any:
-    """A share of a parameter's value, within its limits."""
-    value = getattr(effect, key)
-    if isinstance(value, tuple):
-        return tuple(effect.clipped(key, share * one) for one in value)
-    return effect.clipped(key, share * value)
 
 
 LEAST_LEFT = 0.02
@@ -353,13 +335,7 @@ def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window
 
 
 def _hourly(
-    trial: Trial,
-    columns: Floats,
-    s: Floats,
-    q: Floats,
-    record: Record,
-    open_days: Ints,
-    shift: Floats,
+    trial: Trial, columns: Floats, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats
 ) -> list[Candidate]:
     """A release in a run of hours: in the whole season, and in its best window of dates."""
     days = s.shape[1]
@@ -371,9 +347,8 @@ def _hourly(
         a, b = 0, days
         value: tuple[float, float, int, int, int, int, float] | None = None
         for _ in range(6):  # the hours sharpen the dates, and the dates the hours
-            start, length, gain, size = _best_hours(
-                s[:, a:b].sum(axis=1), q[:, :, a:b].sum(axis=2), trial.sign
-            )
+            score, information = s[:, a:b].sum(axis=1), q[:, :, a:b].sum(axis=2)
+            start, length, *_ = _best_hours(score, information, trial.sign)
             hours = (start + np.arange(length)) % HOURS_A_DAY
             sums = np.concatenate([[0.0], np.cumsum(s[hours].sum(axis=0))])
             info = np.concatenate([[0.0], np.cumsum(q[np.ix_(hours, hours)].sum(axis=(0, 1)))])
@@ -384,31 +359,23 @@ def _hourly(
             gains = _gain(S, Q, trial.sign) + prior[chosen]
             i = int(np.argmax(gains))
             a, b = int(first[chosen][i]), int(end[chosen][i])
-            now = (
-                float(gains[i]),
-                float(prior[chosen][i]),
-                start,
-                length,
-                a,
-                b,
-                float(S[i] / max(Q[i], 1e-300)),
-            )
+            size = float(S[i] / max(Q[i], 1e-300))
+            now = float(gains[i]), float(prior[chosen][i]), start, length, a, b, size
             if value is not None and now[0] <= value[0] + 1e-9:
                 break
             value = now
         if value is not None and value[3] < HOURS_A_DAY:
             best.append(value)
     for total, log_prior, start, length, a, b, size in best:
-        window: dict[str, Any] = {
-            "hours": (float(start), float((start + length) % HOURS_A_DAY or HOURS_A_DAY))
-        }
+        until = (start + length) % HOURS_A_DAY or HOURS_A_DAY
+        window: dict[str, Any] = {"hours": (float(start), float(until))}
         if (a, b) != (0, days):
             window["dates"] = _dates(record, open_days, a, b)
-        prior_ = log_prior - float(np.log(runs))
         hours = (start + np.arange(length)) % HOURS_A_DAY
-        whole = columns[hours].sum(axis=0)[None]
-        gain = total - log_prior
-        found.append(_candidate(trial, whole, np.array([size]), window, gain, prior_, shift))
+        whole, price = columns[hours].sum(axis=0)[None], float(np.log(runs))
+        found.append(
+            _candidate(trial, whole, np.array([size]), window, total - log_prior, log_prior - price, shift)
+        )
     return found
 
 
@@ -445,10 +412,7 @@ CODINGS = 2
 def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_prior: float) -> Explanation:
     """An explanation with one more effect in the simulator, all fitted together.
 
-    Raises
-    ------
-    RividError
-        Where the reach cannot carry the flows with it.
+    Raises where the reach cannot carry the flows with it.
     """
     model, p = parent.model, len(parent.model.reach.parameters)
     tried: list[tuple[float, float, Model]] = []
@@ -468,7 +432,9 @@ def with_effect(parent: Explanation, candidate: Candidate, record: Record, log_p
         raise RividError(f"{candidate.effect.name}: the reach cannot carry the flows with it")
     _, share, larger = min(tried, key=lambda one: one[0])
     for key in set(candidate.free) & set(candidate.effect.stepwise):
-        larger = best_step(larger, key, parent, record)
+        others = stepped(larger.effects[-1], key, record)
+        models = [replace(larger, effects=(*larger.effects[:-1], other)) for other in others]
+        larger = min(models, key=lambda one: squares_left(one, parent, record))
     return fitted(
         larger, record, parent.weights > 0.0, start=parent, parent=parent, unknown=parent.unknown,
         log_prior=log_prior + candidate.log_prior, others=parent.others, events=parent.events,
@@ -499,13 +465,6 @@ def stepped(effect: Effect, key: str, record: Record, low: float = 0.0, high: fl
     if len(values) > MOST_STEPS:
         values = values[np.unique(np.geomspace(1, len(values), MOST_STEPS).astype(int)) - 1]
     return [effect.with_values(**{key: effect.clipped(key, value)}) for value in values.tolist()]
-
-
-def best_step(model: Model, key: str, parent: Explanation, record: Record) -> Model:
-    """The model with the best value of such a parameter of its last effect."""
-    others = stepped(model.effects[-1], key, record)
-    models = [replace(model, effects=(*model.effects[:-1], other)) for other in others]
-    return min(models, key=lambda one: squares_left(one, parent, record))
 
 
 def squares_left(model: Model, parent: Explanation, record: Record) -> float:
@@ -569,12 +528,9 @@ AT_LIMIT = 1.01
 
 
 def with_noise(
-    parent: Explanation,
-    effect: type[Effect],
-    record: Record,
-    log_prior: float,
+    parent: Explanation, effect: type[Effect], record: Record, log_prior: float,
     latent: Sequence[Explanation] = (),
-) -> Explanation | None:
+) -> Explanation | None:  # fmt: skip
     """An explanation with a noise of the level: wind in the filter, or a seiche outside it.
 
     Wind begins at the parent with an unknown gauge (`latent`). A seiche makes the weather short and the gauge

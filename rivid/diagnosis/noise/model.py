@@ -102,24 +102,10 @@ class NoiseModel:
     ) -> Floats:
         """Innovations over their standard deviations: white and of variance 1 if the columns are this noise.
 
-        Parameters
-        ----------
-        columns : array_like, shape (..., days, n)
-            Residuals or effect columns [m]; the filter is the same linear one for all.
-        like : array_like, shape (days, n), optional
-            NaN here is a missing sample. Default: a sample that any of the columns lacks.
-        activity : array_like, shape (days, n), optional
-            Of the flows [m2]. Default: 0.
-
-        Returns
-        -------
-        ndarray, shape (..., days, n)
-            0 at missing samples and at each day's first one, which only sets the start.
-
-        Raises
-        ------
-        RividError
-            Where shapes do not fit, or a column lacks a sample that `like` has.
+        The filter is the same linear one for all columns (..., days, n) [m]. A sample is missing where `like`
+        (days, n) is NaN, by default where any of the columns is. The activity of the flows (days, n) [m2] is
+        0 unless given. The result is 0 at missing samples and at each day's first one, which only sets the
+        start.
         """
         from rivid.diagnosis.noise.kalman import gather, innovations
 
@@ -160,29 +146,15 @@ class NoiseModel:
         raise RividError("the likelihood of a day is not finite: its residual is too large for a number")
 
     def forecast_errors(
-        self,
-        residual: ArrayLike,
-        horizon: int,
-        every: int = 27,
-        first: int = 30,
+        self, residual: ArrayLike, horizon: int, every: int = 27, first: int = 30,
         activity: ArrayLike | None = None,
-    ) -> Floats:
+    ) -> Floats:  # fmt: skip
         """Residual at origin + horizon less its forecast from what is known at the origin [m].
 
-        Parameters
-        ----------
-        residual : array_like, shape (days, n)
-            [m]; NaN is missing. Rows may be longer than a day where days continue.
-        horizon : int
-            [samples]; w and s decay over it by their memories.
-        every, first : int
-            Origins are the samples first, first + every, ... with a target in the row.
-        activity : array_like, shape (days, n), optional
-
-        Returns
-        -------
-        ndarray, shape (days, origins)
-            NaN where the target is missing, or no sample precedes the origin.
+        Rows of the residual (days, n) [m] may be longer than a day where days continue; NaN is missing. w and
+        s decay over the horizon [samples] by their memories. Origins are the samples first, first + every,
+        ... with a target in the row. Shape (days, origins); NaN where the target is missing, or no sample
+        precedes the origin.
         """
         from scipy.signal import lfilter
 
@@ -319,15 +291,9 @@ class Limits(NamedTuple):
 
 
 def limits_of(
-    values: Floats,
-    there: Bools,
-    T: float,
-    A: float | None,
-    level: bool,
-    gauge_floor: float,
-    misfit: bool,
+    values: Floats, there: Bools, T: float, A: float | None, level: bool, gauge_floor: float, misfit: bool,
     within: Mapping[str, tuple[float, float]],
-) -> Limits:
+) -> Limits:  # fmt: skip
     """Limits from the usual change of a sample; arguments as of the fit."""
     n = values.shape[1]
     both = there[:, 1:] & there[:, :-1]
@@ -355,11 +321,11 @@ def limits_of(
     return Limits(rest, tuple(bounds), low, high, scale)
 
 
-def usual_starts(limits: Limits, pool: bool, level: bool) -> tuple[NoiseModel, ...]:
+def usual_starts(limits: Limits, level: bool) -> tuple[NoiseModel, ...]:
     """Weak and lasting, strong and short, or hardly any unknown inflow; with and without wind."""
     z, rest = limits.scale, limits.model
     T, A = rest.sample_time, rest.surface_area
-    if not pool or A is None:
+    if A is None:
         slow = replace(rest, gauge_sd=0.5 * z, level_sd=10.0 * z, level_memory=300.0 * T)
         return slow, replace(rest, level_sd=z, level_memory=10.0 * T)
     w = z * A / T
@@ -480,11 +446,6 @@ def fit_noise(
     alone : bool
         Start at `starts` only, and end after :data:`NEAR_STEPS` steps, or where one gains less than some 0.1
         nats in 100,000 samples, not 1e-3: faster, where they are near.
-
-    Raises
-    ------
-    RividError
-        Where there is too little to fit.
     """
     from rivid.diagnosis.noise.kalman import gather
 
@@ -496,7 +457,7 @@ def fit_noise(
         values, there, sample_time, surface_area, level, gauge_floor, activity is not None, within
     )
     moved = _moved(activity, there.shape)
-    usual = () if alone and starts else usual_starts(limits, surface_area is not None, level)
+    usual = () if alone and starts else usual_starts(limits, level)
     near = bool(alone and starts)
     if weights is not None:
         given = np.asarray(weights, float)
@@ -519,14 +480,9 @@ vectors at all: 13 days take 0.48 ms, and 24 take 0.22 ms."""
 
 
 def _climb(
-    values: Floats,
-    there: Bools,
-    moved: Floats,
-    weights: Floats,
-    starts: tuple[NoiseModel, ...],
-    limits: Limits,
-    near: bool,
-) -> NoiseModel:
+    values: Floats, there: Bools, moved: Floats, weights: Floats, starts: tuple[NoiseModel, ...],
+    limits: Limits, near: bool,
+) -> NoiseModel:  # fmt: skip
     """The model of greatest likelihood from all starts, which are near or not."""
     from scipy.optimize import minimize
 
