@@ -14,6 +14,7 @@ from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
 from rivid.diagnosis.localise import as_scores, drivers, strongest
 from rivid.diagnosis.noise.model import FEWEST_BLOCKS
+from rivid.diagnosis.response.base import step_response
 from rivid.diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -426,8 +427,8 @@ def _evidence(study: Study) -> Evidence:
     runs = [run + (record.output[rows, start] - run[rows, start])[:, None] for run in runs]
     return Evidence(
         record, study.split, runs[0], runs[1], first.residual, last.residual,
-        smooth[0].inflow, smooth[0].inflow_sd, smooth[1].inflow, smooth[1].inflow_sd, study.kernels["up"],
-        replace(last.whole, noise=last.noise),
+        smooth[0].inflow, smooth[0].inflow_sd, smooth[1].inflow, smooth[1].inflow_sd,
+        step_response(first.model.reach, record, 0.0), replace(last.whole, noise=last.noise),
     )  # fmt: skip
 
 

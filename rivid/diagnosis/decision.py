@@ -19,7 +19,6 @@ from rivid.diagnosis.explanation import HORIZONS, Explanation, Unknown, scored, 
 from rivid.diagnosis.fit import MISFIT, WEATHER, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.predictive import probabilities
-from rivid.diagnosis.response.base import kernels_of
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.level import RatingShift
 from rivid.errors import RividError
@@ -308,11 +307,6 @@ class Study:
     notes: tuple[str, ...]
     start: tuple[Effect, ...] = ()  # effects known from the start
     found: Cores = field(default_factory=dict)
-
-    @cached_property
-    def kernels(self) -> dict[str, Floats]:
-        """Step responses; see :func:`rivid.diagnosis.response.base.kernels_of`."""
-        return kernels_of(self.first.model.reach, self.record)
 
     @cached_property
     def opened(self) -> Bools:

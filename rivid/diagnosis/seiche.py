@@ -41,7 +41,6 @@ PRESENT = 0.8
 STEADY = 4.0 / 3.0
 """Largest factor between the power of the swing in the third of the samples with the quietest flows and that
 in all: in five seasons of 50 days 0.9 to 1.0 for a seiche, 0.6 and 1.3 for waves that no response held."""
-FITTED = ("period", "damping", "amplitude")
 
 
 def periodograms(innovations: Floats, used: Bools) -> Floats:
@@ -82,25 +81,14 @@ def spectrum_of(effect: Effect, n: int, sample_time: float) -> Floats:
 
 def fit_seiche(
     power: Floats, gain: Floats, fit: Bools, effect: type[Effect], T_s: float, n: int
-) -> tuple[Effect, Floats, Floats, int, float]:
+) -> tuple[Effect, Floats, int, float]:
     """The seiche that explains the periodograms of the days `fit` (days,) best, by Whittle (1953).
 
     In a band of :data:`BAND` about the highest peak the gain of a day is
     ``sum_f [I_f (1/S0_f - 1/S_f) - ln(S_f / S0_f)]`` with ``S_f = c f^b + |W_f|^2 P_f`` and S0 a fitted power
     of f alone. `power` (days, m) is from :func:`periodograms` of rows of n samples and `gain` (m,) from
-    :func:`through_filter`.
-
-    Returns
-    -------
-    seiche : Effect
-    spreads : ndarray, shape (3,)
-        Standard errors of the logarithms of :data:`FITTED`.
-    gains : ndarray, shape (days,)
-        Log-likelihood gained on each day [nats].
-    tried : int
-        Number of periods searched.
-    contrast : float
-        Power at the peak over that without the seiche.
+    :func:`through_filter`. Returns the seiche, the log-likelihood gained on each day (days,) [nats], the
+    number of periods searched, and the power at the peak over that without the seiche.
     """
     mean = power[fit].mean(axis=0)
     order = np.arange(1, len(mean) + 1)
@@ -135,26 +123,12 @@ def fit_seiche(
     p = min(ends, key=lambda end: float(end.fun)).x
     S0, S = white(base), spectra(p)
     gains = (power[:, band] * (1.0 / S0 - 1.0 / S) - np.log(S / S0)).sum(axis=1)
-    days = int(fit.sum())
-    spreads = _spreads(lambda q: days * cost(spectra(q)), p)[:3]
-    return at(p), spreads, gains, tried, float((S / white(p[3:])).max())
+    return at(p), gains, tried, float((S / white(p[3:])).max())
 
 
 def _lowest(cost: Callable[[Floats], float], start: Floats, limits: Floats) -> Any:
     """The minimum of a cost within limits, shape (2, k)."""
     return minimize(cost, np.clip(start, *limits), method="L-BFGS-B", bounds=list(limits.T), tol=1e-9)
-
-
-def _spreads(cost: Callable[[Floats], float], p: Floats) -> Floats:
-    """Standard errors from the curvature of a cost at its minimum."""
-    k, h = len(p), 0.02
-    H = np.empty((k, k))
-    step = h * np.eye(k)
-    for i in range(k):
-        for j in range(k):
-            corners = (cost(p + a * step[i] + b * step[j]) * a * b for a in (1, -1) for b in (1, -1))
-            H[i, j] = sum(corners) / (4.0 * h * h)
-    return np.sqrt(np.maximum(np.diag(np.linalg.pinv(H, hermitian=True)), 0.0))
 
 
 def _highest(mean: Floats, n: int, T_s: float) -> tuple[float, int, float]:
@@ -205,7 +179,7 @@ def seiche(record: Record, base: Explanation, effect: type[Effect]) -> tuple[Eff
     gain = through_filter(noise, n)
     if _highest(power[opened & whole].mean(axis=0), n, record.sample_time)[2] < LEAST_PEAK:
         return None
-    made, _, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
+    made, gains, tried, contrast = fit_seiche(power, gain, opened & whole, effect, record.sample_time, n)
     period, damping = float(getattr(made, "period")), float(getattr(made, "damping"))  # noqa: B009
     if damping < LEAST_DAMPING or damping > 0.99 * WIDEST / period:
         return None

@@ -70,10 +70,10 @@ def test_the_filter_passes_a_swing_by_its_gain():
 def test_a_swing_is_found_with_its_period_damping_and_size(seed):
     rng = np.random.default_rng(seed)
     true = {"period": 2700.0, "damping": 1.5e-4, "amplitude": 0.012}
-    seiche, spreads, gains, _, contrast = found(residual(rng, 40, wandering(rng, 40, **true)))
-    for name, spread in zip(true, spreads, strict=True):
-        assert abs(np.log(getattr(seiche, name) / true[name])) < 4.0 * spread + 0.02, name
-    assert contrast > 5.0 and gains.mean() > 20.0 and (spreads < 0.2).all()
+    seiche, gains, _, contrast = found(residual(rng, 40, wandering(rng, 40, **true)))
+    for name, off in zip(true, (0.033, 0.27, 0.107), strict=True):  # 4 standard errors and 2 %
+        assert abs(np.log(getattr(seiche, name) / true[name])) < off, name
+    assert contrast > 5.0 and gains.mean() > 20.0
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_where_nothing_swings_days_that_were_not_fitted_gain_nothing(seasons):
     for seed in range(seasons):
         rng = np.random.default_rng(100 + seed)
         fit = np.arange(20) % 2 == 0
-        gains.append(found(residual(rng, 20), fit)[2][~fit].mean())
+        gains.append(found(residual(rng, 20), fit)[1][~fit].mean())
     assert np.mean(gains) < 3.0 * np.std(gains) / np.sqrt(len(gains))
     assert max(gains) < 0.5
 
