@@ -14,7 +14,8 @@ from typing import Any
 import click
 
 from rivid import __version__
-from rivid.errors import RividError
+from rivid.cli.console import colour_wanted, print_error
+from rivid.errors import RividError, nearest
 
 COMMANDS = {
     "run": "Estimate every day of DATA_DIR that is new or changed.",
@@ -69,8 +70,6 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-") and not context.resilient_parsing:
-            from rivid.errors import nearest
-
             context.fail(f"No such command {name!r}{nearest(name, COMMANDS)}")
         _called[:] = [name]
         return super().resolve_command(context, args)
@@ -106,8 +105,6 @@ def cli(context: click.Context) -> int:
     that had not failed before; 10 no data; 11 another run holds OUT; 130, 143
     interrupted. Colour: on terminals, unless NO_COLOR is set.
     """
-    from rivid.cli.console import colour_wanted
-
     context.color = colour_wanted()
     if context.invoked_subcommand is None:
         click.echo(BEGIN, nl=False)
@@ -163,8 +160,6 @@ def main() -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _interrupt)
     try:
-        from rivid.cli.console import print_error
-
         try:
             code = _run()
             sys.stdout.flush()
@@ -185,8 +180,6 @@ def main() -> None:
             raise
         code = 1
     if _received:
-        from rivid.cli.console import print_error
-
         code = 128 + _received[0]
         what = "interrupted" if _received[0] == signal.SIGINT else "ended by SIGTERM"
         kept = ": finished days are kept, the same command continues from there" if _called == ["run"] else ""
@@ -196,8 +189,6 @@ def main() -> None:
 
 
 def _run() -> int:
-    from rivid.cli.console import print_error
-
     try:
         status = cli.main(prog_name="rivid", standalone_mode=False)
         return status if isinstance(status, int) else 0

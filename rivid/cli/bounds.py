@@ -74,15 +74,13 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     days = math.ceil((3 if reach.kind == "river" else 2) * proposal.order * T_s / DAY)
     if days > settings.run.window_days:  # the response needs two samples for each of its lags
         lines += f"\n# set [run] window_days = {days} or more: the response is long beside a data set"
+    if too_long and (write is not None or as_toml):
+        raise ConfigError(too_long)
     if write is not None:
-        if too_long:
-            raise ConfigError(too_long)
         write_text(write, updated(write, "jmap", lines))
         click.echo(f"written: {write}")
         return 0
     if as_toml:
-        if too_long:
-            raise ConfigError(too_long)
         click.echo(f"\n# From the travel times of the reach's waves, by `rivid bounds`.\n{lines}")
         return 0
     waves = (bounds.discharge, bounds.velocity, bounds.froude, bounds.gravity, bounds.kinematic)
@@ -99,14 +97,12 @@ def _toml(value: object) -> str:
 
 
 def updated(path: Path, name: str, lines: str) -> str:
-    """The text of a configuration with these lines in its table `name`; other keys and comments stay.
-
-    ConfigError where the file cannot be read.
-    """
+    """The text of a configuration with these lines in its table `name`; other keys and comments stay."""
     from rivid.config import read_toml
 
-    table = read_toml(path).get(name) if path.exists() else None
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    if not path.exists():
+        return f"{lines}\n"
+    table, text = read_toml(path).get(name), path.read_text(encoding="utf-8")
     if table is None:
         return f"{text.rstrip()}\n\n{lines}\n".lstrip()
     keys = {line.split(" = ")[0] for line in lines.splitlines() if " = " in line}

@@ -49,8 +49,8 @@ def command(
     import json
 
     from rivid.check import check
-    from rivid.check.flags import explained, read_maintenance, write_flags
-    from rivid.check.flags import flags as flags_of
+    from rivid.check import flags as of_values
+    from rivid.check.findings import render
     from rivid.cli.locate import configuration, own
     from rivid.config import load_config
     from rivid.errors import ConfigError
@@ -69,15 +69,13 @@ def command(
     settings = load_config(config)
     report = check(data_dir, settings, today or now_at(settings))
     if maintenance is not None:
-        report = explained(report, read_maintenance(maintenance))
+        report = of_values.explained(report, of_values.read_maintenance(maintenance))
     if flags is not None:
-        write_flags(flags_of(report, data_dir, settings), flags)
+        of_values.write_flags(of_values.flags(report, data_dir, settings), flags)
     console.phase("reading and checking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))
     elif not quiet or report.exit_code:
-        from rivid.check.findings import render
-
         click.echo(render(report, settings.reach.name))
     return report.exit_code
 

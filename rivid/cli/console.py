@@ -11,6 +11,8 @@ from typing import Any
 
 import click
 
+from rivid.errors import printable
+
 WIDTH = 80
 """Columns of all text output."""
 
@@ -22,8 +24,6 @@ def colour_wanted() -> bool | None:
 
 def print_error(text: str) -> None:
     """Print an error or a warning as one line on stderr."""
-    from rivid.errors import printable
-
     line = " ".join(printable(text).split("\n"))
     click.echo(f"{click.style('rivid:', fg='red')} {line}", err=True, color=colour_wanted())
 
@@ -143,10 +143,7 @@ class Console:
 
 @contextmanager
 def progress(total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with a number of finished steps.
-
-    On a terminal it moves a bar; elsewhere it does nothing.
-    """
+    """Yield a function to call with a number of finished steps, which moves a bar on a terminal."""
     if not sys.stderr.isatty():
         yield lambda n: None
         return

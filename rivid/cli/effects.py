@@ -22,7 +22,6 @@ WINDOW = (
     "dates = [2008-03-01, 2008-04-15]  # first and last day; leave out: always\n"
     "hours = [22, 6]  # from and to, here past midnight; leave out: all day"
 )
-PERMANENT = "Permanent: takes no dates and hours."
 
 
 def _names(context: click.Context, param: click.Parameter, typed: str) -> list[str]:
@@ -51,6 +50,7 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     """
     from rivid.effects import effect_classes
     from rivid.errors import ConfigError, nearest
+    from rivid.report.page import terminal
 
     classes = effect_classes(effects_file)
     if name is not None and name not in classes:
@@ -61,13 +61,11 @@ def command(name: str | None, effects_file: Path | None, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps(list(records.values()) if name is None else records[name], indent=1))
         return 0
-    from rivid.report.page import terminal
-
     one = None if name is None else classes[name]
     text = terminal(
         "effects", effects=list(records.values()), full=one and records[one.name], titles=TITLES,
         paragraphs=_paragraphs(one) if one else [], example=example(one) if one else "",
-        permanent=PERMANENT, wrap=wrap, shown=_value,
+        wrap=wrap, shown=_value,
     )  # fmt: skip
     click.echo(text)
     return 0

@@ -101,7 +101,7 @@ def run_all(
 def _report(
     out: Path, outcomes: "Sequence[Outcome]", name: str, computed: int | None, *, as_json: bool, quiet: bool
 ) -> None:
-    """Write the files of the fleet and print its summary."""
+    """Write the files of the fleet and print its summary; `computed` is None where nothing is estimated."""
     from rivid.fleet.report import write_fleet
 
     summary = write_fleet(out, outcomes, name)
@@ -113,10 +113,7 @@ def _report(
 
 
 def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> None:
-    """Print the counts of fleet.json and name the reaches to look at.
-
-    `computed` data sets were estimated by this command; None for one that estimates nothing.
-    """
+    """Print the counts of fleet.json and name the reaches to look at; `computed` as for :func:`_report`."""
     now = "" if computed is None else f", {computed:,} estimated now"
     click.echo(f"{summary['reaches']:,} reaches, {summary['data_sets']:,} data sets{now}")
     for kind, words in (

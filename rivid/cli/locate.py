@@ -37,7 +37,10 @@ def find(data_dir: Path) -> Path | None:
     start = data_dir.resolve()
     if not start.is_dir():
         start = start.parent
-    home = _home()
+    try:
+        home = Path.home().resolve()
+    except (OSError, RuntimeError):  # a user without a home directory
+        home = None
     try:
         device = _device(start)
         for folder in (start, *start.parents):
@@ -65,13 +68,6 @@ def own(folder: Path) -> Path | None:
 
 def _device(folder: Path) -> int:
     return folder.stat().st_dev
-
-
-def _home() -> Path | None:
-    try:
-        return Path.home().resolve()
-    except (OSError, RuntimeError):  # a user without a home directory
-        return None
 
 
 def _refuse_foreign(path: Path, facts: list[os.stat_result]) -> None:

@@ -24,10 +24,7 @@ NAME_WIDTH = 14
 
 
 def print_summary(summary: Summary, config: Config, options: Options, quiet: bool) -> None:
-    """Print the counts and main numbers of each estimator, and the days that failed in this run.
-
-    With `quiet`, only the failed days are printed. Of a shard, the number of days estimated.
-    """
+    """Print the counts and main numbers of each estimator, and the failed days; with `quiet` only these."""
     if options.shard:
         if not quiet:
             click.echo(
