@@ -64,10 +64,7 @@ Row = tuple[str, str, Sequence[float], Sequence[float] | None]
 
 
 def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: str, days: int) -> FigureFile:
-    """Draw diagnosis_gap.png: a panel for each horizon [h], a bar for each simulation, errors in `unit`.
-
-    `days` is the number of days kept apart.
-    """
+    """Draw diagnosis_gap.png: a panel per horizon [h], a bar per simulation, errors in `unit` of `days`."""
     bars, title = [row for row in rows if row[0] != "floor"], "The gap on the days kept apart"
     figure, panels = style.sheet(
         title, f"{count(days, 'day')} · root mean square error", [0.36 * len(bars)], [1.0] * len(hours),
@@ -84,10 +81,7 @@ def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: st
 
 
 def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
-    """The errors of simulations at horizon `i`: sealed days as bars, open ones as marks, the floor as a line.
-
-    The first row is at the top.
-    """
+    """Errors at horizon `i`, the first row on top: sealed days bars, open ones marks, the floor a line."""
     ax.spines["left"].set_color(style.LIGHT)
     values = [(kind, float(e[i]), np.nan if known is None else float(known[i])) for kind, _, e, known in rows]
     bars = [row for row in values if row[0] != "floor"]
@@ -203,10 +197,7 @@ Window = tuple[str, dt.date, dt.date]
 def draw_inflow(
     folder: Path, evidence: Evidence, *, named: bool, windows: Sequence[Window] = ()
 ) -> FigureFile:
-    """Draw diagnosis_inflow.png: the course of the unexplained inflow, and its means by hour and driver.
-
-    `windows` are the dates of the named effects.
-    """
+    """Draw diagnosis_inflow.png: the course of the unexplained inflow, and its means by hour and driver."""
     r, e = evidence.record, evidence
     dates, hour, used = r.dates, r.hour, r.used
     shown = [(WITHOUT, BEFORE, e.inflow_before, e.inflow_before_sd)]
@@ -316,10 +307,10 @@ def means(
     there = used & np.isfinite(series) & np.isfinite(driver)
     if k:
         there &= (driver >= edges[0]) & (driver <= edges[-1])
-    number = np.unique(np.asarray(block), return_inverse=True)[1]
-    J = int(number.max()) + 1 if number.size else 0
     if not k or not there.any():
         return np.full(k, np.nan), np.full(k, np.nan), np.full(k, np.nan)
+    number = np.unique(np.asarray(block), return_inverse=True)[1]
+    J = int(number.max()) + 1
     into = np.digitize(driver[there], edges[1:-1])
     cell = (number[:, None] * k + np.zeros(series.shape, np.int64))[there] + into
     S, N, D = (
@@ -340,10 +331,7 @@ def means(
 
 
 def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | None:
-    """Draw diagnosis_day.png: measured, simulated before and after, and the flows that caused it.
-
-    None where no day was kept apart.
-    """
+    """Draw diagnosis_day.png: measured and simulated output, and the flows; None if no day was kept apart."""
     r, measured, apart = evidence.record, evidence.record.output, evidence.split.sealed
     before, after = evidence.run_before, evidence.run_after
     error = errors(measured, before, r.used)
@@ -391,28 +379,20 @@ def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
 
 
 def choose(error: Floats, apart: Bools, used: Bools) -> int | None:
-    """The day to show: of those kept apart and nearly whole, the one at :data:`RANK` of the errors.
-
-    None where no day was kept apart.
-    """
+    """The day at :data:`RANK` of the errors: of those kept apart, nearly whole where one is; or None."""
     number = used.sum(axis=1)
-    known = np.flatnonzero(apart & np.isfinite(error))
-    if not known.size:
-        return None
-    whole = known[number[known] >= WHOLE * number.max()]
-    days = whole if whole.size else known
+    known = apart & np.isfinite(error)
+    whole = known & (number >= WHOLE * number.max())
+    days = np.flatnonzero(whole if whole.any() else known)
     order = days[np.argsort(error[days], kind="stable")]
-    return int(order[round(RANK * (len(order) - 1))])
+    return int(order[round(RANK * (len(order) - 1))]) if len(order) else None
 
 
 # One day with the operators in the loop
 
 
 def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureFile:
-    """Draw diagnosis_loop.png: level and outflow of a day kept apart, before and after.
-
-    `words` is the result of all days, for the line under the title.
-    """
+    """Draw diagnosis_loop.png: level and outflow of a day; `words` are the line under the title."""
     hour, curves = np.array(day.hour), 2 + named
     level, outflow = (np.array(values[:curves]) for values in (day.level, day.outflow))
     title = f"With the operators in the loop: {day.date}"

@@ -67,16 +67,10 @@ def jobs(results: Results) -> list[Job]:
 
 
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
-    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has what it shows.
-
-    Errors are those of :func:`draw_all`.
-    """
+    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it."""
     kind, name = job
     with style.styled():
-        if kind == "fir_day":
-            drawn = _fir_day(results, day)
-        else:
-            drawn = _of_estimator(results, results.of(name), kind)
+        drawn = _of_estimator(results, results.of(name), kind) if name else _fir_day(results, day)
         if drawn is None:
             return None
         path = folder / (f"{kind}_{name}.png" if name else f"{kind}.png")

@@ -162,8 +162,7 @@ def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
 
 def _framed(ax: Axes) -> None:
     """A thin frame and no ticks."""
-    ax.xaxis.set_ticks([])
-    ax.yaxis.set_ticks([])
+    ax.set(xticks=[], yticks=[])
     for spine in ax.spines.values():
         spine.set(visible=True, linewidth=0.5)
 
@@ -307,8 +306,7 @@ def delay_map(
 ) -> Axes:
     """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
-    Fig. 17; the `bounds` are (5). A travel time tau compares with (d + 1) T_s, so it is drawn at tau / T_s -
-    1.
+    Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
     """
     x, tried = day_numbers(e.dates), candidates(e)
     if tried.size:
@@ -398,11 +396,7 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
 
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """First sample that moves, d + 1, against the mean inflow, with the hydraulic bounds (5).
-
-    The first sample at which the output moves is d + 1, so the travel time of the wave lies between d T_s and
-    (d + 1) T_s.
-    """
+    """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
     label = "mean inflow of the day [m³/s]"
     shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
     n, Q = int(shown.sum()), e.mean_inflow
@@ -467,10 +461,7 @@ def _medians(values: Floats) -> Floats:
 
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
-    """t50 of each day over the record, on an x axis of day numbers, and the bounds (5).
-
-    A travel time tau compares with t50 directly, at tau / T_s.
-    """
+    """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
     shown = has_t50(e)
     _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)
     if shown.any():

@@ -19,10 +19,7 @@ Curve = tuple[Floats, str, str]
 
 
 def picture(title: str, note: str, panels: Sequence[Panel], between: float = 0.34) -> Picture:
-    """Return a figure with a heading and panels below each other, from the top, `between` apart [inch].
-
-    `note` is a line of facts under the `title`.
-    """
+    """Return a figure with a title, a note, and panels below each other, `between` apart [inch]."""
     with style.styled():
         heights = [tall for tall, _ in panels]
         figure, axes = style.sheet(title, note, heights, gap=(0.0, between), left=0.78, top=0.86, bottom=0.6)

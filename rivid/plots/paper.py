@@ -71,10 +71,7 @@ def draw_paper(
 
 
 def choose(estimated: Results, day: dt.date | None = None) -> int:
-    """The number of the day that represents the year: the given one, or a typical one.
-
-    ConfigError where the given day has no impulse response.
-    """
+    """The number of the given day, or of a typical one; ConfigError if it has no impulse response."""
     e = estimated.of("jmap")
     chosen = typical_day(estimated) if day is None else day
     if chosen is None:

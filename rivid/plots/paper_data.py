@@ -224,14 +224,12 @@ def shortest(delay: Floats, held: float = HELD) -> tuple[int, int]:
 
 
 def of_year(year: Year, truth: Floats | None = None) -> CascadeReach:
-    """A reach of the cascade from its logs: the JMAP with uniform prior and fixed alpha, and the posterior.
-
-    `truth` are the true delays of the days [samples], where they are known.
-    """
-    delay = _estimates(year, "jmap-uniform").delay
+    """A reach of the cascade from its logs and, where they are known, the true delays [samples]."""
     reach = year.config.reach
     bounds = reach.bounds(reach.discharge_range, year.mean_level.mean())
-    nominal = round(float(bounds.gravity.mean()) / reach.sample_time)
-    known = np.empty(0) if truth is None else truth
-    sure = _estimates(year, "posterior").delay
-    return CascadeReach(reach.name, reach.length, reach.sample_time, delay, nominal, known, sure)
+    return CascadeReach(
+        name=reach.name, length=reach.length, sample_time=reach.sample_time,
+        delay=_estimates(year, "jmap-uniform").delay, posterior=_estimates(year, "posterior").delay,
+        nominal=round(float(bounds.gravity.mean()) / reach.sample_time),
+        truth=np.empty(0) if truth is None else truth,
+    )  # fmt: skip

@@ -51,10 +51,7 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
 
 
 def season(ax: Axes, days: SeasonDays, joined: Joined) -> Axes:
-    """p(d) of each day alone as cells, and over them the median and 90 % band of the joined days.
-
-    The x axis of `ax` are day numbers.
-    """
+    """p(d) of each day alone as cells, the joined median and its 90 % band; the x axis are day numbers."""
     x = day_numbers(days.dates)
     middle, low, high = (
         days.place(joined.probability, share) - (0.0 if days.river else 0.5) for share in (0.5, 0.05, 0.95)
@@ -94,10 +91,7 @@ def _known(days: SeasonDays) -> Any:
 
 
 def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
-    """Travel time of each day against the discharge, and the law with its intervals.
-
-    The law is drawn where its status is ok.
-    """
+    """Travel time of each day against the discharge, and the law with its intervals where there is one."""
     what, shown = "t50" if days.river else "travel time", _known(days)
     ax.set_ylabel(f"{what} [samples]")
     label = "mean inflow [m³/s]"

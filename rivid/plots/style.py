@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from PIL import Image
 
 from rivid.atomic import replacing
@@ -426,21 +426,15 @@ def date_axis(ax: Axes, first: dt.date, last: dt.date, *, labels: bool = True) -
     longest = max((len(line) for label in ticks[2] for line in label.split("\n")), default=1)
     lines, places, names = thinned(ticks, max(int(inches(ax)[0] / (LETTER * longest)), 1))
     ax.set_xlim(first.toordinal() - 0.5, last.toordinal() + 0.5)
-    axis = ax.xaxis
-    axis.remove_overlapping_locs = False  # up to 80 days a label is at its line
-    axis.set_major_locator(FixedLocator(lines))
-    axis.set_major_formatter(NullFormatter())
-    axis.set_minor_locator(FixedLocator(places))
-    axis.set_minor_formatter(FixedFormatter(names))
+    ax.xaxis.remove_overlapping_locs = False  # up to 80 days a label is at its line
+    ax.set_xticks(lines, [""] * len(lines))
+    ax.set_xticks(places, names, minor=True)
     ax.tick_params(axis="x", which="major", length=4, width=0.7)
     ax.tick_params(axis="x", which="minor", length=0, pad=6, labelbottom=labels)
 
 
 def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
-    """Date axis of a panel and, where days have no answer, a strip under it that marks them.
-
-    The strip's legend, with the number of days per status, is below it on the right.
-    """
+    """Date axis of a panel and, where days have no answer, a strip and a legend under it that mark them."""
     first, last = dates[0], dates[-1]
     found = [name for name in NO_ANSWER if name in status]
     if not found:
