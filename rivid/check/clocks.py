@@ -160,8 +160,6 @@ def _drift(record: Record, believed: dict[dt.date, Fit]) -> list[Finding]:
         slope, scatter, jump = _line(days, lags)
         straight = STRAIGHT * scatter < abs(slope) * length and scatter < jump
         changes.append(slope * length if straight and abs(slope) * length >= DRIFT["pool"] else 0.0)
-    if not any(changes):
-        return []
     column, late = _late_column(record, *changes)
     if not column or abs(late) < DRIFT[record.reach.kind]:
         return []
@@ -225,15 +223,13 @@ def _shifted(
     found = []
     reference = "the others" if record.balanced else record.output
     for (column, _), days in groups.items():
-        rows = _in_rows(record, list(days), list(believed))
-        if not rows:
-            continue
-        late = float(np.median([days[date] for date in rows]))
-        sense = "late" if late > 0 else "early"
-        values = {"column": column, "off_s": abs(late), "sense": sense, "reference": reference}
-        code = "clock.hour" if abs(abs(late) - 3600) < 10 * 60 else "clock.shift"
-        dates = _with_quiet_days(record, fits, usual, column, late, rows)
-        found.append(Finding(code, values, {date: {} for date in dates}))
+        if rows := _in_rows(record, list(days), list(believed)):
+            late = float(np.median([days[date] for date in rows]))
+            sense = "late" if late > 0 else "early"
+            values = {"column": column, "off_s": abs(late), "sense": sense, "reference": reference}
+            code = "clock.hour" if abs(abs(late) - 3600) < 10 * 60 else "clock.shift"
+            dates = _with_quiet_days(record, fits, usual, column, late, rows)
+            found.append(Finding(code, values, {date: {} for date in dates}))
     return found
 
 

@@ -238,11 +238,6 @@ class Report:
         return sum(day.status == status for day in self.days)
 
     @property
-    def failed(self) -> int:
-        """Number of days that cannot be used."""
-        return self.count("failed")
-
-    @property
     def warnings(self) -> list[str]:
         """Texts of the findings that need action."""
         return [str(finding) for finding in self.findings if finding.wrong]
@@ -250,13 +245,13 @@ class Report:
     @property
     def exit_code(self) -> int:
         """0 if all is well; 3 if a day failed, a file cannot be used, or a finding needs action."""
-        return 3 if self.failed or self.bad_files or self.warnings else 0
+        return 3 if self.count("failed") or self.bad_files or self.warnings else 0
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
         summary = {
             "days": len(self.days), "first": str(self.days[0].date), "last": str(self.days[-1].date),
-            "ok": self.count("ok"), "failed": self.failed, "pending": self.count("pending"),
+            "ok": self.count("ok"), "failed": self.count("failed"), "pending": self.count("pending"),
             "absent": len(self.absent), "bad_files": len(self.bad_files),
             "samples": sum(day.n_samples for day in self.days),
             "filled": sum(day.n_filled for day in self.days),
@@ -268,7 +263,7 @@ class Report:
             "absent": [str(day) for day in self.absent],
             "findings": [finding.to_json() for finding in self.findings],
             "warnings": self.warnings,
-            "failed": self.failed,
+            "failed": self.count("failed"),
             "summary": summary,
         }
 
@@ -337,7 +332,7 @@ def _table(report: Report, reach: str) -> str:
     rows = [
         ("days", f"{len(report.days)}, {report.days[0].date} to {report.days[-1].date}"),
         ("usable", f"{report.count('ok')}" + (f", {noted} of them with remarks" if noted else "")),
-        ("failed", f"{report.failed}"),
+        ("failed", f"{report.count('failed')}"),
         ("pending", f"{report.count('pending')}"),
         ("no log", list_dates(report.absent) if report.absent else "0 days"),
         ("bad files", f"{len(report.bad_files)}"),

@@ -40,10 +40,7 @@ def columns_of(finding: Finding, date: dt.date, every: Collection[str]) -> tuple
 
 
 def flags(report: Report, root: Path, config: Config) -> pa.Table:
-    """Return the table of flags, of :data:`SCHEMA`, in order of days.
-
-    `report` is that of :func:`rivid.check.check`, `root` is DATA_DIR, or one file.
-    """
+    """Return the table of flags, of :data:`SCHEMA`, in order of days; `root` is DATA_DIR, or one file."""
     rows: list[tuple[dt.datetime, str, str, str, str]] = []
     failed = {day.date: day.reason for day in report.days if day.status == "failed"}
     for source in find_days(root, config).days:

@@ -55,9 +55,7 @@ def gauge(record: Record, fits: Fits, others: Sequence[Finding] = ()) -> list[Fi
     or ends, or a spell ends, the output jumps at midnight.
     """
     open_days = {date for finding in others if finding.kind == "balance" for date in finding.days}
-    seams = set[dt.date]()
-    for finding in others:
-        seams |= {d for d in record.days if (d in finding.days) != (d - ONE_DAY in finding.days)}
+    seams = {d for f in others for d in record.days if (d in f.days) != (d - ONE_DAY in f.days)}
     spells = {date: found for date, found in _still(record, fits).items() if date not in open_days}
     seams |= {date + ONE_DAY for date, found in spells.items() if found[-1][1] == len(record.days[date])}
     found = _jumps(record, spells, seams)

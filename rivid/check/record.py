@@ -81,10 +81,9 @@ class Record:
             self.days[data.date] = Day(kept, digest.hexdigest())
 
     def _coarser(self, values: Floats) -> Kept:
-        m = self.merged
-        if m > 1:
-            whole = len(values) // m * m
-            values = values[:whole].reshape(-1, m).mean(axis=1)
+        if self.merged > 1:
+            whole = len(values) // self.merged * self.merged
+            values = values[:whole].reshape(-1, self.merged).mean(axis=1)
         return values.astype(np.float32)
 
     @property
@@ -196,9 +195,7 @@ class Fits:
         every = [sums for date in dates if (sums := self.sums(date, *shift)) is not None]
         if not every:
             return NO_FIT, NO_FIT
-        total = every[0]
-        for sums in every[1:]:
-            total = tuple(a + b for a, b in zip(total, sums, strict=True))
+        total = tuple(sum(terms[1:], terms[0]) for terms in zip(*every, strict=True))
         return self.best(total), self.best(total, -1)
 
     def without(self, dates: Collection[dt.date]) -> Fit:
