@@ -82,7 +82,10 @@ def find_fleet(
     if not asked and not any(holds for _, _, holds in folders):
         return None
     shared = _defaults(configs)
-    own = _own(configs) if asked and configs is not None else {}
+    own: dict[str, Path] = {}
+    if asked and configs is not None:
+        files = (path for path in configs.glob("[!.]*.toml") if path.name != DEFAULTS)
+        own = {path.stem: path for path in files}
 
     def made(name: str, path: Path, mine: Path | None) -> Reach:
         fault = _fault(name, path, data_dir)
@@ -133,12 +136,6 @@ def _defaults(configs: Path | None) -> dict[str, Any]:
         return raw
     path = configs / DEFAULTS
     return read_config(path) if path.exists() else {}
-
-
-def _own(configs: Path) -> dict[str, Path]:
-    """The files of single reaches, by reach."""
-    paths = (path for path in configs.glob("*.toml") if path.name != DEFAULTS)
-    return {path.name.removesuffix(".toml"): path for path in paths if not path.name.startswith(".")}
 
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:

@@ -45,18 +45,14 @@ def band(days: Ints, values: Floats) -> dict[str, Any] | None:
     given = np.isfinite(values)
     year = values[given & (ago >= WEEK) & (ago < WEEK + YEAR)]
     week = values[given & (ago < WEEK)]
-    ends = limits(year)
-    if ends is None:
+    if (ends := limits(year)) is None:
         return None
+    low, high = ends
     return {
-        "low": ends[0],
-        "high": ends[1],
-        "median": float(np.median(year)),
-        "week_median": float(np.median(week)) if len(week) else None,
-        "days": len(week),
-        "above": int(np.count_nonzero(week > ends[1])),
-        "below": int(np.count_nonzero(week < ends[0])),
-    }
+        "low": low, "high": high, "median": float(np.median(year)),
+        "week_median": float(np.median(week)) if len(week) else None, "days": len(week),
+        "above": int(np.count_nonzero(week > high)), "below": int(np.count_nonzero(week < low)),
+    }  # fmt: skip
 
 
 @dataclass(frozen=True)

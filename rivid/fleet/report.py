@@ -56,8 +56,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     table = pa.Table.from_pylist([_row(outcome) for outcome in outcomes], FLEET)
     write_parquet(table, out / "fleet.parquet")
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
-    safe = safe_for_spreadsheets(table, texts)
-    write_csv(safe, out / "fleet.csv")
+    write_csv(safe_for_spreadsheets(table, texts), out / "fleet.csv")
     found = summary(outcomes, before)
     write_page(out / "fleet.html", "fleet", _context(outcomes, found, before, name))
     write_text(out / "fleet.json", json.dumps(found, indent=1, sort_keys=True) + "\n")

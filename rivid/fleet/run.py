@@ -94,8 +94,7 @@ def run_reach(
     try:
         config = reach.config()
         summary = run(reach.data_dir, out, config, options, None, engine or Engine())
-        content = str(last_record(out).get("content") or "")
-        outcome = outcome_of(reach.name, config, summary, content)
+        outcome = outcome_of(reach.name, config, summary, str(last_record(out).get("content") or ""))
     except TooManyError:
         return None
     except RividError as error:

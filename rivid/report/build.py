@@ -109,13 +109,13 @@ def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> 
 
 def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
     """Figures by estimator: the leading one first, those of all estimators after it, then the others."""
-    names = list(dict.fromkeys(f.estimator for f in figures))
-    order = sorted(names, key=lambda name: (name != lead, name != "", names.index(name)))
+    names = dict.fromkeys(f.estimator for f in figures)
+    order = sorted(names, key=lambda name: (name != lead, name != ""))
 
     def read(file: FigureFile) -> int:
-        if file.kind == "tdr" and ESTIMATORS[file.estimator].has_probability:
-            return len(ORDER)  # the response to the inflow alone, which a level keeps: no jump is seen
-        return ORDER.index(file.kind) if file.kind in ORDER else len(ORDER)
+        # of a posterior's tdr, the response to the inflow alone, which a level keeps: no jump is seen
+        last = file.kind not in ORDER or (file.kind == "tdr" and ESTIMATORS[file.estimator].has_probability)
+        return len(ORDER) if last else ORDER.index(file.kind)
 
     shown = sorted(figures, key=lambda file: (order.index(file.estimator), read(file)))
     return [

@@ -79,10 +79,7 @@ def write_diagnosis(
 
 
 def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) -> list[FigureFile]:
-    """Draw what a diagnosis has to show into OUT/figures, in the order of the page.
-
-    Without evidence only the gap and the closed loop can be drawn.
-    """
+    """Draw into OUT/figures, in the order of the page; without evidence the gap and the closed loop only."""
     folder, named = out / "figures", bool(diagnosis.effects)
     files: list[FigureFile | None] = []
     gap, loop = diagnosis.gap, diagnosis.closed_loop
@@ -106,8 +103,8 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
     columns: dict[str, Any] = {name: [] for name in SCHEMA.names}
     if evidence is not None:
         record, kept = evidence.record, evidence.record.used
-        midnight = np.datetime64(dt.datetime.combine(record.dates[0], dt.time()), "ms")
-        time = midnight + np.round(1000.0 * record.time[kept]).astype("timedelta64[ms]")
+        since = np.round(1000.0 * record.time[kept]).astype("timedelta64[ms]")
+        time = np.datetime64(record.dates[0], "ms") + since
         e = evidence
         series = (e.inflow_after, e.inflow_after_sd), (e.inflow_before, e.inflow_before_sd)
         bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
@@ -240,8 +237,8 @@ def _entry(key: str, text: str) -> list[str]:
     """A key and its text, wrapped; the headline has no key."""
     if not key:
         return textwrap.wrap(text, WIDTH)
-    words = textwrap.wrap(text, WIDTH - INDENT) or [""]
-    return [(key if i == 0 else "").ljust(INDENT) + line for i, line in enumerate(words)]
+    begin = key.ljust(INDENT)
+    return textwrap.wrap(text, WIDTH, initial_indent=begin, subsequent_indent=" " * INDENT) or [begin]
 
 
 def _gap_lines(gap: Gap) -> list[str]:
