@@ -4,10 +4,13 @@ import datetime as dt
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rivid.config import Config, parse
 from rivid.core.hydraulics import TravelBounds
@@ -92,10 +95,8 @@ def read_year(data_dir: Path, config: Config) -> Year:
     for date in sources:
         days = [date - dt.timedelta(days=k) for k in range(config.run.window_days - 1, -1, -1)]
         if all(day in sources for day in days):
-            try:
+            with suppress(DataError):  # counted: `rivid check` reports the reason
                 found.append(read_window(data_dir, [sources[day] for day in days], config))
-            except DataError:
-                pass  # counted: `rivid check` reports the reason
     if not found:
         raise NoDataError(f"no day of {data_dir} can be used: see `rivid check {data_dir}`")
     logged = [data.outflow for data in found if data.outflow is not None]
@@ -152,27 +153,24 @@ def _estimates(year: Year, name: str) -> EstimatorResults:
     prepared, n = ESTIMATORS[name].prepare(year.config), len(year.dates)
     order = year.config.jmap_settings().order if ESTIMATORS[name].has_fir else 0
     keys = ("delay", "alpha", "condition", "noise_variance", "roughness_variance")
-    found = {key: np.full(n, np.nan) for key in keys} | {"fir": np.full((n, order), np.nan)}
-    candidates, prior_only, status = np.empty(0), np.zeros(n, bool), ["unidentifiable"] * n
+    found: dict[str, NDArray[Any]] = {key: np.full(n, np.nan) for key in keys}
+    found |= {"fir": np.full((n, order), np.nan), "prior_only": np.zeros(n, bool)}
+    found["status"], candidates = np.full(n, "unidentifiable"), np.empty(0)
     for days, data in year.groups(prepared.min_samples):
         answer = prepared.estimate(data)
-        for i, word in zip(days, answer.status, strict=True):
-            status[i] = str(word)
         if answer.candidates is not None:
             candidates = answer.candidates.astype(float)
-        if answer.prior_only is not None:
-            prior_only[days] = answer.prior_only
         for key, values in found.items():
             if (given := getattr(answer, key)) is not None:
                 values[days] = given
     return EstimatorResults(
-        estimator=name, dates=list(year.dates), status=status, messages=[""] * n, delay=found["delay"],
+        estimator=name, dates=list(year.dates), status=found.pop("status").tolist(), messages=[""] * n,
         at_bound=np.isin(found["delay"], candidates[[0, -1]] if candidates.size else ()),
-        prior_only=prior_only, t50=np.full(n, np.nan), fir=found["fir"], candidates=candidates,
-        criterion=np.full((n, candidates.size), np.nan), alpha=found["alpha"],
-        noise_sd=np.sqrt(found["noise_variance"]), roughness_sd=np.sqrt(found["roughness_variance"]),
-        condition=found["condition"], mean_inflow=np.array([flow.mean() for flow in year.inflow]),
-        bound_gravity_s=year.bounds.gravity, bound_kinematic_s=year.bounds.kinematic,
+        t50=np.full(n, np.nan), candidates=candidates, criterion=np.full((n, candidates.size), np.nan),
+        noise_sd=np.sqrt(found.pop("noise_variance")),
+        roughness_sd=np.sqrt(found.pop("roughness_variance")),
+        mean_inflow=np.array([flow.mean() for flow in year.inflow]), bound_gravity_s=year.bounds.gravity,
+        bound_kinematic_s=year.bounds.kinematic, **found,
     )  # fmt: skip
 
 
