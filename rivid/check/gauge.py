@@ -195,12 +195,9 @@ def _residual_moves(record: Record) -> dict[dt.date, Floats]:
 
 
 def _lagged(moves: Floats) -> Floats:
-    rows = []
-    for back in BACKS:
-        row = np.roll(moves, back)
-        row[slice(None, back) if back > 0 else slice(back, None) if back < 0 else slice(0)] = 0.0
-        rows.append(row)
-    return np.stack(rows)
+    """Moves later by each of BACKS, zero outside the day, shape (lags, n)."""
+    padded = np.pad(moves, (BACKS[-1], -BACKS[0]))
+    return np.stack([padded[BACKS[-1] - back :][: len(moves)] for back in BACKS])
 
 
 def implausible(record: Record, min_motion: float) -> list[Finding]:

@@ -164,5 +164,5 @@ def dates_of(row: Row, results: Results) -> set[dt.date]:
     """Return the days of a row, also where they are not consecutive."""
     if (row["last"] - row["first"]).days + 1 == row["days"]:
         return {row["first"] + dt.timedelta(days=k) for k in range(row["days"])}
-    (e,) = (e for e in results.estimators if e.estimator == row["estimators"][0])
+    e = results.of(row["estimators"][0])
     return {date for date, edge in zip(e.dates, e.at_bound, strict=True) if edge}
