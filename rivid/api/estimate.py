@@ -36,7 +36,6 @@ class _DelayResult(Result):
     delay: Floats
     candidates: NDArray[np.intp]
     fir: Floats
-    sample_time: float | None
     output_unit: str
     date: dt.date | None
 
