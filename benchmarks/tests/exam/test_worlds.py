@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.exam import hiding
+from benchmarks.exam.answering import record_of
 from benchmarks.exam.hiding import (
     DRAWN,
     FOREIGN,
@@ -22,6 +23,9 @@ from benchmarks.exam.hiding import (
 )
 from benchmarks.exam.sizing import SIZE_OF, size_of
 from benchmarks.exam.worlds import KINDS, draw
+from rivid.diagnosis.choice import gauge_floor_of, responses_of
+from rivid.diagnosis.explanation import FRESH, fitted
+from rivid.diagnosis.fit import Model
 from rivid.effects import CATALOGUE
 
 SEEDS = (2, 4, 9, 49, 11)
@@ -154,3 +158,23 @@ def test_what_goes_between_processes_has_what_a_knowing_model_needs():
     logs, truth = sealed(11, DAYS)
     assert truth["kind"] == "nothing" and truth["told"] is None
     assert logs.settings.reach.sample_time > 0.0
+
+
+def test_a_fit_to_short_samples_of_an_uneven_channel_ends_at_its_optimum():
+    """Fitted again from its end it gains nothing; with columns computed once it ended 200 nats before."""
+    logs, _ = sealed(7036, longest=40)
+    record = record_of(logs)
+    record = record.take(np.arange(0, record.days, 4))
+    reach, every = responses_of(logs.settings, record)[0], np.ones(record.days, bool)
+    floor = gauge_floor_of(logs.settings, record)
+    model = Model(reach, None, record.usual_output, record.usual_flow, floor)
+
+    def posterior(found):
+        left = np.where(record.used, found.residual, np.nan)
+        off = [(p.value - p.mean) / p.sd for p in found.model.reach.parameters]
+        likely = found.noise.log_likelihood(left, record.activity).sum()
+        return float(likely - 0.5 * np.square(off).sum())
+
+    once, found = (fitted(model, record, every, fresh=fresh) for fresh in (1, FRESH))
+    again = fitted(found.model, record, every, fresh=FRESH)
+    assert posterior(again) - posterior(found) < 5.0 < posterior(found) - posterior(once)
