@@ -141,7 +141,8 @@ STEPS = 60
 FRESH = 12
 """How often the columns of a fit that others extend are computed anew. Where it ends before its optimum, an
 effect that leads it on gains what is not its own: with one computation and 20 steps nothing missing was 1,700
-nats below its optimum in an uneven channel, and a leak led the way to it."""
+nats below its optimum in an uneven channel, and a leak led the way to it. With two for the fits of names with
+their own response, a true leak got a second, false name in another."""
 RELIABLE = 0.25
 """Least part of its promise that a step keeps where the columns hold; below, a trust region shrinks (Nocedal
 and Wright, 2006, Algorithm 4.1)."""
