@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rivid.config import Config, parse
-from rivid.core.hydraulics import propose_delays
-from rivid.diagnosis.data import Record, as_record
+from rivid.diagnosis.data import Record, as_record, lead_of
 from rivid.effects import build, effect_classes
 from rivid.errors import RividError
 from rivid.types import Floats
@@ -50,14 +49,11 @@ class Logs:
 
 def record_of(logs: Logs) -> Record:
     """Days in rows, with the lead time that `rivid diagnose` gives them."""
-    reach = logs.settings.reach
-    proposal = propose_delays(
-        reach.discharge_range, length=reach.length, width=reach.width, depth=reach.depth,
-        sample_time=reach.sample_time, kind=reach.kind,
-    )  # fmt: skip
+    settings = logs.settings
+    T_s, kind = settings.reach.sample_time, settings.reach.kind
     return as_record(
-        logs.dates, logs.seconds, logs.inflow, logs.outflow, logs.output, sample_time=reach.sample_time,
-        delay=proposal.d_max // 2, kind=reach.kind,
+        logs.dates, logs.seconds, logs.inflow, logs.outflow, logs.output, sample_time=T_s,
+        lead=lead_of(settings, logs.inflow, T_s), kind=kind,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.data import Known, Record, as_record
+from rivid.diagnosis.data import Known, Record, as_record, lead_of
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Ranked, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import NoDataError
@@ -225,8 +225,8 @@ def _record_of(
     rows = [i for i, date in enumerate(season.dates) if begin <= date <= end]
     if not rows:
         raise NoDataError(f"no simulated day from {first} to {last}: expected days of {season.dates[0]} on")
-    proposal = config.reach.proposal(season.sample_time)
+    inflow, T_s = season.inflow[rows], season.sample_time
     return as_record(
-        [season.dates[i] for i in rows], season.seconds, season.inflow[rows], season.outflow[rows],
-        season.level[rows], sample_time=season.sample_time, delay=proposal.d_max // 2,
+        [season.dates[i] for i in rows], season.seconds, inflow, season.outflow[rows], season.level[rows],
+        sample_time=T_s, lead=lead_of(config, inflow, T_s),
     )  # fmt: skip

@@ -83,6 +83,17 @@ def travel_bounds(discharge: ArrayLike, *, length: float, width: float, depth: A
     return TravelBounds(Q.copy(), v, F, gravity, kinematic)
 
 
+def wave_memory(discharge: float, *, width: float, depth: float, manning: float) -> float:
+    """Time in which friction takes 63 % of the height of waves that run to and fro in a pool [s].
+
+    Manning's friction takes momentum at the rate ``2 g n^2 v / R^(4/3)``, and waves lose height at half of
+    it. Infinite without a flow.
+    """
+    velocity, radius = abs(discharge) / (width * depth), width * depth / (width + 2.0 * depth)
+    rate = GRAVITY * manning**2 * velocity / radius ** (4.0 / 3.0)
+    return float(1.0 / rate) if rate > 0.0 else float(np.inf)
+
+
 def propose_delays(
     discharge_range: tuple[float, float],
     *,

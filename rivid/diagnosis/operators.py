@@ -42,6 +42,9 @@ FINER = (0.005, 0.0025)
 """Steps of the level and the dead-band about the best of these [m]."""
 FEWEST_MOVES = 100
 """Fewest moves from which a law is identified."""
+FARTHEST = 60
+"""Longest lag of the outflow behind the inflow that is tried [samples]: twice the way of a wave in a reach of
+30 samples."""
 ROUNDS = 3
 """Times that noise and law are fitted in turn."""
 
@@ -195,7 +198,8 @@ def identify(record: Record) -> Law | None:
         )
 
     command = at_moves(record.outflow)
-    inflows = np.stack([at_moves(lagged(record.inflow, lag)) for lag in range(record.lead + 1)])
+    lags = range(min(record.lead, FARTHEST) + 1)
+    inflows = np.stack([at_moves(lagged(record.inflow, lag)) for lag in lags])
     quantum = step_of(record.outflow[record.used])
     noise = _noise(command - inflows[0], quantum, None)
     tried: list[Aim] = [(aim, band) for aim in set_points(record) for band in BANDS]

@@ -37,7 +37,7 @@ def record_of(days=20, n=96, kind="pool", gone=(), seed=0, start=START):
         None if kind == "river" else outflow,
         output,
         sample_time=T_s,
-        delay=3,
+        lead=33,
         kind=kind,
     )
 

@@ -35,7 +35,7 @@ def season(name, seed, days=60, effects=(), quiet=False, drawdown=0.0, **habits)
 
 def record_of(s):
     """The logs of a season."""
-    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, delay=8)
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, lead=38)
 
 
 def rounded(value, step):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rivid.diagnosis.blocks import split
-from rivid.diagnosis.data import as_record
+from rivid.diagnosis.data import START_UP, as_record
 from rivid.diagnosis.explanation import fitted
 from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.linear import LinearPool
@@ -28,8 +28,8 @@ def season(seed, days=25, effects=(), T_s=300.0):
         }
     )  # fmt: skip
     s = simulate(scenario, seed, effects=effects)
-    delay = round(950.0 / T_s)
-    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=T_s, delay=delay)
+    lead = round(950.0 / T_s) + START_UP
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=T_s, lead=lead)
 
 
 def nominal(record, fronts="none", **others):

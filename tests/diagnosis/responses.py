@@ -33,7 +33,7 @@ def season(seed, days=6, effects=(), gauge=GAUGE, lag=0.0):
     )  # fmt: skip
     planted = tuple(CATALOGUE[name](**{key: value}) for name, key, value in effects)
     s = simulate(scenario, seed, effects=planted)
-    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, delay=7)
+    return as_record(s.dates, s.seconds, s.inflow, s.outflow, s.level, sample_time=s.sample_time, lead=37)
 
 
 def nominal(record, *, length=8200.0, width=81.6, depth=DEPTH, slope=2e-4, cells=32, **others):
@@ -71,4 +71,4 @@ def river_record(rng, days=5, n=96, T_s=900.0, base=250.0, swing=80.0):
     hours = base + swing * np.cumsum(rng.standard_normal((days * n // 4,))) / 5.0
     inflow = np.clip(np.repeat(hours, 4), 60.0, None).reshape(days, n)
     dates = [dt.date(2024, 5, 1) + dt.timedelta(days=k) for k in range(days)]
-    return as_record(dates, T_s * np.arange(n), inflow, None, inflow, sample_time=T_s, delay=12, kind="river")
+    return as_record(dates, T_s * np.arange(n), inflow, None, inflow, sample_time=T_s, lead=42, kind="river")

@@ -6,27 +6,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rivid.diagnosis.data import NEAR, START_UP, activity, as_record, checked
+from rivid.config import Config
+from rivid.diagnosis.data import FADED, NEAR, START_UP, activity, as_record, checked, lead_of
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects.timing import ClockOffset
 from rivid.errors import RividError
+from rivid.reach.saint_venant import Channel, simulate
 from tests.check.season import held, late, raised, scaled, sound
 
 SECONDS = 900.0 * np.arange(96)
 DATES = [dt.date(2024, 3, d) for d in (1, 2, 3, 6, 7)]
+LEAD = 34
 
 
 def record(**changes):
     rng = np.random.default_rng(0)
     u = np.cumsum(rng.standard_normal((5, 96)), axis=1)
     kept = {"inflow": 300 + u, "outflow": 300 + u, "output": 130 + 0.01 * u} | changes
-    return as_record(DATES, SECONDS, **kept, sample_time=900.0, delay=4)
+    return as_record(DATES, SECONDS, **kept, sample_time=900.0, lead=LEAD)
 
 
 def test_a_row_begins_with_the_end_of_the_day_before_it():
     r = record()
-    lead = 4 + START_UP
+    lead = LEAD
     assert r.lead == lead and r.time.shape == (5, 96 + lead)
     np.testing.assert_array_equal(r.inflow[1, :lead], r.inflow[0, -lead:])
     np.testing.assert_array_equal(r.output[2, :lead], r.output[1, -lead:])
@@ -64,7 +67,7 @@ def test_days_that_do_not_fit_are_refused(changes, message):
         record(**changes)
     with pytest.raises(RividError, match="out of order"):
         as_record(
-            DATES[::-1], SECONDS, np.zeros((5, 96)), None, np.zeros((5, 96)), sample_time=900.0, delay=4
+            DATES[::-1], SECONDS, np.zeros((5, 96)), None, np.zeros((5, 96)), sample_time=900.0, lead=LEAD
         )
 
 
@@ -97,7 +100,7 @@ def flows(inflow, outflow=None, kind="pool"):
     """Rows with these changes of the flows, by sample."""
     r = as_record(
         DATES, 432.0 * np.arange(N), np.zeros((5, N)), None if kind == "river" else np.zeros((5, N)),
-        np.zeros((5, N)), sample_time=432.0, delay=0, kind=kind,
+        np.zeros((5, N)), sample_time=432.0, lead=START_UP, kind=kind,
     )  # fmt: skip
     for flow, moves in ((r.inflow, inflow), (r.outflow, outflow or {})):
         for at, size in moves.items():
@@ -207,3 +210,30 @@ def test_a_unit_of_some_days_leaves_them_out_and_a_unit_of_all_does_not():
     assert left_out(scaled(days, 35.3147, "outflow", among=slice(5, 9)), config)[0] == [5, 6, 7, 8]
     gone, known = left_out(scaled(days, 35.3147, "outflow"), config)
     assert gone == [] and known.notes[0].startswith("kept; ")
+
+
+DEEP = {"length": 6000.0, "width": 90.0, "depth": 10.0, "discharge_range": (200.0, 600.0)}
+
+
+def test_a_simulation_has_forgotten_its_start_after_the_lead_of_its_pool():
+    """The waves of a false start are down to some percent: of two starts 0.1 m apart in their flow."""
+    T_s, inflow = 60.0, np.full((1, 1), 400.0)
+    config = Config.model_validate({"reach": DEEP | {"sample_time": T_s}})
+    lead = lead_of(config, inflow, T_s)
+    pool = Channel.smooth(6000.0, 90.0, 5e-5, 0.03, 24)
+    time = T_s * np.arange(2 * lead)
+    flow = np.full(len(time), 400.0)
+    still = simulate(pool, time, flow, flow, 10.0).level
+    pulse = flow.copy()
+    pulse[0] = 900.0  # its volume stays
+    swing = simulate(pool, time, pulse, flow, 10.0).level - still
+    swing -= swing[-lead // 4 :].mean()
+    first, last = np.abs(swing[:60]).max(), np.abs(swing[lead:]).max()
+    assert np.exp(-FADED) / 4.0 < last / first < 2.0 * np.exp(-FADED)
+
+
+def test_the_lead_is_no_shorter_than_the_start_up_and_no_longer_than_a_day():
+    for width, flow, expected in ((20.0, 600.0, START_UP), (90.0, 0.0, 1440)):
+        config = Config.model_validate({"reach": DEEP | {"width": width, "depth": 3.0, "sample_time": 60.0}})
+        delay = config.reach.proposal().d_max // 2
+        assert lead_of(config, np.full((1, 1), flow), 60.0) == delay + expected

@@ -58,7 +58,7 @@ def columns(rng, days, truth=(2.0, -1.0), noise=0.5, curvature=0.0):
     a, b = truth
     y = a * u + curvature * (a * u) ** 2 + b * o + noise * rng.standard_normal((days, N))
     dates = [dt.date(2024, 1, 1) + dt.timedelta(days=k) for k in range(days)]
-    return as_record(dates, 60.0 * np.arange(N), u, o, y, sample_time=60.0, delay=0, kind="river")
+    return as_record(dates, 60.0 * np.arange(N), u, o, y, sample_time=60.0, lead=30, kind="river")
 
 
 def curve_of(response, record, **others):

@@ -110,7 +110,7 @@ def record(kind="pool"):
     output = 10.0 + np.cumsum(rng.standard_normal((DAYS, N)), axis=1) * 0.01
     output[4, 20:30] = np.nan
     outflow = None if kind == "river" else flow[:, ::-1]
-    return as_record(DATES, seconds, flow, outflow, output, sample_time=600.0, delay=3, kind=kind)
+    return as_record(DATES, seconds, flow, outflow, output, sample_time=600.0, lead=33, kind=kind)
 
 
 def test_every_used_sample_of_a_record_is_in_the_bin_of_its_label():

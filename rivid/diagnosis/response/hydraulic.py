@@ -150,8 +150,8 @@ class HydraulicResponse:
         flow: float,
         slope: float | None = None,
         manning: float = 0.03,
-        width_modes: int = 3,
-        bed_modes: int = 3,
+        width_modes: int = 6,
+        bed_modes: int = 6,
         corrections: bool = True,
         cells: int = CELLS,
     ) -> "HydraulicResponse":

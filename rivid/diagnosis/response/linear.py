@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rivid.diagnosis.data import Record
+from rivid.diagnosis.data import START_UP, Record
 from rivid.diagnosis.response.base import (
     FreeParameter,
     RealFlows,
@@ -111,7 +111,7 @@ class LinearPool:
         alpha = record.sample_time / surface_area
         lags: tuple[int, ...] = ()
         if fronts == "fir":
-            lags = _lags(math.ceil(delay / record.sample_time), record.lead)
+            lags = _lags(math.ceil(delay / record.sample_time))
             sd, limit = COEFFICIENT_SD * alpha, COEFFICIENT_LIMIT * alpha
             for what, share in (("", 1.0), ("_by_flow", 0.5)):
                 for side in ("inflow", "outflow"):
@@ -205,11 +205,11 @@ class LinearPool:
                     yield factor * lagged(flow, lag)
 
 
-def _lags(delay: int, lead: int) -> tuple[int, ...]:
-    """Every lag to a little beyond the delay, then ever fewer, to the lead time."""
-    lags = list(range(1, min(delay + DENSE, lead) + 1))
-    while lags[-1] < lead:
-        lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), lead))
+def _lags(delay: int) -> tuple[int, ...]:
+    """Every lag to a little beyond the delay, then ever fewer, to the delay and :data:`START_UP` samples."""
+    lags, last = list(range(1, delay + DENSE + 1)), delay + START_UP
+    while lags[-1] < last:
+        lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), last))
     return tuple(lags)
 
 
