@@ -6,9 +6,8 @@ are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 
 import re
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from copy import deepcopy
+from dataclasses import fields
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from rivid.types import Floats
 
 T = TypeVar("T", bound=BaseModel)
+S = TypeVar("S", SearchSettings, CusumSettings, PosteriorSettings, RiverSettings)
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
 _NAMES = ", ".join(f"`{name}`" for name in ESTIMATORS)
 DAY = 86_400.0
@@ -365,39 +365,41 @@ class Config(Section):
 
     def search_settings(self) -> SearchSettings:
         """The core's settings of `direct` and `indirect`; raises ConfigError as :meth:`jmap_settings`."""
-        with _table("search"):
-            return SearchSettings(**self._delays("search"))
+        return self._settings("search", SearchSettings)
 
     def cusum_settings(self) -> CusumSettings:
         """The core's settings of CUSUM; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("cusum", beyond=3)
-        with _table("cusum"):
-            return CusumSettings(**self.cusum.model_dump() | delays)
+        return self._settings("cusum", CusumSettings, beyond=3)
 
     def posterior_settings(self) -> PosteriorSettings:
         """The core's settings of `posterior`; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("posterior", beyond=1)
-        with _table("posterior"):
-            return PosteriorSettings(**self.posterior.model_dump() | delays, order=self.jmap_settings().order)
+        order = self.jmap_settings().order
+        return self._settings("posterior", PosteriorSettings, beyond=1, order=order)
 
     def river_settings(self) -> RiverSettings:
         """The core's settings of `posterior` on a river; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("posterior")
         day = max(round((self.run.window_s or DAY) / self.reach.sample_time), 1)
-        with _table("posterior"):
-            return RiverSettings(**delays, warm=core.lags_of(delays["d_max"]), day=day)
+        warm = core.lags_of(self.posterior.d_max or self.jmap_settings().d_max)
+        return self._settings("posterior", RiverSettings, warm=warm, day=day)
 
-    def _delays(self, table: str, beyond: int | None = None) -> dict[str, int]:
-        """d_min and d_max of a table, or of `[jmap]`; the FIR has to be longer than d_max by `beyond`."""
-        jmap, section = self.jmap_settings(), getattr(self, table)
-        d_min = jmap.d_min if section.d_min is None else section.d_min
-        d_max = jmap.d_max if section.d_max is None else section.d_max
+    def _settings(self, table: str, kind: type[S], beyond: int | None = None, **more: int) -> S:
+        """Settings of a table, its delays those of `[jmap]` where not given, and `more`.
+
+        The FIR has to be longer than d_max by `beyond`.
+        """
+        jmap = self.jmap_settings()
+        own = getattr(self, table).model_dump(exclude_none=True)
+        given = {"d_min": jmap.d_min, "d_max": jmap.d_max} | own | more
+        d_max = given["d_max"]
         if beyond is not None and d_max + beyond > jmap.order:
             raise ConfigError(
                 f"[{table}] d_max = {d_max} needs an FIR of order >= {d_max + beyond}, got [jmap] order = "
                 f"{jmap.order}: raise order or lower d_max"
             )
-        return {"d_min": d_min, "d_max": d_max}
+        try:
+            return kind(**{field.name: given[field.name] for field in fields(kind) if field.name in given})
+        except ConfigError as error:
+            raise ConfigError(f"[{table}] {error}") from None
 
     def jmap_settings(
         self, prior: core.Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True
@@ -423,15 +425,6 @@ class Config(Section):
         return JmapSettings(
             **given | dict.fromkeys(unused), prior=prior, inverse_gamma=inverse_gamma, free_start=free
         )
-
-
-@contextmanager
-def _table(name: str) -> Iterator[None]:
-    """Name the table of the configuration in errors of its settings."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"[{name}] {error}") from None
 
 
 def load_config(path: Path | None) -> Config:
