@@ -444,11 +444,7 @@ def read_config(path: Path) -> dict[str, Any]:
 
 
 def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Merge tables key by key into a new one; any other own value replaces the shared one.
-
-    >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
-    {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
-    """
+    """Merge tables key by key into a new one; any other own value replaces the shared one."""
     both = deepcopy(shared)
     for key, value in own.items():
         mine = both.get(key)
@@ -474,23 +470,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"cannot read {path}: {error.strerror}: expected a TOML file") from None
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number of thousands of digits
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
-    _refuse_depth(raw, path)
+    if _is_deep(raw):  # it would exhaust the stack
+        raise ConfigError(f"{path}: tables are nested more than {MOST_DEPTH} deep: expected [table] key")
     return raw
 
 
-def _refuse_depth(raw: dict[str, Any], path: Path) -> None:
-    """Refuse nesting that would exhaust the stack; a valid configuration has a few levels."""
-    level: list[Any] = [raw]
-    for _ in range(MOST_DEPTH):
-        level = [
-            inner
-            for value in level
-            for inner in (value.values() if isinstance(value, dict) else value)
-            if isinstance(inner, (dict, list))
-        ]
-        if not level:
-            return
-    raise ConfigError(f"{path}: tables are nested more than {MOST_DEPTH} deep: expected [table] key")
+def _is_deep(value: Any, most: int = MOST_DEPTH) -> bool:
+    if not isinstance(value, dict | list):
+        return False
+    inner = value.values() if isinstance(value, dict) else value
+    return most == 0 or any(_is_deep(one, most - 1) for one in inner)
 
 
 def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:

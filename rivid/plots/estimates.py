@@ -521,10 +521,6 @@ def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
     """Lags [samples] that a panel of t50 shows: the days, and the bounds that leave them enough space.
 
     `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
-
-    >>> low, high = t50_window(np.array([24.0, 26.0, 30.0]), [np.array([22.0, 33.0]), np.array([8.0, 9.0])])
-    >>> round(low, 1), round(high, 1)
-    (21.3, 33.7)
     """
     first, third = (float(q) for q in np.quantile(t50, (0.25, 0.75)))
     reach = FAR * (third - first) or np.inf

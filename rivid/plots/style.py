@@ -105,11 +105,7 @@ SYMBOL = re.compile(
 
 
 def set_symbols(text: str) -> str:
-    """A text with the paper's symbols as mathematics.
-
-    >>> set_symbols("beta_h of sigma_hD², in T_s")
-    '$\\\\beta_h$ of $\\\\sigma_{hD}^2$, in $T_s$'
-    """
+    """A text with the paper's symbols as mathematics."""
     return SYMBOL.sub(lambda m: f"${SYMBOLS[m[1]]}{'^2' if m[2] else ''}$", text)
 
 
@@ -302,14 +298,8 @@ def minutes_above(ax: Axes, sample_time: float) -> None:
     """Minutes along the top of a panel with samples on its x axis."""
     unit, seconds = time_unit(ax.get_xlim()[1] * sample_time)
     scale = sample_time / seconds
-
-    def minutes(samples: Any) -> Any:
-        return samples * scale
-
-    def samples(minutes: Any) -> Any:
-        return minutes / scale
-
-    other = ax.secondary_xaxis("top", functions=(minutes, samples))
+    there_and_back: Any = (lambda lag: lag * scale, lambda time: time / scale)
+    other = ax.secondary_xaxis("top", functions=there_and_back)
     other.tick_params(labelcolor=GREY, color=GREY, length=3, pad=1)
     other.spines["top"].set_visible(False)
     ax.annotate(unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY)
@@ -322,11 +312,7 @@ def hour_axis(ax: Axes, every: int = 6) -> None:
 
 
 def power_of_ten(values: Floats) -> tuple[float, str]:
-    """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4".
-
-    >>> power_of_ten(np.array([-3.1e-4, 2e-5])), power_of_ten(np.array([0.4, 2.0]))
-    ((10000.0, '10⁻⁴ '), (1.0, ''))
-    """
+    """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4"."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     if not 0 < largest < 0.1:
         return 1.0, ""
@@ -353,9 +339,6 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
 
     Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
     under the first of its labels.
-
-    >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14))[2]
-    ['14 Mar\\n2008']
     """
     span = (last - first).days + 1
     if span <= 80:
@@ -401,13 +384,7 @@ def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
 
 
 def thinned(ticks: Ticks, most: int) -> Ticks:
-    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays.
-
-    >>> thinned(([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2)[2]
-    ['Nov\\n2023', 'Jan\\n2024']
-    >>> thinned(([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2)[2]
-    ['Dec\\n2023', 'Feb\\n2024']
-    """
+    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays."""
     lines, places, names = ticks
     every = -(-len(names) // most)
     labels, year = [], ""

@@ -89,11 +89,7 @@ def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
 
 
 def band(values: Floats) -> tuple[float, float] | None:
-    """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty.
-
-    >>> band(np.array([6.0, 7.0] * 20 + [9.0, np.nan]))
-    (6.0, 7.0)
-    """
+    """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty."""
     given = values[np.isfinite(values)]
     if given.size < BAND_DAYS:
         return None
@@ -102,11 +98,7 @@ def band(values: Floats) -> tuple[float, float] | None:
 
 
 def outside(values: Floats, limits: tuple[float, float]) -> Bools:
-    """Return the values further from a band than its width and one sample; False for NaN.
-
-    >>> outside(np.array([6.0, 8.0, 9.0, np.nan]), (6.0, 7.0))
-    array([False, False,  True, False])
-    """
+    """Return the values further from a band than its width and one sample; False for NaN."""
     margin = max(limits[1] - limits[0], 1.0)
     return np.asarray((values < limits[0] - margin) | (values > limits[1] + margin))
 

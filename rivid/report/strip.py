@@ -97,11 +97,7 @@ def _looks(recent: LastWeek) -> list[str]:
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
-    """Return round numbers inside a range, at most so many, each with its text.
-
-    >>> [text for _, text in ticks(4.5, 9.5)], [text for _, text in ticks(3.1, 4.1)]
-    (['5', '6', '7', '8', '9'], ['3.2', '3.4', '3.6', '3.8', '4.0'])
-    """
+    """Return round numbers inside a range, at most so many, each with its text."""
     power, size = next(
         (power, size)
         for power in range(-3, 9)

@@ -175,11 +175,7 @@ def last_week(results: Results) -> LastWeek | None:
 
 
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
-    """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week.
-
-    >>> weeks_ago([dt.date(2008, 12, 24), dt.date(2008, 12, 25), dt.date(2008, 12, 31)])
-    array([1, 0, 0])
-    """
+    """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week."""
     days = day_numbers(dates).astype(np.int64)
     return np.asarray((days[-1] - days) // WEEK)
 
@@ -261,16 +257,9 @@ def _ends(values: Floats) -> tuple[float, float] | None:
 
 
 def missing(dates: Sequence[dt.date]) -> list[dt.date]:
-    """Return the days between the first and the last that have no row: no log of them exists.
-
-    >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
-    [datetime.date(2024, 6, 12)]
-    """
-    if not dates or (dates[-1] - dates[0]).days + 1 == len(dates):
-        return []
-    there = set(dates)
-    every = (dates[0] + dt.timedelta(days=k) for k in range((dates[-1] - dates[0]).days))
-    return [day for day in every if day not in there]
+    """Return the days between the first and the last that have no row: no log of them exists."""
+    gaps = zip(dates, dates[1:], strict=False)
+    return [a + dt.timedelta(days=k) for a, b in gaps for k in range(1, (b - a).days)]
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:

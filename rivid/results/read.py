@@ -294,10 +294,6 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
     """Rayleigh prior (26), sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
 
     (26) is lost in the paper's copy; its terms in (27) and (35) give it back.
-
-    >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
-    >>> p[4:8].round(3), round(float(p.sum()), 6)
-    (array([0.094, 0.099, 0.099, 0.094]), 1.0)
     """
     logs = np.log(delays) - delays**2 / (2 * scale**2)
     weights = np.exp(logs - logs.max())

@@ -77,11 +77,7 @@ MOST = 100_000
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `index` of `count`, counted from 1.
-
-    >>> Shard.parse("3/16")
-    Shard(index=3, count=16)
-    """
+    """Part `index` of `count`, counted from 1."""
 
     index: int
     count: int
