@@ -1,6 +1,7 @@
 """Read the tables of a run as arrays or as a DataFrame, and classify the days of an estimator."""
 
 import datetime as dt
+import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -148,10 +149,17 @@ def refuse_newer(record: dict[str, Any], out: Path) -> None:
         )
 
 
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file; empty where it cannot be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def _record(out: Path) -> dict[str, Any]:
     """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
-    import json
-
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     if not isinstance(run, dict):
         raise ValueError("run.json is not a JSON object")

@@ -22,7 +22,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.config import Config
 from rivid.errors import LockedError, RividError
-from rivid.results.read import SCHEMA_VERSION, Results, refuse_newer, results_of
+from rivid.results.read import SCHEMA_VERSION, Results, read_json, refuse_newer, results_of
 from rivid.types import Bools, Floats
 
 KINDS = {
@@ -270,11 +269,8 @@ UNFINISHED: dict[str, Any] = {"content": None, "outputs": {}}
 
 def last_record(out: Path) -> dict[str, Any]:
     """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
-    try:
-        record = json.loads((out / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(record, dict) or not isinstance(record.get("schema_version", 0), int):
+    record = read_json(out / RECORD)
+    if not isinstance(record.get("schema_version", 0), int):
         return {}
     refuse_newer({"schema_version": 0} | record, out)
     return record
@@ -589,20 +585,15 @@ class Store:
             self._lock.release()
             raise
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._sweep()  # workers terminated after the failure of another leave what they were writing
         self._lock.release()
         self._shard_lock.release()
 
     def known_files(self, data_dir: Path) -> dict[str, Any]:
         """Facts on the files of DATA_DIR from the last finished run; empty where there are none."""
-        try:
-            known = json.loads((self.root / "files.json").read_text(encoding="utf-8"))
-            files = known["files"] if known["data_dir"] == str(data_dir.resolve()) else {}
-        except (OSError, ValueError, KeyError, TypeError):
-            return {}
+        known = read_json(self.root / "files.json")
+        files = known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
         return files if isinstance(files, dict) else {}
 
     def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
