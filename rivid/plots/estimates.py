@@ -1,6 +1,6 @@
 """Estimates of each day, drawn on Axes: responses, delays over the record and against the discharge, t50.
 
-The report, the figures of the paper and the library draw with these functions. Each returns its Axes;
+The report, the figures of the paper and the library draw with these functions;
 :func:`rivid.plots.style.key` adds the legend.
 """
 
@@ -90,7 +90,7 @@ def tdr(
     high: Floats | None = None,
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
-) -> Axes:
+) -> None:
     """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
     `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
@@ -141,7 +141,6 @@ def tdr(
         style.no_ticks(ax, "y")
     if M and sample_time is not None:
         style.second_axis(ax, sample_time, "lag [minutes]")
-    return ax
 
 
 def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
@@ -169,7 +168,7 @@ def _framed(ax: Axes) -> None:
 
 def response(
     ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
-) -> Axes:
+) -> None:
     """The impulse response of one day, shape (M,), with its jump from d to d + 1.
 
     The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none. A band shows two
@@ -188,14 +187,12 @@ def response(
         ax.axvline(t50, color=style.WATER, lw=1.0, ls=DASHED)
     ax.set_xlim(-0.5, len(fir) - 0.5)
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    return ax
 
 
-def jump(ax: Axes, delay: float) -> Axes:
+def jump(ax: Axes, delay: float) -> None:
     """Shade the lags from d to d + 1, where the response jumps; nothing for NaN."""
     if np.isfinite(delay):
         ax.axvspan(delay, delay + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
-    return ax
 
 
 def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11, bins: int = 8) -> Axes:
@@ -252,7 +249,7 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     }
 
 
-def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> Axes:
+def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
     """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
     The legend is `counted`: it has numbers of days; without them several panels can share it.
@@ -289,7 +286,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     ax.yaxis.grid(True)
     if not places.size:
         style.no_ticks(ax)
-        return ax
+        return
     delay_ticks(ax, places[0], places[-1], results.sample_time)
     for bound, side, name in ((places[0], -0.5, "d_min"), (places[-1], 0.5, "d_max")):
         ax.axvline(bound + side, color=style.ACCENT, lw=0.8, ls=(0, (4, 3)))
@@ -298,12 +295,11 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
             textcoords="offset points", ha="right" if side > 0 else "left", va="top", fontsize=8,
             color=style.ACCENT, rotation=90,
         )  # fmt: skip
-    return ax
 
 
 def delay_map(
     ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True, bounds: bool = True
-) -> Axes:
+) -> None:
     """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
     Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
@@ -332,12 +328,11 @@ def delay_map(
         style.second_axis(ax, results.sample_time, "d T_s [minutes]")
     else:
         style.no_ticks(ax, "y")
-    return ax
 
 
 def probability_cells(
     ax: Axes, first: float, delay: ArrayLike, probability: Floats, darkest: float = DARKEST
-) -> Axes:
+) -> None:
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
     `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
@@ -351,7 +346,6 @@ def probability_cells(
     limits = ax.get_xlim(), ax.get_ylim()
     ax.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
     ax.set(xlim=limits[0], ylim=limits[1])
-    return ax
 
 
 def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -360,7 +354,7 @@ def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
-def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> Axes:
+def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
     """Travel times (5) over the record, where they are within the panel.
 
     A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
@@ -376,7 +370,6 @@ def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: f
                 *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
                 label=f"{name}, as a delay" if lead else name, zorder=2, scalex=False, scaley=False,
             )  # fmt: skip
-    return ax
 
 
 # Delays and travel times against the discharge
@@ -395,7 +388,7 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
     ax.set_xlabel(label)
 
 
-def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
     label = "mean inflow of the day [m³/s]"
     shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
@@ -421,10 +414,9 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         style.second_axis(ax, results.sample_time, "(d + 1) T_s [minutes]")
     else:
         style.no_ticks(ax, "y")
-    return ax
 
 
-def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> Axes:
+def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> None:
     """Both bounds (5) at tau / T_s over the discharge; text names one that is outside the panel."""
     low, high = ax.get_ylim()
     outside: list[str] = []
@@ -450,7 +442,6 @@ def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Boo
             0.995, 0.98, "\n".join(outside), transform=ax.transAxes, ha="right", va="top", fontsize=8,
             color=style.WATER, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.85},
         )  # fmt: skip
-    return ax
 
 
 def _medians(values: Floats) -> Floats:
@@ -460,7 +451,7 @@ def _medians(values: Floats) -> Floats:
     return np.array([np.median(part) for part in np.array_split(values, GROUPS)])
 
 
-def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
     shown = has_t50(e)
     _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)
@@ -468,10 +459,9 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         ax.yaxis.grid(True)
         bounds_over_days(ax, results, e, lead=0.0)
         style.second_axis(ax, results.sample_time, "t50 [minutes]")
-    return ax
 
 
-def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
     label = "mean inflow of the data set [m³/s]"
     shown = has_t50(e) & np.isfinite(e.mean_inflow)
@@ -479,7 +469,7 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
     if not shown.any():
         style.no_ticks(ax)
         ax.set_xlabel(label)
-        return ax
+        return
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown], label)
     if t := thirds(e):
@@ -489,7 +479,6 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         style.entry(ax, "median of each third of days", ls="-", color=style.ACCENT, lw=1.8)
     bounds_over_flow(ax, results, e, shown)
     style.second_axis(ax, results.sample_time, "t50 [minutes]")
-    return ax
 
 
 def _t50_days(

@@ -257,7 +257,7 @@ def bounds_by_day(sheet: Sheet, year: Year, *_: Any) -> Figure:
     return figure
 
 
-def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> Axes:
+def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> None:
     """Both bounds (5) of the travel time [s] over the discharge or the days, in samples and minutes."""
     alone = "_" if len(x) < 3 else ""
     for name, seconds, width, alpha in (
@@ -273,7 +273,6 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
     style.key(ax)
     ax.set_ylabel("travel time [samples]")
     style.second_axis(ax, sample_time, "[minutes]")
-    return ax
 
 
 # Figs 7, 10, the priors, and 12: one day
@@ -531,7 +530,7 @@ def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[Casc
     return figure
 
 
-def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
+def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> None:
     """Intervals of the delay of one reach at its length, `shift` apart on the x axis [km]."""
     x, first = r.length / 1000, not ax.lines
     ax.plot([x - 1.3 * shift] * 2, r.empirical, color=style.LIGHT, lw=9, solid_capstyle="butt", zorder=2)
@@ -555,7 +554,6 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
         r.name, (x, 0), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
         ha="center", fontsize=8, color=style.GREY,
     )  # fmt: skip
-    return ax
 
 
 FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {

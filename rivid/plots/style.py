@@ -347,7 +347,9 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
         at = [float(day.toordinal()) for day in days]
         return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
     step = 1 if span <= 900 else 12
-    starts = _month_starts(first, last, step)
+    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
+    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
+    starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
     if span > 5500:
         every = -(-span // 5500)
         starts = [day for day in starts if day.year % every == 0 and first <= day <= last]
@@ -364,14 +366,6 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
     if step == 12:
         return lines, places, [str(day.year) for day in shown]
     return lines, places, _with_year(shown, [MONTHS[day.month - 1] for day in shown])
-
-
-def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
-    """First days of the months (or, for step 12, of the years) that touch the record, and the one after."""
-    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
-    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
-    after = next(i for i, day in enumerate(starts) if day > last)
-    return starts[: after + 1]
 
 
 def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
