@@ -22,6 +22,7 @@ from rivid.core.search import SearchResult
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, SearchSettings, named
 from rivid.errors import ConfigError, RividError
 from rivid.estimators import Answer, Days, build
+from rivid.text import probability, samples, travel
 from rivid.types import Floats, Strings
 
 if TYPE_CHECKING:
@@ -138,8 +139,6 @@ class DelayProbabilities(_DelayResult):
     _heading = "Probability of each delay"
 
     def _day_facts(self) -> str:
-        from rivid.text import probability
-
         if str(self.status) != "ok":
             return f"{self.status}: {self.reason}"
         return (
@@ -422,28 +421,17 @@ def _reasons(answer: Answer, days: Days) -> Strings:
 
 
 def describe_delay(delay: float, sample_time: float | None) -> str:
-    """Return a delay in samples and, if T_s is known, as a travel time.
-
-    >>> describe_delay(6.0, 133.0), describe_delay(6.0, None), describe_delay(float("nan"), 133.0)
-    ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
-    """
-    from rivid.text import travel
-
+    """Return a delay in samples and, if T_s is known, as a travel time."""
     if not np.isfinite(delay):
         return "no delay"
-    samples = f"d = {delay:.0f} sample{'' if delay == 1 else 's'}"
-    return samples if sample_time is None else f"{samples} ({travel([delay], sample_time)})"
+    lag = f"d = {samples([delay])}"
+    return lag if sample_time is None else f"{lag} ({travel([delay], sample_time)})"
 
 
-def describe_days(status: ArrayLike, delay: ArrayLike) -> str:
-    """Return the number of days by status, and the range of their delays.
-
-    >>> describe_days(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
-    '3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples'
-    """
-    counted = Counter(str(one) for one in np.asarray(status))
+def describe_days(status: Strings, delay: Floats) -> str:
+    """Return the number of days by status, and the range of their delays."""
+    counted = Counter(map(str, status))
     listed = ", ".join(f"{n} {name}" for name, n in counted.most_common())
-    d = np.asarray(delay, float)
-    d = d[np.isfinite(d)]
+    d = delay[np.isfinite(delay)]
     span = f"; d median {np.median(d):g}, {d.min():g} to {d.max():g} samples" if len(d) else ""
     return f"{sum(counted.values())} days: {listed}{span}"

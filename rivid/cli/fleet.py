@@ -39,8 +39,8 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
       rivid run sample_data --config configs/fleet --out out/fleet --shard 2/2
       rivid fleet out/fleet
     """
-    from rivid.fleet.outcome import worst
-    from rivid.fleet.run import fleet_of
+    from rivid.errors import NoDataError
+    from rivid.fleet.outcome import kept, worst
     from rivid.results.store import Store
     from rivid.run.workers import without_pandas
 
@@ -48,7 +48,9 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
     without_pandas()
     console.begin(("results", out))
     console.phase("starting")
-    outcomes = fleet_of(out)
+    outcomes = kept(out)
+    if not outcomes:
+        raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
     console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
     with Store(out):
         _report(out, outcomes, out.resolve().name, None, as_json=as_json, quiet=quiet)

@@ -144,7 +144,8 @@ def kept(out: Path) -> list[Outcome]:
     found = []
     for path in sorted((out / FOLDER).glob("*.json")):
         try:
-            found.append(Outcome(**read_json(path)))
+            value = read_json(path)
+            found.append(Outcome(**value | {"recent": [tuple(day) for day in value.get("recent", [])]}))
         except TypeError:
             continue  # of another version, or damaged: the next run writes it again
     return found

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from rivid.errors import ConfigError, NoDataError, RividError, printable
+from rivid.errors import ConfigError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
 from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
 from rivid.logs.spec import shown
@@ -105,11 +105,3 @@ def run_reach(
     if NAME.fullmatch(reach.name):
         keep(root, outcome)
     return outcome
-
-
-def fleet_of(out: Path) -> list[Outcome]:
-    """All outcomes stored under OUT, by reach; NoDataError if there is none."""
-    outcomes = kept(out)
-    if not outcomes:
-        raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
-    return outcomes

@@ -301,11 +301,7 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
 
 
 def assumed(config: Config) -> list[str]:
-    """Keys of the geometry that are not configured: their defaults are those of another reach (Table I).
-
-    >>> assumed(Config()), assumed(Config.model_validate({"reach": {"length": 15e3, "bed_level": 90.0}}))
-    (['length', 'width', 'depth'], ['width'])
-    """
+    """Keys of the geometry that are not configured: their defaults are those of another reach (Table I)."""
     reach = config.reach
     given = reach.model_fields_set | ({"depth"} if reach.bed_level is not None else set())
     return [key for key in ("length", "width", "depth") if key not in given]
@@ -480,18 +476,12 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     return Rows(pa.concat_tables(short), tuple(units)), damaged
 
 
-def write_segment(segments: Path, rows: pa.Table) -> Path:
-    """Write one batch's rows; the name follows from its keys, so a repeated batch replaces itself."""
-    path = segments / f"{hash_of(rows)[:24]}.parquet"
-    write_parquet(rows, path)
-    return path
-
-
-def write_rows(segments: Path, rows: Rows) -> Path:
-    """Write rows as one segment, chunk by chunk."""
-    path = segments / f"{hash_of(rows.table)[:24]}.parquet"
+def write_segment(segments: Path, rows: pa.Table | Rows) -> Path:
+    """Write rows as one segment; the name follows from their keys, so a repeated batch replaces itself."""
+    keys, chunks = (rows.table, rows.chunks()) if isinstance(rows, Rows) else (rows, [rows])
+    path = segments / f"{hash_of(keys)[:24]}.parquet"
     with replacing(path) as scratch, _writer(scratch, SEGMENT) as writer:
-        for chunk in rows.chunks():
+        for chunk in chunks:
             writer.write_table(chunk)
     return path
 
@@ -618,7 +608,7 @@ class Store:
             left = pc.invert(pc.is_in(rows.table["key"], value_set=gone))
             if pc.all(left, min_count=0).as_py():
                 continue
-            kept = write_rows(self.segments, rows.chosen(left)) if pc.any(left).as_py() else None
+            kept = write_segment(self.segments, rows.chosen(left)) if pc.any(left).as_py() else None
             if path != kept:
                 path.unlink(missing_ok=True)
 
@@ -627,7 +617,7 @@ class Store:
         paths = sorted(self.segments.glob("*.parquet"))
         if len(paths) <= COMPACT_ABOVE:
             return
-        kept = write_rows(self.segments, rows)
+        kept = write_segment(self.segments, rows)
         for path in paths:
             if path != kept:
                 path.unlink(missing_ok=True)
