@@ -51,18 +51,16 @@ def command(
         return _paper(out, day, logs, cascade, console)
     import json
 
-    from rivid.plots.draw import draw_all
-    from rivid.report.build import write_report
-    from rivid.results.read import load_results
     from rivid.results.store import Store
+    from rivid.run.drawing import draw_with, read_once
+    from rivid.run.workers import Engine
 
     console.phase("starting")
-    results = load_results(out)  # before the lock, which creates the directory
+    read_once(out)  # before the lock, which creates the directory
     console.phase("reading the results")
     with Store(out):
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
-        figures = draw_all(results, out, day=day)
-        page = write_report(results, figures, out, summary=summary)
+        *figures, page = draw_with(Engine(), out, summary, day)
     console.phase("figures and report")
     if not quiet:
         click.echo(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")

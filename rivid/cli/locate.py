@@ -8,6 +8,7 @@ everybody can write to is refused.
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from rivid.cli.console import Console
@@ -37,21 +38,18 @@ def find(data_dir: Path) -> Path | None:
     start = data_dir.resolve()
     if not start.is_dir():
         start = start.parent
-    try:
+    home = None
+    with suppress(OSError, RuntimeError):  # a user without a home directory
         home = Path.home().resolve()
-    except (OSError, RuntimeError):  # a user without a home directory
-        home = None
-    try:
+    with suppress(OSError):  # a directory without read permission: its parents are not the user's
         device = _device(start)
         for folder in (start, *start.parents):
             if _device(folder) != device:
-                return None
+                break
             if path := own(folder):
                 return path
             if folder == home:
-                return None
-    except OSError:  # a directory without read permission: its parents are not the user's
-        return None
+                break
     return None
 
 

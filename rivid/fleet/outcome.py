@@ -149,9 +149,3 @@ def kept(out: Path) -> list[Outcome]:
         except TypeError:
             continue  # of another version, or damaged: the next run writes it again
     return found
-
-
-def forget(out: Path, reaches: Iterable[str]) -> None:
-    """Drop outcomes of reaches that are gone; their results stay."""
-    for name in reaches:
-        (out / FOLDER / f"{name}.json").unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rivid.errors import ConfigError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
-from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
+from rivid.fleet.outcome import FOLDER, Outcome, keep, kept, outcome_of
 from rivid.logs.spec import shown
 from rivid.results.store import Store, last_record
 from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
@@ -42,8 +42,9 @@ def run_fleet(
     options = replace(options, shard=None)
     with Store(out, shard.name if shard else ""):
         if not shard:
-            present = {reach.name for reach in reaches}
-            forget(out, [old.reach for old in kept(out) if old.reach not in present])
+            gone = {old.reach for old in kept(out)} - {reach.name for reach in reaches}
+            for name in gone:  # their results stay
+                (out / FOLDER / f"{name}.json").unlink(missing_ok=True)
         workers = engine.slots if engine else min(options.workers or cores(), max(len(reaches), 1))
         modules = [*ESTIMATING, "rivid.fleet.run", *(DRAWING if options.figures else ())]
         with progress(len(reaches)) if progress and reaches else nullcontext(lambda _: None) as done:

@@ -37,23 +37,13 @@ Drawn = tuple[Figure, str, dict[str, Any]]
 """A figure, its title on a page and the facts of its caption."""
 
 
-def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list[FigureFile]:
-    """Draw every figure of a run into OUT/figures, over those there (Figs 12-18); equal results, equal bytes.
+def jobs(results: Results) -> list[Job]:
+    """The figures of a run (Figs 12-18), in the order of the report.
 
     Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
-    delay_discharge, where it estimates delays; then the responses of one `day`, a typical one by default. For
-    a river, t50 and t50_discharge of the leading estimator. ConfigError where `day` is not among the results,
-    RividError where a file cannot be written.
+    delay_discharge, where it estimates delays; then the responses of one day. For a river, t50 and
+    t50_discharge of the leading estimator.
     """
-    folder = out / "figures"
-    drawn = [draw(results, job, folder, day=day) for job in jobs(results)]
-    files = [file for file in drawn if file is not None]
-    style.drop_old(folder, files, KINDS)
-    return files
-
-
-def jobs(results: Results) -> list[Job]:
-    """The figures of a run, in the order of the report."""
     leading = leading_response(results)
     listed: list[Job] = []
     for e in results.estimators:
@@ -67,7 +57,11 @@ def jobs(results: Results) -> list[Job]:
 
 
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
-    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it."""
+    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it.
+
+    Responses are those of `day`, a typical one by default. Equal results give equal bytes. ConfigError where
+    `day` has no response, RividError where a file cannot be written.
+    """
     kind, name = job
     with style.styled():
         drawn = _of_estimator(results, results.of(name), kind) if name else _fir_day(results, day)

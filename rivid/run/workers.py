@@ -202,16 +202,14 @@ def _same_path() -> Iterator[None]:
     """
     path = os.pathsep.join(os.path.abspath(place) for place in sys.path)
     given = {"PYTHONPATH": path, "PYTHONSAFEPATH": "1"}
-    before = {name: os.environ.get(name) for name in given}
+    before = {name: os.environ[name] for name in given if name in os.environ}
     os.environ.update(given)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in given:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 def _begin() -> None:
