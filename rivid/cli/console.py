@@ -61,6 +61,11 @@ class Console:
         if not self.quiet:
             click.echo(f"rivid: {text}", err=True)
 
+    def say(self, text: str) -> None:
+        """Print a result on stdout, unless --quiet."""
+        if not self.quiet:
+            click.echo(text)
+
     def phase(self, name: str) -> None:
         """Print with --verbose how long the phase that ends here has taken."""
         now = time.perf_counter()

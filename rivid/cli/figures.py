@@ -28,7 +28,7 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
 @shared.talk
 def command(
     out: Path, day: dt.date | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
-    quiet: bool, verbose: bool,
+    console: Console,
 ) -> int:  # fmt: skip
     """Redraw the figures and the report of a finished run.
 
@@ -43,7 +43,6 @@ def command(
       rivid figures out --paper
       rivid figures out --paper --cascade configs/scenarios/cascade.toml
     """
-    console = Console(quiet, verbose)
     if not paper and (logs or cascade):
         raise click.UsageError("--logs and --cascade are options of --paper: add --paper, or leave them out.")
     console.begin(("results", out), ("logs", logs))
@@ -62,8 +61,7 @@ def command(
         summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
         *figures, page = draw_with(Engine(), out, summary, day)
     console.phase("figures and report")
-    if not quiet:
-        click.echo(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
+    console.say(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
     return 0
 
 
@@ -96,8 +94,7 @@ def _paper(
             )
             step("writing the page")
             page = write_gallery(year, figures, place)
-    if not console.quiet:
-        click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
+    console.say(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0
 
 

@@ -4,11 +4,13 @@ The order in a command: config, out, its own options, from, to, workers, dry-run
 """
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import click
 
+from rivid.cli.console import Console
 from rivid.errors import nearest
 
 Decorator = Callable[[Any], Any]
@@ -121,11 +123,19 @@ def as_json(text: str = "One JSON object on stdout.") -> Decorator:
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
+quiet = click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
+"""--quiet, -q."""
+
+
 def talk(command: Any) -> Any:
-    """--quiet and --verbose."""
+    """--quiet and --verbose, as the argument `console` of the command."""
+
+    @wraps(command)
+    def talking(quiet: bool, verbose: bool, **given: Any) -> Any:
+        return command(console=Console(quiet, verbose), **given)
+
     text = "Print files, versions and the time of each phase on stderr."
-    command = click.option("--verbose", "-v", is_flag=True, help=text)(command)
-    return click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")(command)
+    return quiet(click.option("--verbose", "-v", is_flag=True, help=text)(talking))
 
 
 today = value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)

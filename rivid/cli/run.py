@@ -51,7 +51,7 @@ def command(
     data_dir: Path, config: Path | None, out: Path | None, estimator: tuple[str, ...], force: bool,
     verify: bool, strict: bool, no_figures: bool, shard: str | None, first: dt.date | None,
     last: dt.date | None, workers: int | None, engine: str | None, scheduler: str | None, dry_run: bool,
-    as_json: bool, quiet: bool, verbose: bool, today: dt.date | None,
+    as_json: bool, console: Console, today: dt.date | None,
 ) -> int:  # fmt: skip
     """Estimate every day of DATA_DIR that is new or changed.
 
@@ -84,7 +84,6 @@ def command(
     dask = _dask(engine, scheduler, workers)
     if dry_run and as_json:
         raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
-    console = Console(quiet, verbose)
     found = configuration(config, data_dir, console)
     place = results(out, found, data_dir)
     draws = not (dask or no_figures or dry_run or shard or (place / "report.html").exists())
@@ -100,7 +99,7 @@ def command(
         workers=workers, first=first, last=last, force=force, verify=verify, figures=not no_figures,
         today=today, shard=Shard.parse(shard) if shard else None,
     )  # fmt: skip
-    bar = None if quiet or as_json else progress
+    quiet, bar = console.quiet, None if console.quiet or as_json else progress
     reaches = find_fleet(data_dir, found, estimator, None if config else own)
     if reaches is not None:
         from rivid.cli.fleet import plan, run_all
