@@ -17,8 +17,8 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -188,43 +188,26 @@ def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bo
     start = ["start"] if starts else []
     kept = pa.schema([SEGMENT.field(name) for name in [*DELAYS.names, *start]])
     with ExitStack() as files:
-        delays, fir, criterion, posterior = (
-            files.enter_context(_growing(out / f"{name}.parquet"))
-            for name in ("delays", "fir", "criterion", "posterior")
-        )
         scratch = files.enter_context(replacing(out / "delays.csv"))
         options = pyarrow.csv.WriteOptions(quoting_style="needed")
         text = files.enter_context(pyarrow.csv.CSVWriter(scratch, kept, write_options=options))
+        writers: dict[str, pq.ParquetWriter] = {}
         for chunk in chunks:
-            short = chunk.select(kept.names)
-            delays(short)
+            short, sure = chunk.select(kept.names), chunk.filter(chunk["probability"].is_valid())
+            fir = _long(chunk, "fir", None, "lag", "value", start)
+            tables = {
+                "delays": short,
+                "fir": _with_sd(fir, chunk) if spread else fir,
+                "criterion": _long(chunk, "curve", "first_candidate", "delay_samples", "criterion", start),
+                "posterior": _long(sure, "curve", "first_candidate", "delay_samples", "probability", start),
+            }
             text.write_table(safe_for_spreadsheets(short))
-            responses = _long(chunk, "fir", None, "lag", "value", start)
-            fir(_with_sd(responses, chunk) if spread else responses)
-            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion", start))
-            sure = chunk.filter(chunk["probability"].is_valid())
-            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability", start))
-
-
-@contextmanager
-def _growing(path: Path) -> Iterator[Callable[[pa.Table], None]]:
-    """A Parquet file that grows by tables; it replaces the old one when all are written."""
-    with replacing(path) as scratch, ExitStack() as stack:
-        writers: list[pq.ParquetWriter] = []
-        empty: list[pa.Table] = []
-
-        def write(table: pa.Table) -> None:
-            if not writers:
-                writers.append(stack.enter_context(_writer(scratch, table.schema)))
-                empty.append(table.slice(0, 0))
-            if len(table):
-                writers[0].write_table(table)
-                empty.clear()
-
-        yield write
-        for table in empty:  # a file without rows has one row group all the same
-            writers[0].write_table(table)
-        stack.close()
+            for name, table in tables.items():
+                if new := name not in writers:
+                    scratch = files.enter_context(replacing(out / f"{name}.parquet"))
+                    writers[name] = files.enter_context(_writer(scratch, table.schema))
+                if new or len(table):
+                    writers[name].write_table(table)
 
 
 def _long(
