@@ -44,8 +44,9 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
       rivid season out/fleet --reach basse_isere
     """
     from rivid.errors import NoDataError
+    from rivid.results.read import last_record
     from rivid.results.season import join, law_of, read_days, write_season
-    from rivid.results.store import Store, last_record
+    from rivid.results.store import Store
     from rivid.run.workers import without_pandas
 
     without_pandas()
@@ -74,7 +75,7 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
     from rivid.errors import ConfigError
-    from rivid.results.store import last_record
+    from rivid.results.read import last_record
 
     run = last_record(out)
     if run:

@@ -13,7 +13,8 @@ from rivid.errors import ConfigError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
 from rivid.fleet.outcome import FOLDER, Outcome, keep, kept, outcome_of
 from rivid.logs.spec import shown
-from rivid.results.store import Store, last_record
+from rivid.results.read import last_record
+from rivid.results.store import Store
 from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes
 

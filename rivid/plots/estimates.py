@@ -146,8 +146,7 @@ def tdr(
 def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
     """The scale of greys of :func:`tdr` above the right end of its panel."""
     low, high = greys
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     width, height = (float(v) for v in figure.get_size_inches())
     bar = style.panel(
         figure, ax.get_position().x1 * width - 1.75, ax.get_position().y1 * height + 0.13, 1.1, 0.1
@@ -200,10 +199,9 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
 
     Its lower edge is `below` the panel, `height` high [inch]; its axis of lags has up to `bins` intervals.
     """
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     box, inch = ax.get_position(), 1 / float(figure.get_size_inches()[1])
-    bar = figure.add_axes((box.x0, box.y0 - below * inch, box.width, height * inch))
+    bar: Axes = figure.add_axes((box.x0, box.y0 - below * inch, box.width, height * inch))
     low, high = grey_limits(fir)
     extent = (-0.5, len(fir) - 0.5, 0.0, 1.0)
     bar.imshow(fir[None, :], cmap="Greys", aspect="auto", extent=extent, vmin=low, vmax=high)

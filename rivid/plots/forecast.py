@@ -32,6 +32,7 @@ def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
         flows(below, found)
         for ax in (above, below):
             style.key(ax)
+            ax.yaxis.grid(True)
             ax.axvline(mdates.date2num(s.moment(s.now)), color=style.GREY, lw=0.8)
             locator = mdates.AutoDateLocator(tz=s.begin.tzinfo, minticks=4, maxticks=9)
             formatter = mdates.ConciseDateFormatter(locator, tz=s.begin.tzinfo, show_offset=False)
@@ -62,7 +63,6 @@ def output(ax: Axes, found: Forecast, unit: str) -> None:
         ax.fill_between(later, *ends, color=style.WATER, alpha=alpha, lw=0, label=share)
     ax.plot(later, found.quantiles[2], color=style.WATER, lw=1.4, label="median")
     ax.set_xlim(x[0], x[-1])
-    ax.yaxis.grid(True)
     ax.set_ylabel("level [m]" if unit == "m" else "discharge [m³/s]")
 
 
@@ -80,5 +80,4 @@ def flows(ax: Axes, found: Forecast) -> None:
     ax.plot(arrives, s.inflow[part], color=style.WATER, lw=0.9, alpha=0.45, label="inflow as it arrives")
     ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="assumed")
     ax.set_xlim(x[0], x[-1])
-    ax.yaxis.grid(True)
     ax.set_ylabel("flow [m³/s]")

@@ -180,8 +180,8 @@ def panel(figure: Figure, left: float, bottom: float, width: float, height: floa
 
 def inches(ax: Axes) -> tuple[float, float]:
     """Width and height of a panel [inch]."""
-    w, h = (float(v) for v in ax.get_figure(root=True).get_size_inches())  # type: ignore[union-attr]
-    box = ax.get_position()
+    figure: Any = ax.get_figure(root=True)
+    (w, h), box = figure.get_size_inches(), ax.get_position()
     return box.width * w, box.height * h
 
 
@@ -245,8 +245,7 @@ def key(ax: Axes) -> None:
 
 def figure_key(panels: Sequence[Axes], *, down: float = 0.37, left: float | None = None) -> None:
     """One legend for several panels, `down` inches below the top: at their right end, or from `left` on."""
-    figure = panels[0].get_figure(root=True)
-    assert figure is not None
+    figure: Any = panels[0].get_figure(root=True)
     found, (width, height) = entries(*panels), figure.get_size_inches()
     x = max(ax.get_position().x1 for ax in panels) if left is None else left / width
     figure.legend(
@@ -411,8 +410,7 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     if not found:
         date_axis(ax, first, last)
         return
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     box, inch = ax.get_position(), 1 / float(figure.get_size_inches()[1])
     lift = (STRIP + STRIP_GAP) * inch
     ax.set_position((box.x0, box.y0 + lift, box.width, box.height - lift))

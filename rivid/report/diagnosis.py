@@ -79,6 +79,7 @@ def write_diagnosis(
     river = record is not None and record.kind == "river"
     factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
     rows = [] if gap is None else quantities.gap_rows(gap, factor)
+    hours = () if gap is None else gap.horizon_h
     context = {
         "d": shown,
         "reach": reach or ("River reach" if river else "Reach"),
@@ -91,7 +92,7 @@ def write_diagnosis(
         "unit": unit,
         "rows": rows,
         "ranking": quantities.explanations(diagnosis.ranking),
-        "horizon": 0 if gap is None else _horizon(gap),
+        "horizon": hours.index(4.0) if 4.0 in hours else len(hours) // 2,  # what a sentence states
         "grown": [] if gap is None else _grown(gap),
         "cards": [_card(e, known, record.dates[0] if record else None) for e in shown.effects],
         "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
@@ -136,11 +137,6 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
         bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
         columns = dict(zip(SCHEMA.names, [pa.array(time), *bands], strict=True))
     write_parquet(to_table(columns, SCHEMA), path)
-
-
-def _horizon(gap: Gap) -> int:
-    """Index of the horizon that a sentence states: 4 h, else the middle one."""
-    return gap.horizon_h.index(4.0) if 4.0 in gap.horizon_h else len(gap.horizon_h) // 2
 
 
 def _grown(gap: Gap) -> list[tuple[str, float]]:

@@ -36,7 +36,7 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.config import Config
 from rivid.errors import LockedError, RividError
-from rivid.results.read import SCHEMA_VERSION, Results, read_json, refuse_newer, results_of
+from rivid.results.read import RECORD, SCHEMA_VERSION, Results, read_json, results_of
 from rivid.types import Bools, Floats
 
 KINDS = {
@@ -243,20 +243,8 @@ def whole_numbers(values: NDArray[np.int64]) -> pa.Array:
     return pa.Array.from_buffers(pa.int64(), len(values), [None, pa.py_buffer(values)])
 
 
-RECORD = "run.json"
-"""The record of a run: settings, counts and versions, and the hashes of its files."""
-
 UNFINISHED: dict[str, Any] = {"content": None, "outputs": {}}
 """Of a record while files of OUT are replaced: no run takes it for finished."""
-
-
-def last_record(out: Path) -> dict[str, Any]:
-    """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
-    record = read_json(out / RECORD)
-    if not isinstance(record.get("schema_version", 0), int):
-        return {}
-    refuse_newer({"schema_version": 0} | record, out)
-    return record
 
 
 def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import re
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
@@ -43,7 +43,7 @@ from rivid.logs.days import (
     unread,
 )
 from rivid.logs.spec import MICRO, is_day_file
-from rivid.results.read import SCHEMA_VERSION
+from rivid.results.read import SCHEMA_VERSION, last_record
 from rivid.results.store import (
     METHOD_VERSION,
     SEGMENT,
@@ -56,7 +56,6 @@ from rivid.results.store import (
     hash_of,
     hashes,
     is_whole,
-    last_record,
     lists,
     to_table,
     whole_numbers,
@@ -166,7 +165,9 @@ def make_plan(
     of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
     selected; ConfigError if the logs lack columns that the configuration names.
     """
-    facts = _facts(known or {})
+    facts: dict[str, FileFacts] = {}
+    with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
+        facts = {path: FileFacts.from_json(value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
         facts |= _looked_ahead(unread(data_dir, facts), config, engine)
     catalog = find_days(data_dir, config, facts, verify=options.verify)
@@ -241,14 +242,6 @@ def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
         return hashlib.sha256(rest.encode()).hexdigest()
 
     return key
-
-
-def _facts(known: dict[str, Any]) -> dict[str, FileFacts]:
-    """Facts stored by an earlier run; none where they cannot be read."""
-    try:
-        return {path: FileFacts.from_json(value) for path, value in known.items()}
-    except (AttributeError, KeyError, TypeError, ValueError):
-        return {}
 
 
 Done = Callable[[int], None]
