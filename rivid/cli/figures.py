@@ -48,8 +48,7 @@ def command(
     console.begin(("results", out), ("logs", logs))
     if paper:
         return _paper(out, day, logs, cascade, console)
-    import json
-
+    from rivid.results.read import last_record
     from rivid.results.store import Store
     from rivid.run.drawing import draw_with, read_once
     from rivid.run.workers import Engine
@@ -58,8 +57,7 @@ def command(
     read_once(out)  # before the lock, which creates the directory
     console.phase("reading the results")
     with Store(out):
-        summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
-        *figures, page = draw_with(Engine(), out, summary, day)
+        *figures, page = draw_with(Engine(), out, last_record(out), day)
     console.phase("figures and report")
     console.say(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
     return 0
