@@ -26,7 +26,6 @@ class _NewDirectory(click.Path):
     """A directory that need not exist; a file in its place is an error of the command that writes there."""
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> Any:
-        """Complete directories."""
         return DIRECTORY.shell_complete(ctx, param, incomplete)
 
 
@@ -37,7 +36,6 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
     """A choice with a suggestion for a mistyped value."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the value, or raise a usage error."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -51,7 +49,6 @@ class _Date(click.DateTime):
     """A date such as 2008-03-14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the date, or raise a usage error."""
         try:
             return super().convert(value, param, ctx).date()
         except click.BadParameter:

@@ -20,7 +20,6 @@ OUTER, INNER = 0.16, 0.3
 
 
 def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
-    """Draw forecast.png."""
     s, title = found.series, "The next hours"
     note = f"{name} · from {s.moment(s.now):%Y-%m-%d %H:%M} · half of a wave arrives after "
     with style.styled():

@@ -270,7 +270,6 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
 
 
 def no_ticks(ax: Axes, which: str = "x") -> None:
-    """Remove the ticks of one axis."""
     getattr(ax, f"{which}axis").set_major_locator(NullLocator())
 
 

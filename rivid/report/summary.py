@@ -302,7 +302,6 @@ def _statuses(status: Sequence[str]) -> dict[str, int]:
 
 
 def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
-    """The value of the last week."""
     e, given = recent.estimator, recent.given
     finite = np.flatnonzero(np.isfinite(recent.values))
     tried = candidates(e)
@@ -420,7 +419,6 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
 
 
 def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
-    """The whole record of the leading estimator."""
     f, tried = facts(results, e), candidates(e)
     ends = (float(tried[0]), float(tried[-1])) if tried.size else None
     reasons = Counter(
@@ -458,7 +456,6 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
 
 
 def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
-    """The record of a river's t50."""
     p, lead = passage(results, e), leading(results)
     f = facts(results, lead) if lead is not None else None
     return {

@@ -279,7 +279,6 @@ def assumed(config: Config) -> list[str]:
 
 
 def write_record(out: Path, record: dict[str, Any]) -> None:
-    """Write run.json."""
     write_text(out / RECORD, json.dumps(record, indent=2, sort_keys=True) + "\n")
 
 

@@ -107,7 +107,6 @@ class Dask(Engine):
         return n
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute the task in a worker."""
         self._begin()
         # a worker has another current directory
         given = [value.absolute() if isinstance(value, Path) else value for value in arguments]
@@ -139,7 +138,6 @@ class Dask(Engine):
         self._executor = self._client.get_executor(pure=False)
 
     def _start(self, cluster: Callable[..., Any]) -> Any:
-        """Start a cluster on this machine."""
         for _ in range(STARTS):
             try:
                 return cluster(

@@ -432,7 +432,6 @@ def _notes(
 
 
 def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
-    """Why a day cannot be identified."""
     if not days.u[i].any():
         return "the inflow does not move enough: nothing to identify"
     if not days.y[i].any():
