@@ -55,10 +55,7 @@ class JmapConfig(Section):
     alpha: Annotated[
         core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
     ] = core.DEFAULT_ALPHA
-    jumps: Annotated[
-        core.Jumps,
-        Means("-", "jumps of the response (24): `both`, at lags 1 and d + 1, or `delay`, at d + 1"),
-    ] = JmapSettings.jumps
+    jumps: core.Jumps = JmapSettings.jumps
     alpha_h: Annotated[core.Shape | None, Means("-", "inverse-gamma prior (32); not given: M / 2")] = None
     beta_h: Annotated[
         core.Scale | None, Means("(m per m3/s)^2", "inverse-gamma prior (32); not given: ||D h_ML||^2 / 2")

@@ -21,7 +21,7 @@ from rivid.core.fir import jmap as jmap_of_arrays
 from rivid.core.search import SearchResult
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, SearchSettings, named
 from rivid.errors import ConfigError, RividError
-from rivid.estimators import Answer, Days, build
+from rivid.estimators import Days, build
 from rivid.text import probability, samples, travel
 from rivid.types import Floats, Strings
 
@@ -391,7 +391,10 @@ def posterior(
         answer = estimator.estimate(days)
     names = ("status", "delay", "probability", "delay_low", "delay_high", "travel", "fir", "fir_sd")
     columns = {name: getattr(answer, name) for name in names}
-    columns |= {"probabilities": answer.curve, "reason": _reasons(answer, days)}
+    assert answer.reason is not None
+    whether = [answer.status == "ok", ~days.u.any(axis=1), ~days.y.any(axis=1)]
+    still = ["", "the inflow does not move", "the output does not move"]
+    columns |= {"probabilities": answer.curve, "reason": np.select(whether, still, answer.reason)}
     # the posterior sets all of these; the sample time of arrays alone is unknown
     values: dict[str, Any] = {n: v[0] if single else v for n, v in columns.items()}
     known = isinstance(u, Day) or config is not None
@@ -409,15 +412,6 @@ def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Con
     if not outflow and base.reach.kind == "pool":
         raw["input"] = raw.get("input", {}) | {"u_Qo": ""}
     return parse(raw, Config, "posterior")
-
-
-def _reasons(answer: Answer, days: Days) -> Strings:
-    """Return why each day has no answer, from u and y too; "" where it has one."""
-    u_moves, y_moves = days.u.any(axis=1), days.y.any(axis=1)
-    still = np.where(u_moves, "the output does not move", "the inflow does not move")
-    assert answer.reason is not None
-    reasons = np.where(u_moves & y_moves, answer.reason, still)
-    return np.where(answer.status == "ok", "", reasons)
 
 
 def describe_delay(delay: float, sample_time: float | None) -> str:

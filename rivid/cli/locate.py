@@ -15,8 +15,6 @@ from rivid.cli.console import Console
 from rivid.errors import ConfigError
 
 NAME = "rivid.toml"
-DEFAULT_OUT = Path("out")
-"""Results directory if neither --out nor `[run] out` is given."""
 
 
 def configuration(given: Path | None, data_dir: Path, console: Console) -> Path | None:
@@ -106,7 +104,7 @@ def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
         return given
     out = _configured_out(config)
     if out is None:
-        return DEFAULT_OUT
+        return Path("out")
     _refuse_other_logs(out, data_dir)
     return out
 

@@ -36,7 +36,12 @@ def run_fleet(
     processes as there are cores, and reaches to run. ConfigError if OUT is inside DATA_DIR or the reverse;
     LockedError if another run of the fleet holds OUT.
     """
-    _refuse_places(data_dir, out)
+    logs, results = data_dir.resolve(), out.resolve()
+    if logs == results or logs in results.parents or results in logs.parents:
+        raise ConfigError(
+            f"OUT ({out}) and DATA_DIR ({data_dir}) lie in each other: results would be taken for reaches; "
+            "give another --out"
+        )
     shard = options.shard
     if shard:
         reaches = reaches[shard.index - 1 :: shard.count]
@@ -53,15 +58,6 @@ def run_fleet(
                 for outcome in _run(reaches, out, options, executing):
                     done(1)
                     yield outcome
-
-
-def _refuse_places(data_dir: Path, out: Path) -> None:
-    logs, results = data_dir.resolve(), out.resolve()
-    if logs == results or logs in results.parents or results in logs.parents:
-        raise ConfigError(
-            f"OUT ({out}) and DATA_DIR ({data_dir}) lie in each other: results would be taken for reaches; "
-            "give another --out"
-        )
 
 
 def _run(reaches: Sequence[Reach], root: Path, options: Options, engine: Engine) -> Iterator[Outcome]:

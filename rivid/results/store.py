@@ -358,10 +358,6 @@ class Rows:
         table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
         return Rows(table, self.units + new.units), damaged
 
-    def chosen(self, mask: pa.Array) -> "Rows":
-        """The rows of a mask."""
-        return replace(self, table=self.table.filter(mask))
-
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
         """The rows of the given keys, in order of the keys and then of the estimators.
 
@@ -578,7 +574,8 @@ class Store:
             left = pc.invert(pc.is_in(rows.table["key"], value_set=gone))
             if pc.all(left, min_count=0).as_py():
                 continue
-            kept = write_segment(self.segments, rows.chosen(left)) if pc.any(left).as_py() else None
+            rows = replace(rows, table=rows.table.filter(left))
+            kept = write_segment(self.segments, rows) if len(rows) else None
             if path != kept:
                 path.unlink(missing_ok=True)
 
