@@ -14,17 +14,8 @@ from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.plots import estimates, style
 from rivid.plots.files import FigureFile
-from rivid.results.read import (
-    CLEAR,
-    EstimatorResults,
-    Results,
-    day_numbers,
-    estimates_delay,
-    found,
-    has_t50,
-    leading_response,
-    thirds,
-)
+from rivid.results import read
+from rivid.results.read import EstimatorResults, Results
 from rivid.text import count, day_range, delays, probability, response_unit, samples_first, statuses
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
@@ -44,14 +35,14 @@ def jobs(results: Results) -> list[Job]:
     delay_discharge, where it estimates delays; then the responses of one day. For a river, t50 and
     t50_discharge of the leading estimator.
     """
-    leading = leading_response(results)
+    leading = read.leading_response(results)
     listed: list[Job] = []
     for e in results.estimators:
         if not e.dates:
             continue
         kinds = ["t50", "t50_discharge"] if e is leading else []
         kinds += ["tdr"] if ESTIMATORS[e.estimator].has_fir else []
-        kinds += ["histogram", "delay_map", "delay_discharge"] if estimates_delay(e) else []
+        kinds += ["histogram", "delay_map", "delay_discharge"] if read.estimates_delay(e) else []
         listed += [(kind, e.estimator) for kind in kinds]
     return [*listed, ("fir_day", "")]
 
@@ -75,7 +66,7 @@ def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None
 def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
     """A figure of one estimator: of all its days, or of those with a mean inflow against it."""
     title, height, plot = FIGURES[kind]
-    days = has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else found(e)
+    days = read.has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else read.found(e)
     if kind.endswith("discharge"):
         days = days & np.isfinite(e.mean_inflow)
     shown, margins = count(int(days.sum()), "day"), dict[str, Any]()
@@ -94,20 +85,20 @@ def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
     facts: dict[str, Any] = {
         "unit": results.output_unit,
         "bounds": bool(np.isfinite(e.bound_gravity_s).any()),
-        "delay": bool(found(e).any()),
-        "t50": bool(has_t50(e).any()),
+        "delay": bool(read.found(e).any()),
+        "t50": bool(read.has_t50(e).any()),
         "interval": e.probability is not None,
     }
-    if t := thirds(e):
-        facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= CLEAR}
+    if t := read.thirds(e):
+        facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= read.CLEAR}
     return figure, title, facts
 
 
 def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
     fir = np.where(e.answered[:, None], e.fir, np.nan)
-    lag, name = (e.delay, "delay d") if found(e).any() else (e.t50, "t50")
+    lag, name = (e.delay, "delay d") if read.found(e).any() else (e.t50, "t50")
     estimates.tdr(
-        ax, day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
+        ax, read.day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
         sample_time=results.sample_time,
     )  # fmt: skip
     if e.answered.any():

@@ -15,17 +15,8 @@ from numpy.typing import ArrayLike
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
-from rivid.results.read import (
-    EstimatorResults,
-    Results,
-    candidates,
-    day_numbers,
-    found,
-    has_t50,
-    kinds,
-    rayleigh,
-    thirds,
-)
+from rivid.results import read
+from rivid.results.read import EstimatorResults, Results
 from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
@@ -234,7 +225,7 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
 
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
-    with_delay = found(e)
+    with_delay = read.found(e)
     classes = {
         "data decide": ~e.prior_only & ~e.degenerate,
         "data do not decide": e.prior_only & ~e.degenerate,
@@ -252,7 +243,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
 
     The legend is `counted`: it has numbers of days; without them several panels can share it.
     """
-    places, days = candidates(e), found(e)
+    places, days = read.candidates(e), read.found(e)
     top = np.zeros(len(places))
     for name, share in shares(e, places).items():
         if share.any():
@@ -273,7 +264,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     line: dict[str, Any] = {"color": style.WATER, "lw": 1.2, "marker": "o", "ms": 2.5}
     if ESTIMATORS[e.estimator].rayleigh and places.size:
         sigma = f" (sigma_d = {number(results.delay_scale)})" if counted else ""
-        prior = 100 * rayleigh(places, results.delay_scale)
+        prior = 100 * read.rayleigh(places, results.delay_scale)
         ax.plot(places, prior, label=f"Rayleigh prior alone{sigma}", **line)
     if e.probability is not None:
         known = np.isfinite(e.probability)
@@ -302,7 +293,7 @@ def delay_map(
 
     Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
     """
-    x, tried = day_numbers(e.dates), candidates(e)
+    x, tried = read.day_numbers(e.dates), read.candidates(e)
     if tried.size:
         bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
         style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
@@ -313,11 +304,11 @@ def delay_map(
         p[:, at] = np.nan_to_num(e.criterion).T
         probability_cells(ax, float(x[0]), e.candidates, p)
     size = float(np.clip(160 / np.sqrt(len(x)) / 2.4, 2.2, 6.0))
-    for name, days in kinds(e).items():
+    for name, days in read.kinds(e).items():
         if days.any():
             label = _class_label(name, e, int(days.sum()), counted)
             style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
-    if not found(e).any():
+    if not read.found(e).any():
         style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
     if tried.size and bounds:
         bounds_over_days(ax, results, e, lead=1.0)
@@ -357,7 +348,7 @@ def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: f
 
     A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
     """
-    x, (low, high) = day_numbers(e.dates), ax.get_ylim()
+    x, (low, high) = read.day_numbers(e.dates), ax.get_ylim()
     bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
     if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
         bounds.append(("kinematic wave", e.bound_kinematic_s, DASHED))
@@ -389,7 +380,7 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
     label = "mean inflow of the day [m³/s]"
-    shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
+    shown, tried = read.found(e) & np.isfinite(e.mean_inflow), read.candidates(e)
     n, Q = int(shown.sum()), e.mean_inflow
     if tried.size:
         style.lag_ticks(ax, float(tried[0]) + 0.2, float(tried[-1]) + 1.8, bins=16)
@@ -398,7 +389,7 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     if n:
         y = e.delay + 1 + (spread(len(Q)) if n > 12 else 0)
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
-        for name, kind in kinds(e).items():
+        for name, kind in read.kinds(e).items():
             if (days := kind & shown).any():
                 look = {"markeredgewidth": 0.7, "zorder": 3, "alpha": 0.75, **MARKS[name]}
                 style.marks(ax, Q[days], y[days], _class_label(name, e, days.sum(), True), size, **look)
@@ -451,8 +442,8 @@ def _medians(values: Floats) -> Floats:
 
 def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
-    shown = has_t50(e)
-    _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)
+    shown = read.has_t50(e)
+    _t50_days(ax, results, e, shown, read.day_numbers(e.dates), grow=1.0)
     if shown.any():
         ax.yaxis.grid(True)
         bounds_over_days(ax, results, e, lead=0.0)
@@ -462,7 +453,7 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
 def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
     label = "mean inflow of the data set [m³/s]"
-    shown = has_t50(e) & np.isfinite(e.mean_inflow)
+    shown = read.has_t50(e) & np.isfinite(e.mean_inflow)
     _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
     if not shown.any():
         style.no_ticks(ax)
@@ -470,7 +461,7 @@ def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
         return
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown], label)
-    if t := thirds(e):
+    if t := read.thirds(e):
         for first, last, middle in zip(t.edges, t.edges[1:], t.medians, strict=False):
             for colour, width in (("white", 3.0), (style.ACCENT, 1.8)):  # the white edge sets it off
                 ax.hlines(middle, first, last, colors=colour, linewidths=width, zorder=4)
