@@ -28,20 +28,8 @@ from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared, build
-from rivid.logs.days import (
-    Catalog,
-    DataSet,
-    DaySource,
-    FileFacts,
-    Span,
-    find_days,
-    look_ahead,
-    now_at,
-    read_window,
-    refuse_columns,
-    spans_of,
-    unread,
-)
+from rivid.logs import days as logs
+from rivid.logs.days import Catalog, DataSet, DaySource, FileFacts, Span
 from rivid.logs.spec import MICRO, is_day_file
 from rivid.results import store
 from rivid.results.read import SCHEMA_VERSION, last_record
@@ -152,13 +140,13 @@ def make_plan(
     with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
         facts = {path: FileFacts.from_json(value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
-        facts |= _looked_ahead(unread(data_dir, facts), config, engine)
-    catalog = find_days(data_dir, config, facts, verify=options.verify)
-    refuse_columns(data_dir, catalog.days, config)
+        facts |= _looked_ahead(logs.unread(data_dir, facts), config, engine)
+    catalog = logs.find_days(data_dir, config, facts, verify=options.verify)
+    logs.refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
     length, settings = config.run.window_days, config.as_used()
     del settings["diagnose"]
-    now = options.today or now_at(config)
+    now = options.today or logs.now_at(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
     key_of = _under(settings)
@@ -198,7 +186,7 @@ def _spans(
     if not config.run.window or not sources:
         return [(None, None)]
     try:
-        spans, zone = spans_of(data_dir, sources[0], config)
+        spans, zone = logs.spans_of(data_dir, sources[0], config)
     except DataError:
         return [(None, None)]  # it fails with the reason when it is read
     begin = [dt.datetime.fromtimestamp(start / MICRO, zone) for start, _ in spans]
@@ -210,7 +198,7 @@ def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str
     few = sum(path.stat().st_size for path in paths) < LISTED_HERE
     if few or engine.slots == 1:  # in this order: a finished run contacts no scheduler
         return {}
-    tasks = ((look_ahead, path, config) for path in paths)
+    tasks = ((logs.look_ahead, path, config) for path in paths)
     return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
 
 
@@ -283,8 +271,8 @@ def _read(batch: Batch, window: Window) -> DataSet:
         raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
     try:
         if batch.config.run.window and not window.span:
-            spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
-        return read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
+            logs.spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
+        return logs.read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
     except (OSError, MemoryError, ValueError) as error:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
