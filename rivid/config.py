@@ -12,6 +12,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
+import pydantic
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rivid.core import settings as core
@@ -94,35 +95,21 @@ class SearchConfig(Section):
     d_max: Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")] = None
 
 
-class CusumConfig(SearchConfig):
-    """`[cusum]`: the settings of :class:`rivid.core.settings.CusumSettings`.
-
-    The delays are those of `[jmap]` where not given; the FIR tested is that of `[jmap]`.
-    """
-
-    threshold: core.Threshold = CusumSettings.threshold
-    drift: core.Drift = CusumSettings.drift
-    mean_lags: core.Lags = CusumSettings.mean_lags
-    mean: core.Finite | None = CusumSettings.mean
-    sd: core.Positive | None = CusumSettings.sd
-    moment: core.Moment = CusumSettings.moment
+def _table_of(name: str, settings: type[CusumSettings | PosteriorSettings]) -> Any:
+    """The model of a table: these settings with their limits and defaults, the FIR that of `[jmap]`."""
+    text = f"`[{name}]`: the settings of :class:`rivid.core.settings.{settings.__name__}`."
+    own: dict[str, Any] = {f.name: (f.type, f.default) for f in fields(settings)}
+    own = {key: field for key, field in own.items() if key not in ("d_min", "d_max", "order")}
+    model = f"{name.capitalize()}Config"
+    return pydantic.create_model(model, __base__=SearchConfig, __module__=__name__, __doc__=text, **own)
 
 
-class PosteriorConfig(SearchConfig):
-    """`[posterior]`: the settings of :class:`rivid.core.settings.PosteriorSettings`.
-
-    The delays and the length of the FIR are those of `[jmap]` where not given.
-    """
-
-    store_temperature: core.Temperature = PosteriorSettings.store_temperature
-    wave_temperature: core.Temperature = PosteriorSettings.wave_temperature
-    between_temperature: core.Temperature = PosteriorSettings.between_temperature
-    sharp: core.Share = PosteriorSettings.sharp
-    wave_gate: core.Part = PosteriorSettings.wave_gate
-    wave_lag: core.Part = PosteriorSettings.wave_lag
-    store_error: core.Spread = PosteriorSettings.store_error
-    wave_error: core.Spread = PosteriorSettings.wave_error
-    answer_above: core.Share = PosteriorSettings.answer_above
+if TYPE_CHECKING:
+    CusumConfig = SearchConfig
+    PosteriorConfig = SearchConfig
+else:
+    CusumConfig = _table_of("cusum", CusumSettings)
+    PosteriorConfig = _table_of("posterior", PosteriorSettings)
 
 
 class ReachConfig(Section):
