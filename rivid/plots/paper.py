@@ -163,15 +163,11 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
         ((78, 29), (78, 24.4)),
     ]:  # fmt: skip
         _arrow(ax, start, end)
-    ax.plot([14, 14], [23, 13], color=style.INK, lw=1.3)
-    ax.plot([68.5, 78], [13, 13], color=style.INK, lw=1.3)
-    ax.plot([88, 88, 42], [23, 3.5, 3.5], color=style.INK, lw=1.3)
+    for xs, ys in (([14, 14], [23, 13]), ([68.5, 78], [13, 13]), ([88, 88, 42], [23, 3.5, 3.5])):
+        ax.plot(xs, ys, color=style.INK, lw=1.3)
     signs = ((35.6, 15.0, "+"), (39.4, 9.6, "−"), (75.4, 24.8, "+"), (79.2, 19.4, "−"), (79.2, 26.0, "+"))
-    for x, y, sign in signs:
-        ax.text(x, y, sign)
-    ax.text(6, 24.2, "u_Qi")
-    ax.text(45, 14.2, "u_Qo")
-    ax.text(92, 24.2, "h_L")
+    for x, y, words in (*signs, (6, 24.2, "u_Qi"), (45, 14.2, "u_Qo"), (92, 24.2, "h_L")):
+        ax.text(x, y, words)
     ax.text(79.5, 28.3, "v: what is not modelled", va="center", color=style.GREY)
     return figure
 

@@ -652,8 +652,7 @@ def _summarise(
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
     estimators = before.get("estimators")
-    if not isinstance(estimators, list):  # of a file that users may have edited
-        estimators = []
+    known = estimators if isinstance(estimators, list) else []  # of a file that users may have edited
     counts: dict[str, dict[str, int]] = {}
     for name in pc.unique(table["estimator"]).to_pylist():
         of = table["status"].filter(pc.equal(table["estimator"], name))
@@ -674,7 +673,7 @@ def _summarise(
         bad_files=bad_files,
         new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
         damaged=held.damaged,
-        unasked=[str(name) for name in estimators if str(name) not in config.run.estimators],
+        unasked=[str(name) for name in known if str(name) not in config.run.estimators],
     )
     return summary, failed
 
