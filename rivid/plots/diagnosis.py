@@ -135,7 +135,13 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     )  # fmt: skip
     top = limits(*maps, part=SHARE)
     for ax, image, words in zip(panels, maps, (WITHOUT, WITH), strict=False):
-        hour_map(ax, dates, image, top)
+        ax.patch.set(facecolor="white", hatch="////", edgecolor=style.LIGHT)
+        ax.imshow(
+            image, cmap=SIGNED, vmin=-top, vmax=top, origin="lower", aspect="auto", interpolation="nearest",
+            extent=(dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5, 0, 24),
+        )  # fmt: skip
+        style.date_axis(ax, dates[0], dates[-1])
+        ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
         style.heading(ax, words if len(maps) == 2 else "")
     panels[0].set_ylabel("hour of the day")
     for ax in panels[1:]:
@@ -148,18 +154,6 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     bar.set_ylabel("unexplained inflow [m³/s]")
     bar.yaxis.set_label_position("right")
     return style.written(figure, folder / "diagnosis_map.png", "When water is missing", named=named)
-
-
-def hour_map(ax: Axes, dates: Sequence[dt.date], image: Floats, top: float) -> None:
-    """A map of shape (24, calendar days) of hours over dates, its colours from -`top` to `top`."""
-    first, last = dates[0], dates[-1]
-    ax.patch.set(facecolor="white", hatch="////", edgecolor=style.LIGHT)
-    ax.imshow(
-        image, cmap=SIGNED, vmin=-top, vmax=top, origin="lower", aspect="auto", interpolation="nearest",
-        extent=(first.toordinal() - 0.5, last.toordinal() + 0.5, 0, 24),
-    )  # fmt: skip
-    style.date_axis(ax, first, last)
-    ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
 
 
 def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
