@@ -6,13 +6,13 @@ are those of :mod:`rivid.core.settings`; the defaults of the reach are Table I.
 
 import re
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from copy import deepcopy
+from dataclasses import fields
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
+import pydantic
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rivid.core import settings as core
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rivid.types import Floats
 
 T = TypeVar("T", bound=BaseModel)
+S = TypeVar("S", SearchSettings, CusumSettings, PosteriorSettings, RiverSettings)
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
 _NAMES = ", ".join(f"`{name}`" for name in ESTIMATORS)
 DAY = 86_400.0
@@ -55,10 +56,7 @@ class JmapConfig(Section):
     alpha: Annotated[
         core.Alpha, Means("(m3/s)^2", "fixed regularisation weight of `map` and `jmap-uniform` (22), Table V")
     ] = core.DEFAULT_ALPHA
-    jumps: Annotated[
-        core.Jumps,
-        Means("-", "jumps of the response (24): `both`, at lags 1 and d + 1, or `delay`, at d + 1"),
-    ] = JmapSettings.jumps
+    jumps: core.Jumps = JmapSettings.jumps
     alpha_h: Annotated[core.Shape | None, Means("-", "inverse-gamma prior (32); not given: M / 2")] = None
     beta_h: Annotated[
         core.Scale | None, Means("(m per m3/s)^2", "inverse-gamma prior (32); not given: ||D h_ML||^2 / 2")
@@ -97,35 +95,21 @@ class SearchConfig(Section):
     d_max: Annotated[core.Delay | None, Means("samples", f"longest delay tried{_NOT_GIVEN}")] = None
 
 
-class CusumConfig(SearchConfig):
-    """`[cusum]`: the settings of :class:`rivid.core.settings.CusumSettings`.
-
-    The delays are those of `[jmap]` where not given; the FIR tested is that of `[jmap]`.
-    """
-
-    threshold: core.Threshold = CusumSettings.threshold
-    drift: core.Drift = CusumSettings.drift
-    mean_lags: core.Lags = CusumSettings.mean_lags
-    mean: core.Finite | None = CusumSettings.mean
-    sd: core.Positive | None = CusumSettings.sd
-    moment: core.Moment = CusumSettings.moment
+def _table_of(name: str, settings: type[CusumSettings | PosteriorSettings]) -> Any:
+    """The model of a table: these settings with their limits and defaults, the FIR that of `[jmap]`."""
+    text = f"`[{name}]`: the settings of :class:`rivid.core.settings.{settings.__name__}`."
+    own: dict[str, Any] = {f.name: (f.type, f.default) for f in fields(settings)}
+    own = {key: field for key, field in own.items() if key not in ("d_min", "d_max", "order")}
+    model = f"{name.capitalize()}Config"
+    return pydantic.create_model(model, __base__=SearchConfig, __module__=__name__, __doc__=text, **own)
 
 
-class PosteriorConfig(SearchConfig):
-    """`[posterior]`: the settings of :class:`rivid.core.settings.PosteriorSettings`.
-
-    The delays and the length of the FIR are those of `[jmap]` where not given.
-    """
-
-    store_temperature: core.Temperature = PosteriorSettings.store_temperature
-    wave_temperature: core.Temperature = PosteriorSettings.wave_temperature
-    between_temperature: core.Temperature = PosteriorSettings.between_temperature
-    sharp: core.Share = PosteriorSettings.sharp
-    wave_gate: core.Part = PosteriorSettings.wave_gate
-    wave_lag: core.Part = PosteriorSettings.wave_lag
-    store_error: core.Spread = PosteriorSettings.store_error
-    wave_error: core.Spread = PosteriorSettings.wave_error
-    answer_above: core.Share = PosteriorSettings.answer_above
+if TYPE_CHECKING:
+    CusumConfig = SearchConfig
+    PosteriorConfig = SearchConfig
+else:
+    CusumConfig = _table_of("cusum", CusumSettings)
+    PosteriorConfig = _table_of("posterior", PosteriorSettings)
 
 
 class ReachConfig(Section):
@@ -365,39 +349,41 @@ class Config(Section):
 
     def search_settings(self) -> SearchSettings:
         """The core's settings of `direct` and `indirect`; raises ConfigError as :meth:`jmap_settings`."""
-        with _table("search"):
-            return SearchSettings(**self._delays("search"))
+        return self._settings("search", SearchSettings)
 
     def cusum_settings(self) -> CusumSettings:
         """The core's settings of CUSUM; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("cusum", beyond=3)
-        with _table("cusum"):
-            return CusumSettings(**self.cusum.model_dump() | delays)
+        return self._settings("cusum", CusumSettings, beyond=3)
 
     def posterior_settings(self) -> PosteriorSettings:
         """The core's settings of `posterior`; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("posterior", beyond=1)
-        with _table("posterior"):
-            return PosteriorSettings(**self.posterior.model_dump() | delays, order=self.jmap_settings().order)
+        order = self.jmap_settings().order
+        return self._settings("posterior", PosteriorSettings, beyond=1, order=order)
 
     def river_settings(self) -> RiverSettings:
         """The core's settings of `posterior` on a river; raises ConfigError as :meth:`jmap_settings`."""
-        delays = self._delays("posterior")
         day = max(round((self.run.window_s or DAY) / self.reach.sample_time), 1)
-        with _table("posterior"):
-            return RiverSettings(**delays, warm=core.lags_of(delays["d_max"]), day=day)
+        warm = core.lags_of(self.posterior.d_max or self.jmap_settings().d_max)
+        return self._settings("posterior", RiverSettings, warm=warm, day=day)
 
-    def _delays(self, table: str, beyond: int | None = None) -> dict[str, int]:
-        """d_min and d_max of a table, or of `[jmap]`; the FIR has to be longer than d_max by `beyond`."""
-        jmap, section = self.jmap_settings(), getattr(self, table)
-        d_min = jmap.d_min if section.d_min is None else section.d_min
-        d_max = jmap.d_max if section.d_max is None else section.d_max
+    def _settings(self, table: str, kind: type[S], beyond: int | None = None, **more: int) -> S:
+        """Settings of a table, its delays those of `[jmap]` where not given, and `more`.
+
+        The FIR has to be longer than d_max by `beyond`.
+        """
+        jmap = self.jmap_settings()
+        own = getattr(self, table).model_dump(exclude_none=True)
+        given = {"d_min": jmap.d_min, "d_max": jmap.d_max} | own | more
+        d_max = given["d_max"]
         if beyond is not None and d_max + beyond > jmap.order:
             raise ConfigError(
                 f"[{table}] d_max = {d_max} needs an FIR of order >= {d_max + beyond}, got [jmap] order = "
                 f"{jmap.order}: raise order or lower d_max"
             )
-        return {"d_min": d_min, "d_max": d_max}
+        try:
+            return kind(**{field.name: given[field.name] for field in fields(kind) if field.name in given})
+        except ConfigError as error:
+            raise ConfigError(f"[{table}] {error}") from None
 
     def jmap_settings(
         self, prior: core.Prior = "rayleigh", *, fixed_alpha: bool = False, inverse_gamma: bool = True
@@ -425,15 +411,6 @@ class Config(Section):
         )
 
 
-@contextmanager
-def _table(name: str) -> Iterator[None]:
-    """Name the table of the configuration in errors of its settings."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"[{name}] {error}") from None
-
-
 def load_config(path: Path | None) -> Config:
     """The configuration in a file, or the defaults (Table I, section VI) without one."""
     if path is None:
@@ -451,11 +428,7 @@ def read_config(path: Path) -> dict[str, Any]:
 
 
 def merged(shared: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Merge tables key by key into a new one; any other own value replaces the shared one.
-
-    >>> merged({"jmap": {"order": 30, "d_max": 15}, "run": {}}, {"jmap": {"d_max": 20}})
-    {'jmap': {'order': 30, 'd_max': 20}, 'run': {}}
-    """
+    """Merge tables key by key into a new one; any other own value replaces the shared one."""
     both = deepcopy(shared)
     for key, value in own.items():
         mine = both.get(key)
@@ -481,23 +454,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"cannot read {path}: {error.strerror}: expected a TOML file") from None
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number of thousands of digits
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
-    _refuse_depth(raw, path)
+    if _is_deep(raw):  # it would exhaust the stack
+        raise ConfigError(f"{path}: tables are nested more than {MOST_DEPTH} deep: expected [table] key")
     return raw
 
 
-def _refuse_depth(raw: dict[str, Any], path: Path) -> None:
-    """Refuse nesting that would exhaust the stack; a valid configuration has a few levels."""
-    level: list[Any] = [raw]
-    for _ in range(MOST_DEPTH):
-        level = [
-            inner
-            for value in level
-            for inner in (value.values() if isinstance(value, dict) else value)
-            if isinstance(inner, (dict, list))
-        ]
-        if not level:
-            return
-    raise ConfigError(f"{path}: tables are nested more than {MOST_DEPTH} deep: expected [table] key")
+def _is_deep(value: Any, most: int = MOST_DEPTH) -> bool:
+    if not isinstance(value, dict | list):
+        return False
+    inner = value.values() if isinstance(value, dict) else value
+    return most == 0 or any(_is_deep(one, most - 1) for one in inner)
 
 
 def parse(raw: dict[str, Any], model: type[T], source: str = "config") -> T:

@@ -107,7 +107,7 @@ class StateSpace:
 
     def arrays(self) -> dict[str, Any]:
         """All of it as arrays and texts, for .npz and .mat."""
-        about = json.dumps(_json(self.origin | {"operating": self.operating, "units": self.units}))
+        about = json.dumps(self.origin | {"operating": self.operating, "units": self.units}, default=str)
         return {
             "A": self.A, "B": self.B, "C": self.C, "D": self.D, "G": self.G, "Q": self.Q, "R": self.R,
             "sample_time": self.sample_time, "inputs": list(self.inputs), "outputs": list(self.outputs),
@@ -223,19 +223,14 @@ def _origin(model: ReachModel) -> dict[str, Any]:
     return {"reach": model.name, "written_by": f"rivid {__version__}"} | model.origin
 
 
-def _json(value: dict[str, Any]) -> dict[str, Any]:
-    return {k: v if isinstance(v, int | float | str | list | dict) else str(v) for k, v in value.items()}
-
-
 def _state_space(source: Path, out: Path) -> list[Path]:
     import scipy.io
 
     arrays = state_space(load_model(source)).arrays()
-    writers: dict[str, Any] = {"npz": lambda file: np.savez(file, **arrays)}
-    writers["mat"] = lambda file: scipy.io.savemat(file, arrays)
-    for kind, write in writers.items():
-        with replacing(out / f"state_space.{kind}") as partial, open(partial, "wb") as file:
-            write(file)
+    with replacing(out / "state_space.npz") as partial, open(partial, "wb") as file:
+        np.savez(file, **arrays)
+    with replacing(out / "state_space.mat") as partial:
+        scipy.io.savemat(str(partial), arrays, appendmat=False)
     values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in arrays.items()}
     values["about"] = json.loads(arrays["about"])
     write_text(out / "state_space.json", json.dumps(values, indent=1) + "\n")
@@ -250,7 +245,7 @@ def _rtc_tools(source: Path, out: Path) -> list[Path]:
     values = [f"{v:.10g}" for name, v in found.items() if name not in ("gain", "delay")]
     write_text(out / "parameters.csv", ",".join(names) + "\n" + ",".join(values) + "\n")
     about = {"block": "IDZ" if model.kind == "pool" else "LagAndK", "values": found} | _origin(model)
-    write_text(out / "parameters.json", json.dumps(_json(about), indent=1) + "\n")
+    write_text(out / "parameters.json", json.dumps(about, indent=1, default=str) + "\n")
     return [out / "parameters.csv", out / "parameters.json"]
 
 

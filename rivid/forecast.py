@@ -272,7 +272,8 @@ def run(
     the last measured one and its standard deviation by the noise [m or m3/s]; the expected residual after the
     origin, (m,) [m or m3/s]; and the inflow and outflow that were assumed, (m, ahead) [m3/s].
     """
-    at = np.maximum(origins[:, None] + np.arange(-lead, ahead + 1), 0)
+    steps = np.arange(-lead, ahead + 1)
+    at = np.maximum(origins[:, None] + steps, 0)
     T, until = model.sample_time, lead + announced
     inflow, outflow, output = (values[at] for values in (series.inflow, series.outflow, series.output))
     output[:, lead + 1 :] = np.nan
@@ -280,15 +281,12 @@ def run(
         outflow[:, until + 1 :] = outflow[:, until : until + 1]
         if repeat:
             day = round(DAY / T)
-            for k in range(until + 1, lead + ahead + 1):  # of a second day, what the first one repeats
-                before = at[:, k] - day
-                inflow[:, k] = np.where(
-                    before > origins, inflow[:, k - day], series.inflow[np.maximum(before, 0)]
-                )
+            back = day * -(np.minimum(announced - steps, 0) // day)  # whole days, to what is known
+            inflow = series.inflow[np.maximum(origins[:, None] + steps - back, 0)]
             inflow = np.where(np.isfinite(inflow), inflow, inflow[:, until : until + 1])
         else:
             inflow[:, until + 1 :] = inflow[:, until : until + 1]
-    time = series.time[0] + (origins[:, None] + np.arange(-lead, ahead + 1)) * T
+    time = series.time[0] + (origins[:, None] + steps) * T
     days = (time[:, lead] // DAY).astype(int).tolist()
     record = Record(
         dates=tuple(series.first + dt.timedelta(days=day) for day in days),

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 import rivid
 from rivid.api.diagnosis import DiagnosisResult
+from rivid.api.estimate import describe_days, describe_delay
 from rivid.cli import cli
 from rivid.config import Config
 from rivid.core.fir import jmap as core_jmap
@@ -295,3 +296,10 @@ def test_settings_have_the_papers_symbols_and_unknown_ones_are_named(day):
             call()
     table = {"jmap": {"M": 25}}
     assert Config.model_validate(table).jmap_settings().order == 25
+
+
+def test_delays_are_described():
+    assert describe_delay(6.0, 133.0) == "d = 6 samples (13.3 to 15.5 min)"
+    assert (describe_delay(6.0, None), describe_delay(float("nan"), 133.0)) == ("d = 6 samples", "no delay")
+    found = describe_days(np.array(["ok", "ok", "unidentifiable"]), np.array([6.0, 8.0, np.nan]))
+    assert found == "3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples"

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from rivid.config import Config, load_config, parse
+from rivid.config import Config, load_config, merged, parse
 from rivid.core.settings import CusumSettings, JmapSettings, PosteriorSettings, SearchSettings
 from rivid.errors import ConfigError
 
@@ -141,3 +141,8 @@ def test_every_setting_of_the_posterior_has_its_key_and_comes_back_from_toml(tmp
 def test_a_name_with_accents_is_refused_in_words():
     with pytest.raises(ConfigError, match="reach.name = 'Isère aval': expected letters A to Z.*`note`"):
         parse({"reach": {"name": "Isère aval"}}, Config)
+
+
+def test_own_keys_replace_shared_ones_within_their_tables():
+    shared = {"jmap": {"order": 30, "d_max": 15}, "run": {}}
+    assert merged(shared, {"jmap": {"d_max": 20}}) == {"jmap": {"order": 30, "d_max": 20}, "run": {}}

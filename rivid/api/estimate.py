@@ -21,7 +21,8 @@ from rivid.core.fir import jmap as jmap_of_arrays
 from rivid.core.search import SearchResult
 from rivid.core.settings import DEFAULT_ALPHA, CusumSettings, JmapSettings, SearchSettings, named
 from rivid.errors import ConfigError, RividError
-from rivid.estimators import Answer, Days, build
+from rivid.estimators import Days, build
+from rivid.text import probability, samples, travel
 from rivid.types import Floats, Strings
 
 if TYPE_CHECKING:
@@ -138,8 +139,6 @@ class DelayProbabilities(_DelayResult):
     _heading = "Probability of each delay"
 
     def _day_facts(self) -> str:
-        from rivid.text import probability
-
         if str(self.status) != "ok":
             return f"{self.status}: {self.reason}"
         return (
@@ -392,7 +391,10 @@ def posterior(
         answer = estimator.estimate(days)
     names = ("status", "delay", "probability", "delay_low", "delay_high", "travel", "fir", "fir_sd")
     columns = {name: getattr(answer, name) for name in names}
-    columns |= {"probabilities": answer.curve, "reason": _reasons(answer, days)}
+    assert answer.reason is not None
+    whether = [answer.status == "ok", ~days.u.any(axis=1), ~days.y.any(axis=1)]
+    still = ["", "the inflow does not move", "the output does not move"]
+    columns |= {"probabilities": answer.curve, "reason": np.select(whether, still, answer.reason)}
     # the posterior sets all of these; the sample time of arrays alone is unknown
     values: dict[str, Any] = {n: v[0] if single else v for n, v in columns.items()}
     known = isinstance(u, Day) or config is not None
@@ -412,38 +414,18 @@ def _with_posterior(base: Config, outflow: bool, changes: dict[str, Any]) -> Con
     return parse(raw, Config, "posterior")
 
 
-def _reasons(answer: Answer, days: Days) -> Strings:
-    """Return why each day has no answer, from u and y too; "" where it has one."""
-    u_moves, y_moves = days.u.any(axis=1), days.y.any(axis=1)
-    still = np.where(u_moves, "the output does not move", "the inflow does not move")
-    assert answer.reason is not None
-    reasons = np.where(u_moves & y_moves, answer.reason, still)
-    return np.where(answer.status == "ok", "", reasons)
-
-
 def describe_delay(delay: float, sample_time: float | None) -> str:
-    """Return a delay in samples and, if T_s is known, as a travel time.
-
-    >>> describe_delay(6.0, 133.0), describe_delay(6.0, None), describe_delay(float("nan"), 133.0)
-    ('d = 6 samples (13.3 to 15.5 min)', 'd = 6 samples', 'no delay')
-    """
-    from rivid.text import travel
-
+    """Return a delay in samples and, if T_s is known, as a travel time."""
     if not np.isfinite(delay):
         return "no delay"
-    samples = f"d = {delay:.0f} sample{'' if delay == 1 else 's'}"
-    return samples if sample_time is None else f"{samples} ({travel([delay], sample_time)})"
+    lag = f"d = {samples([delay])}"
+    return lag if sample_time is None else f"{lag} ({travel([delay], sample_time)})"
 
 
-def describe_days(status: ArrayLike, delay: ArrayLike) -> str:
-    """Return the number of days by status, and the range of their delays.
-
-    >>> describe_days(["ok", "ok", "unidentifiable"], [6.0, 8.0, float("nan")])
-    '3 days: 2 ok, 1 unidentifiable; d median 7, 6 to 8 samples'
-    """
-    counted = Counter(str(one) for one in np.asarray(status))
+def describe_days(status: Strings, delay: Floats) -> str:
+    """Return the number of days by status, and the range of their delays."""
+    counted = Counter(map(str, status))
     listed = ", ".join(f"{n} {name}" for name, n in counted.most_common())
-    d = np.asarray(delay, float)
-    d = d[np.isfinite(d)]
+    d = delay[np.isfinite(delay)]
     span = f"; d median {np.median(d):g}, {d.min():g} to {d.max():g} samples" if len(d) else ""
     return f"{sum(counted.values())} days: {listed}{span}"

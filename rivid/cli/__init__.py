@@ -60,8 +60,7 @@ class _Lazy(click.Group):
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        command = importlib.import_module(f"rivid.cli.{name}").command
-        assert isinstance(command, click.Command)
+        command: click.Command = importlib.import_module(f"rivid.cli.{name}").command
         command.short_help = COMMANDS[name]
         return command
 
@@ -79,12 +78,7 @@ class _Lazy(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(
-    cls=_Lazy,
-    invoke_without_command=True,
-    no_args_is_help=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+@click.group(cls=_Lazy, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="rivid")
 @click.pass_context
 def cli(context: click.Context) -> int:
@@ -192,15 +186,10 @@ def _run() -> int:
     try:
         status = cli.main(prog_name="rivid", standalone_mode=False)
         return status if isinstance(status, int) else 0
-    except click.exceptions.Abort:
-        return 1
     except click.UsageError as error:
         message = " ".join(error.format_message().split())
         message += "" if message.endswith((".", "?")) else "."
         print_error(f"{message} See `{error.ctx.command_path if error.ctx else 'rivid'} --help`.")
-        return error.exit_code
-    except click.ClickException as error:
-        print_error(error.format_message())
         return error.exit_code
     except RividError as error:
         print_error(str(error))

@@ -51,7 +51,8 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
 
     missing = [key for key in GEOMETRY if key not in reach.model_fields_set]
     if missing:
-        listed = ", ".join(f"{key} = {_toml(getattr(reach, key))}" for key in missing)
+        values = ((key, getattr(reach, key)) for key in missing)
+        listed = ", ".join(f"{k} = {list(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in values)
         console.info(f"[reach] lacks {', '.join(missing)}: taken from another reach (Table I), {listed}")
     too_long = ""
     if proposal.order > MAX_ORDER:
@@ -90,10 +91,6 @@ def command(data_dir: Path, config: Path | None, as_toml: bool, write: Path | No
     )  # fmt: skip
     click.echo(text)
     return 0
-
-
-def _toml(value: object) -> str:
-    return f"{list(value)}" if isinstance(value, tuple) else f"{value:g}"
 
 
 def updated(path: Path, name: str, lines: str) -> str:

@@ -20,7 +20,7 @@ from rivid.cli.console import Console, print_error
 @shared.today
 def command(
     data_dir: Path, config: Path | None, flags: Path | None, maintenance: Path | None, as_json: bool,
-    quiet: bool, verbose: bool, today: dt.date | None,
+    console: Console, today: dt.date | None,
 ) -> int:  # fmt: skip
     """Report faults in the logs in DATA_DIR, without estimating.
 
@@ -57,7 +57,6 @@ def command(
     from rivid.fleet.layout import find_fleet
     from rivid.logs.days import now_at
 
-    console = Console(quiet, verbose)
     given, config = config, configuration(config, data_dir, console)
     console.begin(("logs", data_dir), ("settings", config or "Table I"))
     console.phase("starting")
@@ -65,7 +64,7 @@ def command(
     if fleet is not None:
         if flags or maintenance:
             raise ConfigError("--flags and --maintenance are of one reach: give its directory of logs")
-        return _fleet(fleet, as_json, quiet, today)
+        return _fleet(fleet, as_json, console.quiet, today)
     settings = load_config(config)
     report = check(data_dir, settings, today or now_at(settings))
     if maintenance is not None:
@@ -75,7 +74,7 @@ def command(
     console.phase("reading and checking")
     if as_json:
         click.echo(json.dumps({"reach": settings.reach.name, **report.to_json()}))
-    elif not quiet or report.exit_code:
+    elif not console.quiet or report.exit_code:
         click.echo(render(report, settings.reach.name))
     return report.exit_code
 

@@ -37,11 +37,7 @@ def wrap(text: str, indent: int = 0, hanging: int = 2, width: int = WIDTH) -> st
 
 
 def abbreviate(name: str, most: int = 40) -> str:
-    """Shorten a name to `most` characters by leaving out its middle.
-
-    >>> abbreviate("a-very-long-name-of-a-reach", 14)
-    'a-very...reach'
-    """
+    """Shorten a name to `most` characters by leaving out its middle."""
     if len(name) <= most:
         return name
     end = (most - 3) // 2
@@ -64,6 +60,11 @@ class Console:
         """Print a line, unless --quiet."""
         if not self.quiet:
             click.echo(f"rivid: {text}", err=True)
+
+    def say(self, text: str) -> None:
+        """Print a result on stdout, unless --quiet."""
+        if not self.quiet:
+            click.echo(text)
 
     def phase(self, name: str) -> None:
         """Print with --verbose how long the phase that ends here has taken."""
@@ -97,21 +98,17 @@ class Console:
         --verbose, each step is printed with its duration.
         """
         on_terminal = sys.stderr.isatty() and not self.verbose
-        current, began = name, None
-
-        def time_left(done: float) -> str:
-            nonlocal began
-            now = time.perf_counter()
-            if began is None:
-                began = now, done
-            if done <= began[1]:
-                return ""
-            seconds = (now - began[0]) * (1.0 - done) / (done - began[1])
-            return f", about {seconds:.0f} s left" if seconds < 90 else f", about {seconds / 60:.0f} min left"
+        current, began = name, list[tuple[float, float]]()
 
         def step(text: str, done: float | None = None) -> None:
             nonlocal current
-            end = "" if done is None else time_left(done)
+            end = ""
+            if done is not None:
+                began.append((time.perf_counter(), done))
+                (since, at), (now, _) = began[0], began[-1]
+                if done > at:
+                    left = (now - since) * (1.0 - done) / (done - at)
+                    end = f", about {left:.0f} s left" if left < 90 else f", about {left / 60:.0f} min left"
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:

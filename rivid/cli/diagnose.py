@@ -20,7 +20,7 @@ from rivid.cli.console import Console
 @shared.talk
 def command(
     data_dir: Path, config: Path | None, out: Path | None, model: Path | None, no_figures: bool,
-    first: dt.date | None, last: dt.date | None, as_json: bool, quiet: bool, verbose: bool,
+    first: dt.date | None, last: dt.date | None, as_json: bool, console: Console,
 ) -> int:  # fmt: skip
     """Find the missing effect: where simulation and measurement disagree, and why.
 
@@ -41,8 +41,8 @@ def command(
     from rivid.api.diagnosis import diagnose
     from rivid.cli.locate import configuration, results
     from rivid.config import load_config
+    from rivid.report.diagnosis import summary
 
-    console = Console(quiet, verbose)
     config = configuration(config, data_dir, console)
     place = results(out, config, data_dir)
     console.begin(("logs", data_dir), ("settings", config or "Table I"), ("model", model), ("results", place))
@@ -57,8 +57,6 @@ def command(
         page = diagnosed.write(place, pictures=not no_figures)
     if as_json:
         click.echo(diagnosed.answer.to_json(), nl=False)
-    elif not quiet:
-        from rivid.report.diagnosis import summary
-
-        click.echo(summary(diagnosed.answer, page))
+    else:
+        console.say(summary(diagnosed.answer, page))
     return 3 if diagnosed.verdict == "insufficient_data" else 0

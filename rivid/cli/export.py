@@ -15,7 +15,7 @@ FORMATS = ("state-space", "rtc-tools", "pypsa", "csv")
     "--out", shared.NEW_DIRECTORY, "DIR", "Directory of the files; default: SOURCE/export.", short="-o"
 )
 @shared.value("--to", shared.OneOf(FORMATS), "|".join(FORMATS), "The format.", required=True)
-@click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
+@shared.quiet
 def command(source: Path, to: str, out: Path | None, quiet: bool) -> int:
     """Write a calibrated reach, or its delays, for other software.
 

@@ -28,7 +28,7 @@ CASCADE = Path("configs", "scenarios", "cascade.toml")
 @shared.talk
 def command(
     out: Path, day: dt.date | None, paper: bool, logs: Path | None, cascade: tuple[Path, ...],
-    quiet: bool, verbose: bool,
+    console: Console,
 ) -> int:  # fmt: skip
     """Redraw the figures and the report of a finished run.
 
@@ -43,29 +43,23 @@ def command(
       rivid figures out --paper
       rivid figures out --paper --cascade configs/scenarios/cascade.toml
     """
-    console = Console(quiet, verbose)
     if not paper and (logs or cascade):
         raise click.UsageError("--logs and --cascade are options of --paper: add --paper, or leave them out.")
     console.begin(("results", out), ("logs", logs))
     if paper:
         return _paper(out, day, logs, cascade, console)
-    import json
-
-    from rivid.plots.draw import draw_all
-    from rivid.report.build import write_report
-    from rivid.results.read import load_results
+    from rivid.results.read import last_record
     from rivid.results.store import Store
+    from rivid.run.drawing import draw_with, read_once
+    from rivid.run.workers import Engine
 
     console.phase("starting")
-    results = load_results(out)  # before the lock, which creates the directory
+    read_once(out)  # before the lock, which creates the directory
     console.phase("reading the results")
     with Store(out):
-        summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
-        figures = draw_all(results, out, day=day)
-        page = write_report(results, figures, out, summary=summary)
+        *figures, page = draw_with(Engine(), out, last_record(out), day)
     console.phase("figures and report")
-    if not quiet:
-        click.echo(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
+    console.say(f"{len(figures)} figures in {out / 'figures'}\nreport: {page}")
     return 0
 
 
@@ -98,8 +92,7 @@ def _paper(
             )
             step("writing the page")
             page = write_gallery(year, figures, place)
-    if not console.quiet:
-        click.echo(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
+    console.say(f"{len(figures)} figures of the paper in {out / 'paper'}\npage: {page}")
     return 0
 
 

@@ -25,7 +25,7 @@ MOST_LINES = 20
 @shared.results
 @shared.as_json("fleet.json on stdout, in one line.")
 @shared.talk
-def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
+def command(out: Path, as_json: bool, console: Console) -> int:
     """Write the report of a fleet from what its runs, or their shards, have left in OUT.
 
     OUT is the directory that `rivid run` of a fleet wrote: a directory per reach. Writes fleet.html: which
@@ -39,19 +39,20 @@ def command(out: Path, as_json: bool, quiet: bool, verbose: bool) -> int:
       rivid run sample_data --config configs/fleet --out out/fleet --shard 2/2
       rivid fleet out/fleet
     """
-    from rivid.fleet.outcome import worst
-    from rivid.fleet.run import fleet_of
+    from rivid.errors import NoDataError
+    from rivid.fleet.outcome import kept, worst
     from rivid.results.store import Store
     from rivid.run.workers import without_pandas
 
-    console = Console(quiet, verbose)
     without_pandas()
     console.begin(("results", out))
     console.phase("starting")
-    outcomes = fleet_of(out)
+    outcomes = kept(out)
+    if not outcomes:
+        raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
     console.phase(f"reading the outcomes of {len(outcomes):,} reaches")
     with Store(out):
-        _report(out, outcomes, out.resolve().name, None, as_json=as_json, quiet=quiet)
+        _report(out, outcomes, out.resolve().name, None, as_json=as_json, quiet=console.quiet)
     console.phase("report")
     return worst(outcome.code for outcome in outcomes)
 

@@ -30,7 +30,7 @@ MOMENT = click.DateTime(
 @shared.talk
 def command(
     data_dir: Path, config: Path | None, model: Path, out: Path | None, hours: float,
-    at: dt.datetime | None, no_figures: bool, as_json: bool, quiet: bool, verbose: bool,
+    at: dt.datetime | None, no_figures: bool, as_json: bool, console: Console,
 ) -> int:  # fmt: skip
     """Forecast the level or discharge of the next hours, with bands of 50 and 90 %.
 
@@ -52,7 +52,6 @@ def command(
     from rivid.forecast import forecast, read_logs
     from rivid.report.forecast import headline, lines, write_page_of, write_tables_of
 
-    console = Console(quiet, verbose)
     config = configuration(config, data_dir, console)
     place = results(out, config, data_dir)
     console.begin(("logs", data_dir), ("settings", config or "Table I"), ("model", model), ("results", place))
@@ -69,9 +68,7 @@ def command(
     console.phase("writing")
     if as_json:
         click.echo("\n".join(lines(found, settings)))
-    elif not quiet:
-        click.echo(wrap(headline(found, settings)))
-        click.echo(
-            f"{'forecast' if no_figures else 'page'}: {place / 'forecast.csv' if no_figures else page}"
-        )
+    else:
+        console.say(wrap(headline(found, settings)))
+        console.say(f"forecast: {place / 'forecast.csv'}" if no_figures else f"page: {page}")
     return 0

@@ -31,7 +31,7 @@ from rivid.cli.console import Console, print_error, wrap
 @shared.today
 def command(
     exports: tuple[Path, ...], config: Path, out: Path, format: Any, run_config: Path | None, force: bool,
-    first: dt.date | None, last: dt.date | None, dry_run: bool, as_json: bool, quiet: bool, verbose: bool,
+    first: dt.date | None, last: dt.date | None, dry_run: bool, as_json: bool, console: Console,
     today: dt.date | None,
 ) -> int:  # fmt: skip
     """Make daily logs of EXPORTS, files of one dialect, long or wide, of any number of days.
@@ -60,7 +60,6 @@ def command(
     if bool(exports) == bool(settings.input.query):
         came = "both were given" if exports else "neither was given"
         raise ConfigError(f"the rows come from EXPORTS or from [input] query: {came}")
-    console = Console(quiet, verbose)
     console.begin(*(("export", path) for path in exports), ("settings", config), ("logs to", out))
     console.phase("starting")
     target = run_config or run_config_of(out)
@@ -73,7 +72,7 @@ def command(
     console.phase(f"reading, judging and writing {len(outcome.days):,} days")
     if as_json:
         click.echo(json.dumps({**outcome.to_json(), "out": str(out), "dry_run": dry_run}))
-    elif quiet:
+    elif console.quiet:
         _print_days(outcome)
     else:
         _print(outcome, out, dry_run)

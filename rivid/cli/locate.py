@@ -8,14 +8,13 @@ everybody can write to is refused.
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from rivid.cli.console import Console
 from rivid.errors import ConfigError
 
 NAME = "rivid.toml"
-DEFAULT_OUT = Path("out")
-"""Results directory if neither --out nor `[run] out` is given."""
 
 
 def configuration(given: Path | None, data_dir: Path, console: Console) -> Path | None:
@@ -37,21 +36,18 @@ def find(data_dir: Path) -> Path | None:
     start = data_dir.resolve()
     if not start.is_dir():
         start = start.parent
-    try:
+    home = None
+    with suppress(OSError, RuntimeError):  # a user without a home directory
         home = Path.home().resolve()
-    except (OSError, RuntimeError):  # a user without a home directory
-        home = None
-    try:
+    with suppress(OSError):  # a directory without read permission: its parents are not the user's
         device = _device(start)
         for folder in (start, *start.parents):
             if _device(folder) != device:
-                return None
+                break
             if path := own(folder):
                 return path
             if folder == home:
-                return None
-    except OSError:  # a directory without read permission: its parents are not the user's
-        return None
+                break
     return None
 
 
@@ -108,7 +104,7 @@ def results(given: Path | None, config: Path | None, data_dir: Path) -> Path:
         return given
     out = _configured_out(config)
     if out is None:
-        return DEFAULT_OUT
+        return Path("out")
     _refuse_other_logs(out, data_dir)
     return out
 

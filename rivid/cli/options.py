@@ -4,11 +4,13 @@ The order in a command: config, out, its own options, from, to, workers, dry-run
 """
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import click
 
+from rivid.cli.console import Console
 from rivid.errors import nearest
 
 Decorator = Callable[[Any], Any]
@@ -24,7 +26,6 @@ class _NewDirectory(click.Path):
     """A directory that need not exist; a file in its place is an error of the command that writes there."""
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> Any:
-        """Complete directories."""
         return DIRECTORY.shell_complete(ctx, param, incomplete)
 
 
@@ -35,7 +36,6 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # generic only in later ve
     """A choice with a suggestion for a mistyped value."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the value, or raise a usage error."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -49,7 +49,6 @@ class _Date(click.DateTime):
     """A date such as 2008-03-14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the date, or raise a usage error."""
         try:
             return super().convert(value, param, ctx).date()
         except click.BadParameter:
@@ -121,11 +120,19 @@ def as_json(text: str = "One JSON object on stdout.") -> Decorator:
     return click.option("--json", "as_json", is_flag=True, help=text)
 
 
+quiet = click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
+"""--quiet, -q."""
+
+
 def talk(command: Any) -> Any:
-    """--quiet and --verbose."""
+    """--quiet and --verbose, as the argument `console` of the command."""
+
+    @wraps(command)
+    def talking(quiet: bool, verbose: bool, **given: Any) -> Any:
+        return command(console=Console(quiet, verbose), **given)
+
     text = "Print files, versions and the time of each phase on stderr."
-    command = click.option("--verbose", "-v", is_flag=True, help=text)(command)
-    return click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")(command)
+    return quiet(click.option("--verbose", "-v", is_flag=True, help=text)(talking))
 
 
 today = value("--today", DATE, "DATE", "Take DATE for today.", hidden=True)

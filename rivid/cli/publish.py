@@ -13,7 +13,7 @@ from rivid.cli import options as shared
 @click.option("--to", "url", metavar="URL", required=True, help="The database, as SQLAlchemy names it.")
 @shared.value("--table", str, "NAME", "Its table.", default="rivid_delays", show_default=True)
 @click.option("--from", "first", type=shared.DATE, metavar="DATE", help="First day to write.")
-@click.option("--quiet", "-q", is_flag=True, help="Print only errors and warnings.")
+@shared.quiet
 def command(out: Path, url: str, table: str, first: dt.date | None, quiet: bool) -> int:
     """Write the delays of the run OUT to a table of a database, for dashboards.
 

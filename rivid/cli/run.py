@@ -1,7 +1,7 @@
 """``rivid run``."""
 
 import datetime as dt
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +14,8 @@ from rivid.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
     from rivid.config import Config
+    from rivid.run.dask import Dask
     from rivid.run.run import Options, Summary
-    from rivid.run.workers import Engine
 
 SCALED = {"order", "d_min", "d_max", "sigma_d"}
 """Settings that are in samples."""
@@ -51,7 +51,7 @@ def command(
     data_dir: Path, config: Path | None, out: Path | None, estimator: tuple[str, ...], force: bool,
     verify: bool, strict: bool, no_figures: bool, shard: str | None, first: dt.date | None,
     last: dt.date | None, workers: int | None, engine: str | None, scheduler: str | None, dry_run: bool,
-    as_json: bool, quiet: bool, verbose: bool, today: dt.date | None,
+    as_json: bool, console: Console, today: dt.date | None,
 ) -> int:  # fmt: skip
     """Estimate every day of DATA_DIR that is new or changed.
 
@@ -81,13 +81,12 @@ def command(
     from rivid.fleet.layout import find_fleet, holds_logs
     from rivid.run.workers import DRAWING, cores, warm
 
-    on_dask = _on_dask(engine, scheduler, workers)
+    dask = _dask(engine, scheduler, workers)
     if dry_run and as_json:
         raise click.UsageError("--dry-run has no JSON: leave out --dry-run or --json.")
-    console = Console(quiet, verbose)
     found = configuration(config, data_dir, console)
     place = results(out, found, data_dir)
-    draws = not (on_dask or no_figures or dry_run or shard or (place / "report.html").exists())
+    draws = not (dask or no_figures or dry_run or shard or (place / "report.html").exists())
     if draws and (workers or cores()) > 1 and holds_logs(data_dir):
         warm(DRAWING)  # while this process imports, reads and estimates
     from rivid.run.run import Options, Shard
@@ -100,18 +99,17 @@ def command(
         workers=workers, first=first, last=last, force=force, verify=verify, figures=not no_figures,
         today=today, shard=Shard.parse(shard) if shard else None,
     )  # fmt: skip
-    bar = None if quiet or as_json else progress
-    executing = _engine(on_dask, scheduler, workers)
+    quiet, bar = console.quiet, None if console.quiet or as_json else progress
     reaches = find_fleet(data_dir, found, estimator, None if config else own)
     if reaches is not None:
         from rivid.cli.fleet import plan, run_all
 
         if dry_run:
             return plan(reaches, place)
-        with executing as engine_given:
+        with dask or nullcontext():
             code = run_all(
                 data_dir, reaches, place, options, strict=strict, as_json=as_json, quiet=quiet,
-                progress=console.timed(bar, "reaches"), engine=engine_given,
+                progress=console.timed(bar, "reaches"), engine=dask,
             )  # fmt: skip
         console.phase("the fleet's report")
         return code
@@ -124,8 +122,8 @@ def command(
         options = replace(options, figures=False)
     if dry_run:
         return _dry_run(data_dir, place, settings, options)
-    with executing as engine_given:
-        summary = run(data_dir, place, settings, options, console.timed(bar), engine_given)
+    with dask or nullcontext():
+        summary = run(data_dir, place, settings, options, console.timed(bar), dask)
     console.phase("bringing tables, figures and report up to date")
     if as_json:
         print_json(summary, with_days=not shard)
@@ -135,20 +133,14 @@ def command(
     return _exit_code(summary, strict, options)
 
 
-def _on_dask(engine: str | None, scheduler: str | None, workers: int | None) -> bool:
+def _dask(engine: str | None, scheduler: str | None, workers: int | None) -> "Dask | None":
+    """A Dask cluster, or None: a run then decides on processes itself."""
     if scheduler and engine == "processes":
         raise click.UsageError("--scheduler is for --engine dask: leave out one of the two")
     if scheduler and workers:
         raise click.UsageError("the workers are the scheduler's: leave out --workers or --scheduler")
-    return engine == "dask" or scheduler is not None
-
-
-def _engine(
-    on_dask: bool, scheduler: str | None, workers: int | None
-) -> "AbstractContextManager[Engine | None]":
-    """A Dask cluster, or None: a run then decides on processes itself."""
-    if not on_dask:
-        return nullcontext()
+    if engine != "dask" and scheduler is None:
+        return None
     from rivid.run.dask import Dask
     from rivid.run.workers import cores
 

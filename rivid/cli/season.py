@@ -25,7 +25,7 @@ def _reaches(context: click.Context, param: click.Parameter, typed: str) -> list
 @click.option("--both-ways", is_flag=True, help="Use the later days too: for a study of a pool.")
 @click.option("--reach", metavar="NAME", shell_complete=_reaches, help="The reach, where OUT is a fleet's.")
 @shared.talk
-def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose: bool) -> int:
+def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> int:
     """Join the days of a finished run of `posterior`.
 
     OUT is the directory that `rivid run` wrote. Nothing is estimated again. Writes season.csv and
@@ -44,11 +44,11 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
       rivid season out/fleet --reach basse_isere
     """
     from rivid.errors import NoDataError
+    from rivid.results.read import last_record
     from rivid.results.season import join, law_of, read_days, write_season
-    from rivid.results.store import Store, last_record
+    from rivid.results.store import Store
     from rivid.run.workers import without_pandas
 
-    console = Console(quiet, verbose)
     without_pandas()
     out = _of_reach(out, reach)
     if not last_record(out):  # before the lock, which would make the directory
@@ -68,16 +68,14 @@ def command(out: Path, both_ways: bool, reach: str | None, quiet: bool, verbose:
 
         draw(days, joined, law, out / "figures")
     console.phase("tables and figures")
-    if not quiet:
-        _print(days, joined, law)
-        click.echo(f"\nseason.csv, delay_law.csv and figures: {out}")
+    console.say(f"{_words(days, joined, law)}\n\nseason.csv, delay_law.csv and figures: {out}")
     return 0
 
 
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
     from rivid.errors import ConfigError
-    from rivid.results.store import last_record
+    from rivid.results.read import last_record
 
     run = last_record(out)
     if run:
@@ -93,7 +91,7 @@ def _of_reach(out: Path, reach: str | None) -> Path:
     raise ConfigError(f"{came}: expected one of the reaches in {out}: {', '.join(names) or 'there are none'}")
 
 
-def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
+def _words(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> str:
     import numpy as np
 
     from rivid.report.page import terminal
@@ -101,11 +99,10 @@ def _print(days: "SeasonDays", joined: "Joined", law: "DelayLaw") -> None:
     had, has = np.isfinite(days.delay), np.isfinite(joined.delay)
     t = law.table
     flows, delays = (t.discharge_low, t.discharge_high, t.discharge), (t.delay, t.low, t.high)
-    text = terminal(
+    return terminal(
         "season", days=days, joined=joined, law=law, reach=abbreviate(days.reach), wrap=wrap,
         unseen=int((~joined.observed).sum()), alone=int(had.sum()), together=int(has.sum()),
         differ=int((had & has & (days.delay != joined.delay)).sum()), new=int((has & ~had).sum()),
         gone=int((had & ~has).sum()),
         classes=list(zip(*flows, *delays, t.day_low, t.day_high, t.n, strict=True)),
     )  # fmt: skip
-    click.echo(text)

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 @shared.value("--truth", shared.FILE, "FILE", "File of the truth; default: <DATA_DIR>_truth.json.")
 @shared.talk
 def command(
-    scenario: Path, out: Path, days: int | None, seed: int | None, truth: Path | None, quiet: bool,
-    verbose: bool,
+    scenario: Path, out: Path, days: int | None, seed: int | None, truth: Path | None, console: Console,
 ) -> int:  # fmt: skip
     """Simulate daily logs of a reach, and write the truth apart from them.
 
@@ -41,7 +40,6 @@ def command(
     from rivid.simulation import simulate_cascade
     from rivid.simulation.scenario import load_scenario
 
-    console = Console(quiet, verbose)
     console.begin(("scenario", scenario), ("logs to", out))
     loaded = load_scenario(scenario)
     if days is not None:
@@ -70,9 +68,7 @@ def command(
                 "choose an empty directory"
             )
     for season, (logs, truth_file) in zip(seasons, places, strict=True):
-        lines = _write(season, logs, truth_file)
-        if not quiet:
-            click.echo("\n".join(wrap(line) for line in lines))
+        console.say("\n".join(map(wrap, _write(season, logs, truth_file))))
     console.phase("writing logs and truth")
     return 0
 

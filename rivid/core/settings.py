@@ -69,10 +69,6 @@ Rounds = Annotated[int, Limits(ge=2, le=10_000)]  # the stop test compares two i
 Positive = Annotated[float, Limits(gt=0)]
 Shape = Annotated[float, Limits(ge=-1)]
 Scale = Annotated[float, Limits(ge=0)]
-Finite = Annotated[float, Limits()]
-Threshold = Annotated[float, Limits(gt=0, le=1e6)]
-Drift = Annotated[float, Limits(ge=0, le=1e6)]
-Lags = Annotated[int, Limits(ge=0, le=MAX_ORDER)]
 Temperature = Annotated[float, Limits(ge=1, le=1e6)]
 Share = Annotated[float, Limits(ge=0, le=1)]
 Part = Annotated[float, Limits(ge=0, lt=1)]
@@ -260,10 +256,10 @@ class CusumSettings(_Delays):
         The delays that can be estimated [samples], ``1 <= d_min <= d_max``. g stays zero until lag d_min.
     """
 
-    threshold: Threshold = 5.0
-    drift: Drift = 0.5
-    mean_lags: Lags = 3
-    mean: Finite | None = None
+    threshold: Annotated[float, Limits(gt=0, le=1e6)] = 5.0
+    drift: Annotated[float, Limits(ge=0, le=1e6)] = 0.5
+    mean_lags: Annotated[int, Limits(ge=0, le=MAX_ORDER)] = 3
+    mean: Annotated[float, Limits()] | None = None
     sd: Positive | None = None
     moment: Moment = "onset"
     d_min: Delay = 1

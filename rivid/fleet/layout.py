@@ -67,7 +67,7 @@ def find_fleet(
     the fault of that reach. ConfigError if the shared configuration cannot be read; NoDataError if there are
     configurations of a fleet and no reach.
     """
-    from rivid.config import merged, read_config
+    from rivid.config import Config, merged, parse, read_config
 
     asked = configs is not None and configs.is_dir()
     if not data_dir.is_dir() or (not asked and holds_logs(data_dir)):
@@ -81,11 +81,14 @@ def find_fleet(
     ]
     if not asked and not any(holds for _, _, holds in folders):
         return None
-    shared = _defaults(configs)
+    shared: dict[str, Any] = {}
     own: dict[str, Path] = {}
-    if asked and configs is not None:
-        files = (path for path in configs.glob("[!.]*.toml") if path.name != DEFAULTS)
-        own = {path.stem: path for path in files}
+    if configs is not None and asked:
+        own = {path.stem: path for path in configs.glob("[!.]*.toml") if path.name != DEFAULTS}
+        shared = read_config(configs / DEFAULTS) if (configs / DEFAULTS).exists() else {}
+    elif configs is not None:
+        shared = read_config(configs)
+        parse(shared, Config, str(configs))  # a fault of it is reported once, not for each reach
 
     def made(name: str, path: Path, mine: Path | None) -> Reach:
         fault = _fault(name, path, data_dir)
@@ -123,19 +126,6 @@ def holds_logs(folder: Path) -> bool:
             )
     except OSError:
         return True  # its run reports why it cannot be read
-
-
-def _defaults(configs: Path | None) -> dict[str, Any]:
-    from rivid.config import Config, parse, read_config
-
-    if configs is None:
-        return {}
-    if not configs.is_dir():
-        raw = read_config(configs)
-        parse(raw, Config, str(configs))  # a fault of it is reported once, not for each reach
-        return raw
-    path = configs / DEFAULTS
-    return read_config(path) if path.exists() else {}
 
 
 def _fault(name: str, path: Path, data_dir: Path) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rivid.atomic import write_text
+from rivid.results.read import read_json
 from rivid.types import Floats, Ints
 
 if TYPE_CHECKING:
@@ -92,19 +93,9 @@ class Outcome:
     change: float = 0.0
     recent: list[tuple[str, str]] = field(default_factory=list)
 
-    @classmethod
-    def from_json(cls, value: dict[str, Any]) -> "Outcome":
-        """The outcome that :func:`dataclasses.asdict` made a JSON object of."""
-        recent = [(str(day), str(message)) for day, message in value.get("recent", [])]
-        return cls(**value | {"recent": recent})
-
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of a fleet: the worst of its reaches, in the order of :data:`WORST_FIRST`.
-
-    >>> worst([0, 3, 10, 0]), worst([])
-    (10, 0)
-    """
+    """The exit code of a fleet: the worst of its reaches, in the order of :data:`WORST_FIRST`."""
     return min(codes, key=lambda code: WORST_FIRST.index(code) if code in WORST_FIRST else -1, default=0)
 
 
@@ -153,13 +144,8 @@ def kept(out: Path) -> list[Outcome]:
     found = []
     for path in sorted((out / FOLDER).glob("*.json")):
         try:
-            found.append(Outcome.from_json(json.loads(path.read_text(encoding="utf-8"))))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            value = read_json(path)
+            found.append(Outcome(**value | {"recent": [tuple(day) for day in value.get("recent", [])]}))
+        except TypeError:
             continue  # of another version, or damaged: the next run writes it again
     return found
-
-
-def forget(out: Path, reaches: Iterable[str]) -> None:
-    """Drop outcomes of reaches that are gone; their results stay."""
-    for name in reaches:
-        (out / FOLDER / f"{name}.json").unlink(missing_ok=True)

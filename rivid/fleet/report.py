@@ -13,6 +13,7 @@ from rivid.fleet.outcome import Outcome, worst
 from rivid.report.attention import BAND_DAYS
 from rivid.report.page import write_page
 from rivid.report.summary import LEVEL
+from rivid.results.read import read_json
 from rivid.results.store import described, safe_for_spreadsheets, write_csv, write_parquet
 
 SCHEMA_VERSION = 1
@@ -52,7 +53,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     the last week), `silent`, `changed`. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
-    before = _before(out)
+    before = read_json(out / "fleet.json")
     table = pa.Table.from_pylist([_row(outcome) for outcome in outcomes], FLEET)
     write_parquet(table, out / "fleet.parquet")
     texts = [field.name for field in FLEET if pa.types.is_string(field.type)]
@@ -87,15 +88,6 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "contents": {o.reach: o.content or contents.get(o.reach, "") for o in outcomes},
         "data_sets_of": {o.reach: o.data_sets for o in outcomes},
     }
-
-
-def _before(out: Path) -> dict[str, Any]:
-    """The last fleet.json; empty without one."""
-    try:
-        found = json.loads((out / "fleet.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _row(o: Outcome) -> dict[str, Any]:

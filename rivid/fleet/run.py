@@ -9,11 +9,12 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from rivid.errors import ConfigError, NoDataError, RividError, printable
+from rivid.errors import ConfigError, RividError, printable
 from rivid.fleet.layout import NAME, Reach
-from rivid.fleet.outcome import Outcome, forget, keep, kept, outcome_of
+from rivid.fleet.outcome import FOLDER, Outcome, keep, kept, outcome_of
 from rivid.logs.spec import shown
-from rivid.results.store import Store, last_record
+from rivid.results.read import last_record
+from rivid.results.store import Store
 from rivid.run.run import ONE_PROCESS_BELOW, Options, TooManyError, run
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes
 
@@ -35,15 +36,21 @@ def run_fleet(
     processes as there are cores, and reaches to run. ConfigError if OUT is inside DATA_DIR or the reverse;
     LockedError if another run of the fleet holds OUT.
     """
-    _refuse_places(data_dir, out)
+    logs, results = data_dir.resolve(), out.resolve()
+    if logs == results or logs in results.parents or results in logs.parents:
+        raise ConfigError(
+            f"OUT ({out}) and DATA_DIR ({data_dir}) lie in each other: results would be taken for reaches; "
+            "give another --out"
+        )
     shard = options.shard
     if shard:
         reaches = reaches[shard.index - 1 :: shard.count]
     options = replace(options, shard=None)
     with Store(out, shard.name if shard else ""):
         if not shard:
-            present = {reach.name for reach in reaches}
-            forget(out, [old.reach for old in kept(out) if old.reach not in present])
+            gone = {old.reach for old in kept(out)} - {reach.name for reach in reaches}
+            for name in gone:  # their results stay
+                (out / FOLDER / f"{name}.json").unlink(missing_ok=True)
         workers = engine.slots if engine else min(options.workers or cores(), max(len(reaches), 1))
         modules = [*ESTIMATING, "rivid.fleet.run", *(DRAWING if options.figures else ())]
         with progress(len(reaches)) if progress and reaches else nullcontext(lambda _: None) as done:
@@ -51,15 +58,6 @@ def run_fleet(
                 for outcome in _run(reaches, out, options, executing):
                     done(1)
                     yield outcome
-
-
-def _refuse_places(data_dir: Path, out: Path) -> None:
-    logs, results = data_dir.resolve(), out.resolve()
-    if logs == results or logs in results.parents or results in logs.parents:
-        raise ConfigError(
-            f"OUT ({out}) and DATA_DIR ({data_dir}) lie in each other: results would be taken for reaches; "
-            "give another --out"
-        )
 
 
 def _run(reaches: Sequence[Reach], root: Path, options: Options, engine: Engine) -> Iterator[Outcome]:
@@ -105,11 +103,3 @@ def run_reach(
     if NAME.fullmatch(reach.name):
         keep(root, outcome)
     return outcome
-
-
-def fleet_of(out: Path) -> list[Outcome]:
-    """All outcomes stored under OUT, by reach; NoDataError if there is none."""
-    outcomes = kept(out)
-    if not outcomes:
-        raise NoDataError(f"{out} holds no results of a fleet: run `rivid run DATA_DIR --out {out}` first")
-    return outcomes

@@ -80,7 +80,7 @@ def draw_gap(folder: Path, rows: Sequence[Row], hours: Sequence[float], unit: st
     return style.written(figure, folder / "diagnosis_gap.png", title, events=events, open=known)
 
 
-def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
+def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> None:
     """Errors at horizon `i`, the first row on top: sealed days bars, open ones marks, the floor a line."""
     ax.spines["left"].set_color(style.LIGHT)
     values = [(kind, float(e[i]), np.nan if known is None else float(known[i])) for kind, _, e, known in rows]
@@ -113,7 +113,6 @@ def errors_ahead(ax: Axes, rows: Sequence[Row], i: int) -> Axes:
     ax.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(FixedLocator(y.tolist()))
     ax.tick_params(axis="y", length=0)
-    return ax
 
 
 def _digits(value: float) -> str:
@@ -136,7 +135,13 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     )  # fmt: skip
     top = limits(*maps, part=SHARE)
     for ax, image, words in zip(panels, maps, (WITHOUT, WITH), strict=False):
-        hour_map(ax, dates, image, top)
+        ax.patch.set(facecolor="white", hatch="////", edgecolor=style.LIGHT)
+        ax.imshow(
+            image, cmap=SIGNED, vmin=-top, vmax=top, origin="lower", aspect="auto", interpolation="nearest",
+            extent=(dates[0].toordinal() - 0.5, dates[-1].toordinal() + 0.5, 0, 24),
+        )  # fmt: skip
+        style.date_axis(ax, dates[0], dates[-1])
+        ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
         style.heading(ax, words if len(maps) == 2 else "")
     panels[0].set_ylabel("hour of the day")
     for ax in panels[1:]:
@@ -149,19 +154,6 @@ def draw_map(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile:
     bar.set_ylabel("unexplained inflow [m³/s]")
     bar.yaxis.set_label_position("right")
     return style.written(figure, folder / "diagnosis_map.png", "When water is missing", named=named)
-
-
-def hour_map(ax: Axes, dates: Sequence[dt.date], image: Floats, top: float) -> Axes:
-    """A map of shape (24, calendar days) of hours over dates, its colours from -`top` to `top`."""
-    first, last = dates[0], dates[-1]
-    ax.patch.set(facecolor="white", hatch="////", edgecolor=style.LIGHT)
-    ax.imshow(
-        image, cmap=SIGNED, vmin=-top, vmax=top, origin="lower", aspect="auto", interpolation="nearest",
-        extent=(first.toordinal() - 0.5, last.toordinal() + 0.5, 0, 24),
-    )  # fmt: skip
-    style.date_axis(ax, first, last)
-    ax.yaxis.set_major_locator(FixedLocator([0, 6, 12, 18, 24]))
-    return ax
 
 
 def hourly_map(values: Floats, hour: Floats, used: Bools, dates: Sequence[dt.date]) -> Floats:
@@ -255,13 +247,12 @@ def draw_inflow(
     return style.written(figure, folder / "diagnosis_inflow.png", "The unexplained inflow", named=named)
 
 
-def banded(ax: Axes, x: Floats, mean: Floats, half: Floats, colour: str, **look: Any) -> Axes:
+def banded(ax: Axes, x: Floats, mean: Floats, half: Floats, colour: str, **look: Any) -> None:
     """A curve about zero with a band of `half` to either side."""
     ax.axhline(0, color=style.LIGHT, lw=0.7)
     ax.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, lw=0)
     ax.plot(x, mean, color=colour, **look)
     ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    return ax
 
 
 def course(

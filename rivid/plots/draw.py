@@ -14,17 +14,8 @@ from rivid.errors import ConfigError
 from rivid.estimators import ESTIMATORS
 from rivid.plots import estimates, style
 from rivid.plots.files import FigureFile
-from rivid.results.read import (
-    CLEAR,
-    EstimatorResults,
-    Results,
-    day_numbers,
-    estimates_delay,
-    found,
-    has_t50,
-    leading_response,
-    thirds,
-)
+from rivid.results import read
+from rivid.results.read import EstimatorResults, Results
 from rivid.text import count, day_range, delays, probability, response_unit, samples_first, statuses
 
 KINDS = ("t50_", "tdr_", "histogram_", "delay_map_", "delay_discharge_", "fir_day")
@@ -37,37 +28,31 @@ Drawn = tuple[Figure, str, dict[str, Any]]
 """A figure, its title on a page and the facts of its caption."""
 
 
-def draw_all(results: Results, out: Path, *, day: dt.date | None = None) -> list[FigureFile]:
-    """Draw every figure of a run into OUT/figures, over those there (Figs 12-18); equal results, equal bytes.
+def jobs(results: Results) -> list[Job]:
+    """The figures of a run (Figs 12-18), in the order of the report.
 
     Per estimator with rows: tdr, where it has impulse responses, and histogram, delay_map and
-    delay_discharge, where it estimates delays; then the responses of one `day`, a typical one by default. For
-    a river, t50 and t50_discharge of the leading estimator. ConfigError where `day` is not among the results,
-    RividError where a file cannot be written.
+    delay_discharge, where it estimates delays; then the responses of one day. For a river, t50 and
+    t50_discharge of the leading estimator.
     """
-    folder = out / "figures"
-    drawn = [draw(results, job, folder, day=day) for job in jobs(results)]
-    files = [file for file in drawn if file is not None]
-    style.drop_old(folder, files, KINDS)
-    return files
-
-
-def jobs(results: Results) -> list[Job]:
-    """The figures of a run, in the order of the report."""
-    leading = leading_response(results)
+    leading = read.leading_response(results)
     listed: list[Job] = []
     for e in results.estimators:
         if not e.dates:
             continue
         kinds = ["t50", "t50_discharge"] if e is leading else []
         kinds += ["tdr"] if ESTIMATORS[e.estimator].has_fir else []
-        kinds += ["histogram", "delay_map", "delay_discharge"] if estimates_delay(e) else []
+        kinds += ["histogram", "delay_map", "delay_discharge"] if read.estimates_delay(e) else []
         listed += [(kind, e.estimator) for kind in kinds]
     return [*listed, ("fir_day", "")]
 
 
 def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None) -> FigureFile | None:
-    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it."""
+    """Draw a figure of :func:`jobs` as <kind>_<estimator>.png in `folder`; None if no day has it.
+
+    Responses are those of `day`, a typical one by default. Equal results give equal bytes. ConfigError where
+    `day` has no response, RividError where a file cannot be written.
+    """
     kind, name = job
     with style.styled():
         drawn = _of_estimator(results, results.of(name), kind) if name else _fir_day(results, day)
@@ -81,7 +66,7 @@ def draw(results: Results, job: Job, folder: Path, *, day: dt.date | None = None
 def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
     """A figure of one estimator: of all its days, or of those with a mean inflow against it."""
     title, height, plot = FIGURES[kind]
-    days = has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else found(e)
+    days = read.has_t50(e) if kind.startswith("t50") else e.answered if kind == "tdr" else read.found(e)
     if kind.endswith("discharge"):
         days = days & np.isfinite(e.mean_inflow)
     shown, margins = count(int(days.sum()), "day"), dict[str, Any]()
@@ -100,20 +85,20 @@ def _of_estimator(results: Results, e: EstimatorResults, kind: str) -> Drawn:
     facts: dict[str, Any] = {
         "unit": results.output_unit,
         "bounds": bool(np.isfinite(e.bound_gravity_s).any()),
-        "delay": bool(found(e).any()),
-        "t50": bool(has_t50(e).any()),
+        "delay": bool(read.found(e).any()),
+        "t50": bool(read.has_t50(e).any()),
         "interval": e.probability is not None,
     }
-    if t := thirds(e):
-        facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= CLEAR}
+    if t := read.thirds(e):
+        facts |= {"medians": [m * results.sample_time for m in t.medians], "falls": t.longer >= read.CLEAR}
     return figure, title, facts
 
 
 def _tdr(ax: Axes, results: Results, e: EstimatorResults) -> None:
     fir = np.where(e.answered[:, None], e.fir, np.nan)
-    lag, name = (e.delay, "delay d") if found(e).any() else (e.t50, "t50")
+    lag, name = (e.delay, "delay d") if read.found(e).any() else (e.t50, "t50")
     estimates.tdr(
-        ax, day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
+        ax, read.day_numbers(e.dates), fir, lag=lag, label=name, low=e.delay_low, high=e.delay_high,
         sample_time=results.sample_time,
     )  # fmt: skip
     if e.answered.any():

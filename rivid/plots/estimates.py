@@ -1,6 +1,6 @@
 """Estimates of each day, drawn on Axes: responses, delays over the record and against the discharge, t50.
 
-The report, the figures of the paper and the library draw with these functions. Each returns its Axes;
+The report, the figures of the paper and the library draw with these functions;
 :func:`rivid.plots.style.key` adds the legend.
 """
 
@@ -15,17 +15,8 @@ from numpy.typing import ArrayLike
 
 from rivid.estimators import ESTIMATORS
 from rivid.plots import style
-from rivid.results.read import (
-    EstimatorResults,
-    Results,
-    candidates,
-    day_numbers,
-    found,
-    has_t50,
-    kinds,
-    rayleigh,
-    thirds,
-)
+from rivid.results import read
+from rivid.results.read import EstimatorResults, Results
 from rivid.text import count, duration, number, time_unit
 from rivid.types import Bools, Floats
 
@@ -90,7 +81,7 @@ def tdr(
     high: Floats | None = None,
     sample_time: float | None = None,
     greys: tuple[float, float] | None = None,
-) -> Axes:
+) -> None:
     """Time-day representation (section VI, Figs 13-16): each day's response as a grey column, black is high.
 
     `day`, shape (n,), are whole numbers in increasing order, ordinals of dates for example; `fir`, shape (n,
@@ -141,14 +132,12 @@ def tdr(
         style.no_ticks(ax, "y")
     if M and sample_time is not None:
         style.second_axis(ax, sample_time, "lag [minutes]")
-    return ax
 
 
 def grey_scale(ax: Axes, greys: tuple[float, float], unit: str) -> None:
     """The scale of greys of :func:`tdr` above the right end of its panel."""
     low, high = greys
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     width, height = (float(v) for v in figure.get_size_inches())
     bar = style.panel(
         figure, ax.get_position().x1 * width - 1.75, ax.get_position().y1 * height + 0.13, 1.1, 0.1
@@ -169,7 +158,7 @@ def _framed(ax: Axes) -> None:
 
 def response(
     ax: Axes, fir: Floats, *, delay: float = np.nan, sd: Floats | None = None, t50: float = np.nan
-) -> Axes:
+) -> None:
     """The impulse response of one day, shape (M,), with its jump from d to d + 1.
 
     The jump at `delay` is a coloured step, `t50` a dashed line [samples]; NaN for none. A band shows two
@@ -188,14 +177,12 @@ def response(
         ax.axvline(t50, color=style.WATER, lw=1.0, ls=DASHED)
     ax.set_xlim(-0.5, len(fir) - 0.5)
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    return ax
 
 
-def jump(ax: Axes, delay: float) -> Axes:
+def jump(ax: Axes, delay: float) -> None:
     """Shade the lags from d to d + 1, where the response jumps; nothing for NaN."""
     if np.isfinite(delay):
         ax.axvspan(delay, delay + 1, color=style.ACCENT, alpha=0.18, linewidth=0, zorder=0)
-    return ax
 
 
 def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11, bins: int = 8) -> Axes:
@@ -203,10 +190,9 @@ def grey_bar(ax: Axes, fir: Floats, *, below: float = 0.17, height: float = 0.11
 
     Its lower edge is `below` the panel, `height` high [inch]; its axis of lags has up to `bins` intervals.
     """
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     box, inch = ax.get_position(), 1 / float(figure.get_size_inches()[1])
-    bar = figure.add_axes((box.x0, box.y0 - below * inch, box.width, height * inch))
+    bar: Axes = figure.add_axes((box.x0, box.y0 - below * inch, box.width, height * inch))
     low, high = grey_limits(fir)
     extent = (-0.5, len(fir) - 0.5, 0.0, 1.0)
     bar.imshow(fir[None, :], cmap="Greys", aspect="auto", extent=extent, vmin=low, vmax=high)
@@ -239,7 +225,7 @@ def delay_ticks(ax: Axes, low: float, high: float, sample_time: float) -> None:
 
 def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     """Share of days [%] at each candidate by the class of the day; arrays of shape (K,), 100 in all."""
-    with_delay = found(e)
+    with_delay = read.found(e)
     classes = {
         "data decide": ~e.prior_only & ~e.degenerate,
         "data do not decide": e.prior_only & ~e.degenerate,
@@ -252,12 +238,12 @@ def shares(e: EstimatorResults, places: Floats) -> dict[str, Floats]:
     }
 
 
-def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> Axes:
+def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True) -> None:
     """Share of days at each candidate delay, with the prior or the mean probability over it (Fig. 18).
 
     The legend is `counted`: it has numbers of days; without them several panels can share it.
     """
-    places, days = candidates(e), found(e)
+    places, days = read.candidates(e), read.found(e)
     top = np.zeros(len(places))
     for name, share in shares(e, places).items():
         if share.any():
@@ -278,7 +264,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     line: dict[str, Any] = {"color": style.WATER, "lw": 1.2, "marker": "o", "ms": 2.5}
     if ESTIMATORS[e.estimator].rayleigh and places.size:
         sigma = f" (sigma_d = {number(results.delay_scale)})" if counted else ""
-        prior = 100 * rayleigh(places, results.delay_scale)
+        prior = 100 * read.rayleigh(places, results.delay_scale)
         ax.plot(places, prior, label=f"Rayleigh prior alone{sigma}", **line)
     if e.probability is not None:
         known = np.isfinite(e.probability)
@@ -289,7 +275,7 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
     ax.yaxis.grid(True)
     if not places.size:
         style.no_ticks(ax)
-        return ax
+        return
     delay_ticks(ax, places[0], places[-1], results.sample_time)
     for bound, side, name in ((places[0], -0.5, "d_min"), (places[-1], 0.5, "d_max")):
         ax.axvline(bound + side, color=style.ACCENT, lw=0.8, ls=(0, (4, 3)))
@@ -298,17 +284,16 @@ def histogram(ax: Axes, results: Results, e: EstimatorResults, *, counted: bool 
             textcoords="offset points", ha="right" if side > 0 else "left", va="top", fontsize=8,
             color=style.ACCENT, rotation=90,
         )  # fmt: skip
-    return ax
 
 
 def delay_map(
     ax: Axes, results: Results, e: EstimatorResults, *, counted: bool = True, bounds: bool = True
-) -> Axes:
+) -> None:
     """Delay of each day over the record, on an x axis of day numbers; `counted` as in :func:`histogram`.
 
     Fig. 17; the `bounds` are (5), the wave that arrives after (d + 1) T_s.
     """
-    x, tried = day_numbers(e.dates), candidates(e)
+    x, tried = read.day_numbers(e.dates), read.candidates(e)
     if tried.size:
         bins = max(min(round(7 * style.inches(ax)[1]), 16), 4)  # 16 on panels of two inches and more
         style.lag_ticks(ax, float(tried[0]) - 0.8, float(tried[-1]) + 0.8, bins=bins)
@@ -319,11 +304,11 @@ def delay_map(
         p[:, at] = np.nan_to_num(e.criterion).T
         probability_cells(ax, float(x[0]), e.candidates, p)
     size = float(np.clip(160 / np.sqrt(len(x)) / 2.4, 2.2, 6.0))
-    for name, days in kinds(e).items():
+    for name, days in read.kinds(e).items():
         if days.any():
             label = _class_label(name, e, int(days.sum()), counted)
             style.marks(ax, x[days], e.delay[days], label, size, **EDGED, **MARKS[name])
-    if not found(e).any():
+    if not read.found(e).any():
         style.message(ax, f"None of the {count(len(x), 'day')} has a delay.")
     if tried.size and bounds:
         bounds_over_days(ax, results, e, lead=1.0)
@@ -332,12 +317,11 @@ def delay_map(
         style.second_axis(ax, results.sample_time, "d T_s [minutes]")
     else:
         style.no_ticks(ax, "y")
-    return ax
 
 
 def probability_cells(
     ax: Axes, first: float, delay: ArrayLike, probability: Floats, darkest: float = DARKEST
-) -> Axes:
+) -> None:
     """Probabilities as grey cells, the darker the more probable; the limits of the panel stay.
 
     `first` is the day number of the first column, `delay`, shape (D,), are consecutive [samples], and
@@ -351,7 +335,6 @@ def probability_cells(
     limits = ax.get_xlim(), ax.get_ylim()
     ax.imshow(image, origin="lower", aspect="auto", interpolation="nearest", extent=extent, zorder=1.5)
     ax.set(xlim=limits[0], ylim=limits[1])
-    return ax
 
 
 def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -360,12 +343,12 @@ def with_gaps(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
 
 
-def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> Axes:
+def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: float) -> None:
     """Travel times (5) over the record, where they are within the panel.
 
     A travel time tau is drawn at tau / T_s - `lead` samples: 1 for a delay d, 0 for t50.
     """
-    x, (low, high) = day_numbers(e.dates), ax.get_ylim()
+    x, (low, high) = read.day_numbers(e.dates), ax.get_ylim()
     bounds: list[tuple[str, Floats, Any]] = [("gravity wave", e.bound_gravity_s, "-")]
     if results.output_unit != "m":  # in a free river the flow arrives with the kinematic wave
         bounds.append(("kinematic wave", e.bound_kinematic_s, DASHED))
@@ -376,7 +359,6 @@ def bounds_over_days(ax: Axes, results: Results, e: EstimatorResults, *, lead: f
                 *with_gaps(x, delay), color=style.WATER, lw=0.9, ls=dash, marker="_" if len(x) < 3 else "",
                 label=f"{name}, as a delay" if lead else name, zorder=2, scalex=False, scaley=False,
             )  # fmt: skip
-    return ax
 
 
 # Delays and travel times against the discharge
@@ -395,10 +377,10 @@ def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
     ax.set_xlabel(label)
 
 
-def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
     label = "mean inflow of the day [m³/s]"
-    shown, tried = found(e) & np.isfinite(e.mean_inflow), candidates(e)
+    shown, tried = read.found(e) & np.isfinite(e.mean_inflow), read.candidates(e)
     n, Q = int(shown.sum()), e.mean_inflow
     if tried.size:
         style.lag_ticks(ax, float(tried[0]) + 0.2, float(tried[-1]) + 1.8, bins=16)
@@ -407,7 +389,7 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
     if n:
         y = e.delay + 1 + (spread(len(Q)) if n > 12 else 0)
         size = float(np.clip(70 / np.sqrt(n), 2.0, 5.5))
-        for name, kind in kinds(e).items():
+        for name, kind in read.kinds(e).items():
             if (days := kind & shown).any():
                 look = {"markeredgewidth": 0.7, "zorder": 3, "alpha": 0.75, **MARKS[name]}
                 style.marks(ax, Q[days], y[days], _class_label(name, e, days.sum(), True), size, **look)
@@ -421,10 +403,9 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
         style.second_axis(ax, results.sample_time, "(d + 1) T_s [minutes]")
     else:
         style.no_ticks(ax, "y")
-    return ax
 
 
-def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> Axes:
+def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Bools) -> None:
     """Both bounds (5) at tau / T_s over the discharge; text names one that is outside the panel."""
     low, high = ax.get_ylim()
     outside: list[str] = []
@@ -450,7 +431,6 @@ def bounds_over_flow(ax: Axes, results: Results, e: EstimatorResults, shown: Boo
             0.995, 0.98, "\n".join(outside), transform=ax.transAxes, ha="right", va="top", fontsize=8,
             color=style.WATER, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.85},
         )  # fmt: skip
-    return ax
 
 
 def _medians(values: Floats) -> Floats:
@@ -460,36 +440,34 @@ def _medians(values: Floats) -> Floats:
     return np.array([np.median(part) for part in np.array_split(values, GROUPS)])
 
 
-def t50(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 of each day over the record, on an x axis of day numbers, and the bounds (5)."""
-    shown = has_t50(e)
-    _t50_days(ax, results, e, shown, day_numbers(e.dates), grow=1.0)
+    shown = read.has_t50(e)
+    _t50_days(ax, results, e, shown, read.day_numbers(e.dates), grow=1.0)
     if shown.any():
         ax.yaxis.grid(True)
         bounds_over_days(ax, results, e, lead=0.0)
         style.second_axis(ax, results.sample_time, "t50 [minutes]")
-    return ax
 
 
-def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> Axes:
+def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
     label = "mean inflow of the data set [m³/s]"
-    shown = has_t50(e) & np.isfinite(e.mean_inflow)
+    shown = read.has_t50(e) & np.isfinite(e.mean_inflow)
     _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
     if not shown.any():
         style.no_ticks(ax)
         ax.set_xlabel(label)
-        return ax
+        return
     ax.grid(True)
     flow_axis(ax, e.mean_inflow[shown], label)
-    if t := thirds(e):
+    if t := read.thirds(e):
         for first, last, middle in zip(t.edges, t.edges[1:], t.medians, strict=False):
             for colour, width in (("white", 3.0), (style.ACCENT, 1.8)):  # the white edge sets it off
                 ax.hlines(middle, first, last, colors=colour, linewidths=width, zorder=4)
         style.entry(ax, "median of each third of days", ls="-", color=style.ACCENT, lw=1.8)
     bounds_over_flow(ax, results, e, shown)
     style.second_axis(ax, results.sample_time, "t50 [minutes]")
-    return ax
 
 
 def _t50_days(
@@ -521,10 +499,6 @@ def t50_window(t50: Floats, bounds: Sequence[Floats]) -> tuple[float, float]:
     """Lags [samples] that a panel of t50 shows: the days, and the bounds that leave them enough space.
 
     `t50`, shape (n,), holds at least one day [samples]; `bounds` are travel times [samples], nearest first.
-
-    >>> low, high = t50_window(np.array([24.0, 26.0, 30.0]), [np.array([22.0, 33.0]), np.array([8.0, 9.0])])
-    >>> round(low, 1), round(high, 1)
-    (21.3, 33.7)
     """
     first, third = (float(q) for q in np.quantile(t50, (0.25, 0.75)))
     reach = FAR * (third - first) or np.inf

@@ -1,7 +1,4 @@
-"""A forecast as a shift engineer needs it: what is under way, when it arrives, and the band of the output.
-
-The functions on Axes return their Axes.
-"""
+"""A forecast as a shift engineer needs it: what is under way, when it arrives, and the band of the output."""
 
 from pathlib import Path
 from typing import Any
@@ -23,7 +20,6 @@ OUTER, INNER = 0.16, 0.3
 
 
 def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
-    """Draw forecast.png."""
     s, title = found.series, "The next hours"
     note = f"{name} · from {s.moment(s.now):%Y-%m-%d %H:%M} · half of a wave arrives after "
     with style.styled():
@@ -31,9 +27,11 @@ def draw(found: Forecast, name: str, unit: str, folder: Path) -> FigureFile:
             title, note + duration([found.delay_s]), [2.2, 1.5], gap=(0.65, 0.5),
             left=0.95, right=0.45,  # levels have up to seven digits
         )  # fmt: skip
-        style.key(output(above, found, unit))
-        style.key(flows(below, found))
+        output(above, found, unit)
+        flows(below, found)
         for ax in (above, below):
+            style.key(ax)
+            ax.yaxis.grid(True)
             ax.axvline(mdates.date2num(s.moment(s.now)), color=style.GREY, lw=0.8)
             locator = mdates.AutoDateLocator(tz=s.begin.tzinfo, minticks=4, maxticks=9)
             formatter = mdates.ConciseDateFormatter(locator, tz=s.begin.tzinfo, show_offset=False)
@@ -53,7 +51,7 @@ def _shown(found: Forecast) -> tuple[slice, np.ndarray]:
     return part, begin + (s.time - s.time[0])[part] / 86400.0
 
 
-def output(ax: Axes, found: Forecast, unit: str) -> Axes:
+def output(ax: Axes, found: Forecast, unit: str) -> None:
     """The measured output, and after the origin the median with its bands."""
     s, (part, x) = found.series, _shown(found)
     later = x[-found.quantiles.shape[1] :]
@@ -64,12 +62,10 @@ def output(ax: Axes, found: Forecast, unit: str) -> Axes:
         ax.fill_between(later, *ends, color=style.WATER, alpha=alpha, lw=0, label=share)
     ax.plot(later, found.quantiles[2], color=style.WATER, lw=1.4, label="median")
     ax.set_xlim(x[0], x[-1])
-    ax.yaxis.grid(True)
     ax.set_ylabel("level [m]" if unit == "m" else "discharge [m³/s]")
-    return ax
 
 
-def flows(ax: Axes, found: Forecast) -> Axes:
+def flows(ax: Axes, found: Forecast) -> None:
     """The flows of the dams, dashed where they are not announced, and the inflow as half of it arrives."""
     s, (part, x) = found.series, _shown(found)
     known = np.arange(len(s.time))[part] <= s.now + found.announced
@@ -83,6 +79,4 @@ def flows(ax: Axes, found: Forecast) -> Axes:
     ax.plot(arrives, s.inflow[part], color=style.WATER, lw=0.9, alpha=0.45, label="inflow as it arrives")
     ax.plot([], [], color=style.GREY, lw=1.0, ls="--", label="assumed")
     ax.set_xlim(x[0], x[-1])
-    ax.yaxis.grid(True)
     ax.set_ylabel("flow [m³/s]")
-    return ax

@@ -113,7 +113,6 @@ def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], colou
 
 
 def reach(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 1: the reach between its dams, from the side."""
     r = year.config.reach
     figure, ax = _drawing(sheet, f"{r.name} · L = {r.length / 1000:g} km, not to scale", 2.5)
     x = np.linspace(10, 86, 200)
@@ -164,15 +163,11 @@ def loop(sheet: Sheet, *_: Any) -> Figure:
         ((78, 29), (78, 24.4)),
     ]:  # fmt: skip
         _arrow(ax, start, end)
-    ax.plot([14, 14], [23, 13], color=style.INK, lw=1.3)
-    ax.plot([68.5, 78], [13, 13], color=style.INK, lw=1.3)
-    ax.plot([88, 88, 42], [23, 3.5, 3.5], color=style.INK, lw=1.3)
+    for xs, ys in (([14, 14], [23, 13]), ([68.5, 78], [13, 13]), ([88, 88, 42], [23, 3.5, 3.5])):
+        ax.plot(xs, ys, color=style.INK, lw=1.3)
     signs = ((35.6, 15.0, "+"), (39.4, 9.6, "−"), (75.4, 24.8, "+"), (79.2, 19.4, "−"), (79.2, 26.0, "+"))
-    for x, y, sign in signs:
-        ax.text(x, y, sign)
-    ax.text(6, 24.2, "u_Qi")
-    ax.text(45, 14.2, "u_Qo")
-    ax.text(92, 24.2, "h_L")
+    for x, y, words in (*signs, (6, 24.2, "u_Qi"), (45, 14.2, "u_Qo"), (92, 24.2, "h_L")):
+        ax.text(x, y, words)
     ax.text(79.5, 28.3, "v: what is not modelled", va="center", color=style.GREY)
     return figure
 
@@ -200,7 +195,6 @@ def _by_day(sheet: Sheet, year: Year, facts: str, values: Floats, label: str, lo
 
 
 def discharge(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 2: mean daily discharge."""
     Q = year.discharge
     facts = (
         f"{Q.min():.0f} to {Q.max():.0f} m³/s, below {OFTEN:.0f} m³/s on "
@@ -211,21 +205,18 @@ def discharge(sheet: Sheet, year: Year, *_: Any) -> Figure:
 
 
 def level(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 3: mean daily level at the downstream dam."""
     h = year.mean_level
     facts = f"{h.min():.2f} to {h.max():.2f} m; over a day it moves by {daily_range(year.level):.2f} m"
     return _by_day(sheet, year, facts, h, "level [m above the datum]", None)
 
 
 def froude(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 4: mean daily Froude number (6)."""
     F = year.bounds.froude
     facts = f"{F.min():.3f} to {F.max():.3f}; the bounds (5) hold below 2"
     return _by_day(sheet, year, facts, F, "Froude number [-]", 0)
 
 
 def bounds_by_flow(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 5: bounds of the travel time (5) against the flow."""
     reach, T = year.config.reach, year.sample_time
     low, high = reach.discharge_range
     Q = np.linspace(low, high, 200)
@@ -257,7 +248,7 @@ def bounds_by_day(sheet: Sheet, year: Year, *_: Any) -> Figure:
     return figure
 
 
-def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> Axes:
+def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample_time: float) -> None:
     """Both bounds (5) of the travel time [s] over the discharge or the days, in samples and minutes."""
     alone = "_" if len(x) < 3 else ""
     for name, seconds, width, alpha in (
@@ -273,14 +264,12 @@ def travel_times(ax: Axes, x: Floats, gravity: Floats, kinematic: Floats, sample
     style.key(ax)
     ax.set_ylabel("travel time [samples]")
     style.second_axis(ax, sample_time, "[minutes]")
-    return ax
 
 
 # Figs 7, 10, the priors, and 12: one day
 
 
 def logs(sheet: Sheet, year: Year, _: Results, i: int, *__: Any) -> Figure:
-    """Fig. 7: the data set of one day."""
     u, h = year.inflow[i], year.level[i]
     figure, panels = sheet(
         f"{year.config.reach.name} · {year.dates[i]} · N = {len(u)} samples, T_s = {year.sample_time:g} s",
@@ -307,7 +296,6 @@ def logs(sheet: Sheet, year: Year, _: Results, i: int, *__: Any) -> Figure:
 
 
 def theoretical(sheet: Sheet, year: Year, *_: Any) -> Figure:
-    """Fig. 10: the response (10) with the paper's numbers."""
     h = 1e4 * theoretical_fir(SHOWN, DELAY, ALPHA_I, ALPHA_O, K_Q, K_H)
     figure, (ax,) = sheet(
         "d = 7, K_i T_s / A = 1e-4 s/m², K_o T_s / A = 1.2e-4 s/m², K_Q = 1, K_h = −1000 m²/s",
@@ -420,7 +408,6 @@ def _panels(year: Year) -> list[tuple[str, str]]:
 
 
 def searches(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-    """Fig. 9: delays by exhaustive search in the simple models."""
     s = year.config.jmap_settings()
     figure, panels = sheet(
         f"{_who(year)} · d from {s.d_min} to {s.d_max} T_s", columns=2, gap=(0.75, 0.0),
@@ -437,7 +424,6 @@ def searches(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
 
 
 def jmap_histograms(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-    """Fig. 18: delays of the JMAP with three priors."""
     figure, panels = sheet(
         f"{_who(year)} · T_s = {year.sample_time:g} s", [2.9], 3, gap=(0.55, 0.0), right=0.25,
         bottom=0.85, top=0.92,
@@ -458,7 +444,6 @@ def _histograms(panels: Sequence[Axes], estimated: Results, shown: Sequence[tupl
 
 
 def jmap_maps(sheet: Sheet, year: Year, estimated: Results, *_: Any) -> Figure:
-    """Fig. 17: the delay of each day for three priors."""
     note = f"{_who(year)} · T_s = {year.sample_time:g} s"
     figure, panels = sheet(note, [1.75] * 3, gap=(0.0, 0.34), top=0.92)
     for letter, ax, (name, words) in zip("abc", panels, _panels(year), strict=True):
@@ -531,7 +516,7 @@ def cascade(sheet: Sheet, _: Year, __: Results, ___: int, reaches: Sequence[Casc
     return figure
 
 
-def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
+def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> None:
     """Intervals of the delay of one reach at its length, `shift` apart on the x axis [km]."""
     x, first = r.length / 1000, not ax.lines
     ax.plot([x - 1.3 * shift] * 2, r.empirical, color=style.LIGHT, lw=9, solid_capstyle="butt", zorder=2)
@@ -555,7 +540,6 @@ def reach_delays(ax: Axes, r: CascadeReach, shift: float) -> Axes:
         r.name, (x, 0), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
         ha="center", fontsize=8, color=style.GREY,
     )  # fmt: skip
-    return ax
 
 
 FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {

@@ -207,11 +207,7 @@ class CascadeReach:
 
 
 def shortest(delay: Floats, held: float = HELD) -> tuple[int, int]:
-    """The shortest interval of whole delays that holds a share of the days; the lowest of equals.
-
-    >>> shortest(np.array([1.0, 6, 6, 6, 7, 7, 7, 7, 7, 15]), 0.8)
-    (6, 7)
-    """
+    """The shortest interval of whole delays that holds a share of the days; the lowest of equals."""
     d = np.sort(delay[np.isfinite(delay)]).astype(int)
     if not len(d):
         return 0, 0

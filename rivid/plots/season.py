@@ -1,7 +1,4 @@
-"""A season: the probabilities of each day with the joined delays, and the law of delay and discharge.
-
-The functions on Axes return their Axes.
-"""
+"""A season: the probabilities of each day with the joined delays, and the law of delay and discharge."""
 
 from pathlib import Path
 from typing import Any
@@ -36,7 +33,8 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
             [2.42],
         )
         style.date_axis(ax, first, last)
-        style.key(season(ax, days, joined))
+        season(ax, days, joined)
+        style.key(ax)
         files = [style.written(figure, folder / "season.png", "Delay over the season", estimator=NAME)]
         title, shown = "Delay and discharge: the law", int(_known(days).sum())
         formula = f"no law: {law.message}"
@@ -44,13 +42,14 @@ def draw(days: SeasonDays, joined: Joined, law: DelayLaw, folder: Path) -> list[
             formula = f"T = {duration([law.T0])} (Q / {law.Q0:.0f} m³/s)^{-law.b:.2f}"
             formula += f", {law.b_low:.2f} to {law.b_high:.2f}"
         figure, (ax,) = style.sheet(title, f"{days.reach} · {formula} · {count(shown, 'day')}", [2.62])
-        style.key(delay_law(ax, days, law))
+        delay_law(ax, days, law)
+        style.key(ax)
         path = folder / "delay_law.png"
         files.append(style.written(figure, path, title, estimator="posterior"))
     return files
 
 
-def season(ax: Axes, days: SeasonDays, joined: Joined) -> Axes:
+def season(ax: Axes, days: SeasonDays, joined: Joined) -> None:
     """p(d) of each day alone as cells, the joined median and its 90 % band; the x axis are day numbers."""
     x = day_numbers(days.dates)
     middle, low, high = (
@@ -83,14 +82,13 @@ def season(ax: Axes, days: SeasonDays, joined: Joined) -> Axes:
             )
     ax.set_ylabel("t50 [samples]" if days.river else "delay d [samples]")
     style.second_axis(ax, days.sample_time, "t50 [minutes]" if days.river else "d T_s [minutes]")
-    return ax
 
 
 def _known(days: SeasonDays) -> Any:
     return np.isfinite(days.travel) & np.isfinite(days.discharge)
 
 
-def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
+def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     """Travel time of each day against the discharge, and the law with its intervals where there is one."""
     what, shown = "t50" if days.river else "travel time", _known(days)
     ax.set_ylabel(f"{what} [samples]")
@@ -100,7 +98,7 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
         style.no_ticks(ax)
         style.no_ticks(ax, "y")
         ax.set_xlabel(label)
-        return ax
+        return
     Q, T = days.discharge[shown], days.travel[shown] / days.sample_time
     low, high = (
         end(days.place(days.probability, share)[shown], T)
@@ -121,7 +119,6 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> Axes:
     if law.status == "ok":
         _law(ax, law, Q, days.sample_time)
     style.second_axis(ax, days.sample_time, f"{what} [minutes]")
-    return ax
 
 
 def _law(ax: Axes, law: DelayLaw, Q: Floats, T_s: float) -> None:

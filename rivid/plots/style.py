@@ -105,11 +105,7 @@ SYMBOL = re.compile(
 
 
 def set_symbols(text: str) -> str:
-    """A text with the paper's symbols as mathematics.
-
-    >>> set_symbols("beta_h of sigma_hD², in T_s")
-    '$\\\\beta_h$ of $\\\\sigma_{hD}^2$, in $T_s$'
-    """
+    """A text with the paper's symbols as mathematics."""
     return SYMBOL.sub(lambda m: f"${SYMBOLS[m[1]]}{'^2' if m[2] else ''}$", text)
 
 
@@ -184,8 +180,8 @@ def panel(figure: Figure, left: float, bottom: float, width: float, height: floa
 
 def inches(ax: Axes) -> tuple[float, float]:
     """Width and height of a panel [inch]."""
-    w, h = (float(v) for v in ax.get_figure(root=True).get_size_inches())  # type: ignore[union-attr]
-    box = ax.get_position()
+    figure: Any = ax.get_figure(root=True)
+    (w, h), box = figure.get_size_inches(), ax.get_position()
     return box.width * w, box.height * h
 
 
@@ -249,8 +245,7 @@ def key(ax: Axes) -> None:
 
 def figure_key(panels: Sequence[Axes], *, down: float = 0.37, left: float | None = None) -> None:
     """One legend for several panels, `down` inches below the top: at their right end, or from `left` on."""
-    figure = panels[0].get_figure(root=True)
-    assert figure is not None
+    figure: Any = panels[0].get_figure(root=True)
     found, (width, height) = entries(*panels), figure.get_size_inches()
     x = max(ax.get_position().x1 for ax in panels) if left is None else left / width
     figure.legend(
@@ -275,7 +270,6 @@ def lag_ticks(ax: Axes, low: float, high: float, bins: int = 8) -> None:
 
 
 def no_ticks(ax: Axes, which: str = "x") -> None:
-    """Remove the ticks of one axis."""
     getattr(ax, f"{which}axis").set_major_locator(NullLocator())
 
 
@@ -302,14 +296,8 @@ def minutes_above(ax: Axes, sample_time: float) -> None:
     """Minutes along the top of a panel with samples on its x axis."""
     unit, seconds = time_unit(ax.get_xlim()[1] * sample_time)
     scale = sample_time / seconds
-
-    def minutes(samples: Any) -> Any:
-        return samples * scale
-
-    def samples(minutes: Any) -> Any:
-        return minutes / scale
-
-    other = ax.secondary_xaxis("top", functions=(minutes, samples))
+    there_and_back: Any = (lambda lag: lag * scale, lambda time: time / scale)
+    other = ax.secondary_xaxis("top", functions=there_and_back)
     other.tick_params(labelcolor=GREY, color=GREY, length=3, pad=1)
     other.spines["top"].set_visible(False)
     ax.annotate(unit, (1, 1), xycoords="axes fraction", xytext=(5, 3), textcoords="offset points", color=GREY)
@@ -322,11 +310,7 @@ def hour_axis(ax: Axes, every: int = 6) -> None:
 
 
 def power_of_ten(values: Floats) -> tuple[float, str]:
-    """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4".
-
-    >>> power_of_ten(np.array([-3.1e-4, 2e-5])), power_of_ten(np.array([0.4, 2.0]))
-    ((10000.0, '10⁻⁴ '), (1.0, ''))
-    """
+    """The factor for small values and the unit's factor for the label, so that no axis needs "1e-4"."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     if not 0 < largest < 0.1:
         return 1.0, ""
@@ -353,9 +337,6 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
 
     Up to 80 days the labels are under their days; beyond, months or years lie between lines. The year is
     under the first of its labels.
-
-    >>> date_ticks(dt.date(2008, 3, 14), dt.date(2008, 3, 14))[2]
-    ['14 Mar\\n2008']
     """
     span = (last - first).days + 1
     if span <= 80:
@@ -364,7 +345,9 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
         at = [float(day.toordinal()) for day in days]
         return at, at, _with_year(days, [f"{day.day} {MONTHS[day.month - 1]}" for day in days])
     step = 1 if span <= 900 else 12
-    starts = _month_starts(first, last, step)
+    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
+    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
+    starts = starts[: next(i for i, day in enumerate(starts) if day > last) + 1]
     if span > 5500:
         every = -(-span // 5500)
         starts = [day for day in starts if day.year % every == 0 and first <= day <= last]
@@ -383,14 +366,6 @@ def date_ticks(first: dt.date, last: dt.date) -> Ticks:
     return lines, places, _with_year(shown, [MONTHS[day.month - 1] for day in shown])
 
 
-def _month_starts(first: dt.date, last: dt.date, step: int) -> list[dt.date]:
-    """First days of the months (or, for step 12, of the years) that touch the record, and the one after."""
-    months = range(first.year * 12 + (first.month - 1 if step < 12 else 0), (last.year + 1) * 12 + 13, step)
-    starts = [dt.date(m // 12, m % 12 + 1, 1) for m in months if m // 12 <= dt.MAXYEAR]
-    after = next(i for i, day in enumerate(starts) if day > last)
-    return starts[: after + 1]
-
-
 def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
     seen: set[int] = set()
     named = []
@@ -401,13 +376,7 @@ def _with_year(days: Sequence[dt.date], labels: Sequence[str]) -> list[str]:
 
 
 def thinned(ticks: Ticks, most: int) -> Ticks:
-    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays.
-
-    >>> thinned(([1.0], [1.0, 2.0, 3.0, 4.0], ["Nov\\n2023", "Dec", "Jan\\n2024", "Feb"]), 2)[2]
-    ['Nov\\n2023', 'Jan\\n2024']
-    >>> thinned(([1.0], [1.0, 2.0, 3.0], ["Dec\\n2023", "Jan\\n2024", "Feb"]), 2)[2]
-    ['Dec\\n2023', 'Feb\\n2024']
-    """
+    """Every second, third, ... label, so that `most` remain; a year moves on to the next label that stays."""
     lines, places, names = ticks
     every = -(-len(names) // most)
     labels, year = [], ""
@@ -440,8 +409,7 @@ def calendar(ax: Axes, dates: Sequence[dt.date], status: Sequence[str]) -> None:
     if not found:
         date_axis(ax, first, last)
         return
-    figure = ax.get_figure(root=True)
-    assert figure is not None
+    figure: Any = ax.get_figure(root=True)
     box, inch = ax.get_position(), 1 / float(figure.get_size_inches()[1])
     lift = (STRIP + STRIP_GAP) * inch
     ax.set_position((box.x0, box.y0 + lift, box.width, box.height - lift))

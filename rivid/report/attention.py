@@ -1,6 +1,7 @@
 """Days to look at, as codes and numbers: days without an answer, and doubtful answers."""
 
 import datetime as dt
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from rivid.estimators import ESTIMATORS
 from rivid.report.summary import LastWeek, leading
 from rivid.results.read import EstimatorResults, Results, candidates, estimates_delay, found
-from rivid.text import NO_ANSWER
+from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats
 
 SHOWN = 25
@@ -62,16 +63,12 @@ def attention(results: Results, recent: LastWeek | None) -> list[Row]:
             doubts = [doubt for doubt in doubts if doubt[1] != "at_bound"]
         for doubt in doubts:
             alike.setdefault(doubt, []).append(e.estimator)
-    latest: dict[tuple[str, str, float, tuple[str, ...]], int] = {}
+    days = defaultdict[tuple[str, str, float, tuple[str, ...]], list[dt.date]](list)
     for (date, kind, message, value), names in sorted(alike.items()):
-        same = (kind, message, value, tuple(names))
-        at = latest.get(same)
-        if at is not None and (date - rows[at]["last"]).days == 1:
-            rows[at] |= {"last": date, "days": rows[at]["days"] + 1}
-        else:
-            latest[same] = len(rows)
-            given = float("nan") if value < 0 else value
-            rows.append(_row(date, date, 1, kind, tuple(names), message=message, value=given))
+        days[kind, message, value, tuple(names)].append(date)
+    for (kind, message, value, reporting), dates in sorted(days.items()):
+        more: dict[str, Any] = {"message": message, "value": float("nan") if value < 0 else value}
+        rows += [_row(a, b, (b - a).days + 1, kind, reporting, **more) for a, b in spans(dates)]
     rows += far(recent) if recent else []
     return sorted(rows, key=lambda row: (row["last"], row["first"]), reverse=True)
 
@@ -89,11 +86,7 @@ def _doubts(e: EstimatorResults) -> list[tuple[dt.date, str, str, float]]:
 
 
 def band(values: Floats) -> tuple[float, float] | None:
-    """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty.
-
-    >>> band(np.array([6.0, 7.0] * 20 + [9.0, np.nan]))
-    (6.0, 7.0)
-    """
+    """Return the band that holds 90 % of the values, shape (n,) with NaN; None with fewer than thirty."""
     given = values[np.isfinite(values)]
     if given.size < BAND_DAYS:
         return None
@@ -102,11 +95,7 @@ def band(values: Floats) -> tuple[float, float] | None:
 
 
 def outside(values: Floats, limits: tuple[float, float]) -> Bools:
-    """Return the values further from a band than its width and one sample; False for NaN.
-
-    >>> outside(np.array([6.0, 8.0, 9.0, np.nan]), (6.0, 7.0))
-    array([False, False,  True, False])
-    """
+    """Return the values further from a band than its width and one sample; False for NaN."""
     margin = max(limits[1] - limits[0], 1.0)
     return np.asarray((values < limits[0] - margin) | (values > limits[1] + margin))
 

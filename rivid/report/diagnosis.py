@@ -6,7 +6,7 @@ This module computes and formats numbers; the sentences are in the templates ``d
 import datetime as dt
 import html
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,34 @@ def write_diagnosis(
     files = draw_pictures(out, diagnosis, evidence) if draw else []
     drop_old(out / "figures", files, plots.KINDS)
     known = effect_classes() if classes is None else classes
-    page = write_diagnosis_page(out, diagnosis, evidence, files, reach=reach, classes=known)
+    quantities.environment()
+    shown, gap = quantities.as_shown(diagnosis), diagnosis.gap
+    record = evidence.record if evidence is not None else None
+    river = record is not None and record.kind == "river"
+    factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
+    rows = [] if gap is None else quantities.gap_rows(gap, factor)
+    hours = () if gap is None else gap.horizon_h
+    context = {
+        "d": shown,
+        "reach": reach or ("River reach" if river else "Reach"),
+        "period": f"{count(len(record.dates), 'day')}, {day_range(record.dates[0], record.dates[-1])}"
+        if record
+        else "",
+        "sample_time": number(record.sample_time) if record is not None else "",
+        "output": "discharge" if river else "level",
+        "factor": factor,
+        "unit": unit,
+        "rows": rows,
+        "ranking": quantities.explanations(diagnosis.ranking),
+        "horizon": hours.index(4.0) if 4.0 in hours else len(hours) // 2,  # what a sentence states
+        "grown": [] if gap is None else _grown(gap),
+        "cards": [_card(e, known, record.dates[0] if record else None) for e in shown.effects],
+        "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
+        "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
+        "figures": [(f, data_uri(f.path, "run the diagnosis again")) for f in files],
+        "known": count(len(known), "effect"),
+    }
+    page = write_page(out / "diagnosis.html", "diagnosis", context)
     write_text(out / "diagnosis.json", diagnosis.to_json())
     return page
 
@@ -110,51 +137,6 @@ def write_inflow(path: Path, evidence: Evidence | None) -> None:
         bands = [w[kept] + k * sd[kept] for w, sd in series for k in (0.0, -BAND, BAND)]
         columns = dict(zip(SCHEMA.names, [pa.array(time), *bands], strict=True))
     write_parquet(to_table(columns, SCHEMA), path)
-
-
-def write_diagnosis_page(
-    out: Path,
-    diagnosis: Diagnosis,
-    evidence: Evidence | None,
-    figures: Sequence[FigureFile],
-    *,
-    reach: str = "",
-    classes: Mapping[str, type[Effect]],
-) -> Path:
-    """Write OUT/diagnosis.html, which embeds `figures` in their order, and return its path."""
-    quantities.environment()
-    diagnosis = quantities.as_shown(diagnosis)
-    record = evidence.record if evidence is not None else None
-    gap = diagnosis.gap
-    river = record is not None and record.kind == "river"
-    factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
-    rows = [] if gap is None else quantities.gap_rows(gap, factor)
-    context = {
-        "d": diagnosis,
-        "reach": reach or ("River reach" if river else "Reach"),
-        "period": f"{count(len(record.dates), 'day')}, {day_range(record.dates[0], record.dates[-1])}"
-        if record
-        else "",
-        "sample_time": number(record.sample_time) if record is not None else "",
-        "output": "discharge" if river else "level",
-        "factor": factor,
-        "unit": unit,
-        "rows": rows,
-        "ranking": quantities.explanations(diagnosis.ranking),
-        "horizon": 0 if gap is None else _horizon(gap),
-        "grown": [] if gap is None else _grown(gap),
-        "cards": [_card(e, classes, record.dates[0] if record else None) for e in diagnosis.effects],
-        "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
-        "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
-        "figures": [(f, data_uri(f.path, "run the diagnosis again")) for f in figures],
-        "known": count(len(classes), "effect"),
-    }
-    return write_page(out / "diagnosis.html", "diagnosis", context)
-
-
-def _horizon(gap: Gap) -> int:
-    """Index of the horizon that a sentence states: 4 h, else the middle one."""
-    return gap.horizon_h.index(4.0) if 4.0 in gap.horizon_h else len(gap.horizon_h) // 2
 
 
 def _grown(gap: Gap) -> list[tuple[str, float]]:

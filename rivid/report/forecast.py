@@ -28,7 +28,6 @@ output_unit | text | | `m` for a level, `m3/s` for a discharge
 
 
 def columns(found: Forecast, config: Config) -> dict[str, list[Any]]:
-    """Columns of the table."""
     s, q = found.series, found.quantiles
     count, pool = q.shape[1], config.reach.kind == "pool"
     later = slice(s.now + 1, None)

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
+from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,13 +25,6 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from rivid.plots.files import FigureFile
-
-WORDS = (
-    "count", "day_range", "delays", "duration", "flow", "listed", "minutes_first", "number",
-    "output_words", "power", "probability", "samples", "samples_first", "share", "step", "travel_first",
-    "travel_within",
-)  # fmt: skip
-"""Functions of :mod:`rivid.text` that templates use."""
 
 UNITS = re.compile(r"(\d) (min|h|s|samples?|days?|%|m³/s|mm)\b")
 """A number and its unit: a headline has no line break between them."""
@@ -64,7 +58,7 @@ def environment() -> "Environment":
     )  # fmt: skip
     style = loader.get_source(made, "base.css")[0]
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
-    made.globals |= {name: getattr(text, name) for name in WORDS}
+    made.globals |= {name: word for name, word in vars(text).items() if isfunction(word)}
     made.globals["seconds"] = text.duration
     made.globals["ESTIMATORS"] = ESTIMATORS
     made.filters |= {"unbroken": unbroken, "caption": caption}

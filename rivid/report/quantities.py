@@ -50,11 +50,7 @@ def printable(text: str) -> str:
 
 
 def name(code: str) -> str:
-    """Return the name of an effect in words.
-
-    >>> name("diurnal_inflow")
-    'diurnal inflow'
-    """
+    """Return the name of an effect in words."""
     return printable(code.replace("_", " ")).strip() or "an effect without a name"
 
 
@@ -78,13 +74,7 @@ def _fixed(value: float, decimals: int) -> str:
 
 
 def estimate(e: Estimate) -> str:
-    """Return a value with its unit and 95 % interval, to the digits that the interval supports.
-
-    >>> estimate(Estimate("amplitude", 6.0412, "m3/s", 5.83, 6.25))
-    '6.04 m³/s (5.83 to 6.25)'
-    >>> estimate(Estimate("place", 0.5, "-", math.nan, math.nan))
-    '0.500 (no interval)'
-    """
+    """Return a value with its unit and 95 % interval, to the digits that the interval supports."""
     if not math.isfinite(e.value):
         return "no value"
     known = math.isfinite(e.low) and math.isfinite(e.high)
@@ -97,13 +87,7 @@ def estimate(e: Estimate) -> str:
 
 
 def size(effect: NamedEffect, brief: bool = False) -> str:
-    """Return the main parameter of an effect, or the range of one that varies; empty without parameters.
-
-    >>> e = Estimate("amplitude", 6.04, "m3/s", 5.83, 6.25)
-    >>> effect = NamedEffect("diurnal_inflow", "flow", 0.0, (), None, None, (e,), Where(), None, {})
-    >>> size(effect), size(effect, brief=True)
-    ('amplitude 6.04 m³/s (5.83 to 6.25)', '6.04 m³/s')
-    """
+    """Return the main parameter of an effect, or the range of one that varies; empty without parameters."""
     sizes = [p for p in effect.parameters if p.name.split("[")[0] not in NOT_A_SIZE] or effect.parameters
     if not sizes:
         return ""
@@ -118,15 +102,7 @@ def size(effect: NamedEffect, brief: bool = False) -> str:
 
 
 def converted(e: Estimate, first_day: dt.date | None = None) -> str:
-    """Return a value in a second form: per cent, minutes, a time of day or a date; empty where none applies.
-
-    >>> converted(Estimate("error", -0.1, "-", -0.11, -0.09))
-    '-10.0 %'
-    >>> converted(Estimate("offset", 532.0, "s", 520, 544))
-    '8.9 min'
-    >>> converted(Estimate("start", 30.5, "h", 30, 31), dt.date(2024, 5, 1))
-    '2024-05-02 06:30'
-    """
+    """Return a value in a second form: per cent, minutes, a time of day, a date; empty where none applies."""
     base = e.name.split("[")[0]
     if not math.isfinite(e.value):
         return ""
@@ -143,21 +119,13 @@ def converted(e: Estimate, first_day: dt.date | None = None) -> str:
 
 
 def clock(hour: float) -> str:
-    """Return an hour of the day as HH:MM.
-
-    >>> clock(6.5), clock(24.0)
-    ('06:30', '24:00')
-    """
+    """Return an hour of the day as HH:MM."""
     minutes = round(hour * 60)
     return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
 def when(where: Where) -> str:
-    """Return dates, hours and regime of an effect.
-
-    >>> when(Where()), when(Where(hours=(22, 6), regime="at low flow"))
-    ('on all days, at all hours', 'from 22:00 to 06:00, at low flow')
-    """
+    """Return dates, hours and regime of an effect."""
     parts = []
     if where.dates is not None:
         first, last = where.dates
@@ -170,22 +138,14 @@ def when(where: Where) -> str:
 
 
 def p_value(p: float) -> str:
-    """Return a p-value, never as zero.
-
-    >>> p_value(0.0002), p_value(0.0), p_value(0.0123)
-    ('p = 0.0002', 'p < 0.0001', 'p = 0.012')
-    """
+    """Return a p-value, never as zero."""
     if not math.isfinite(p):
         return "p unknown"
     return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"
 
 
 def error(value: float | None, factor: float = 1.0) -> str:
-    """Return an error to three digits or fewer; a dash where there is none.
-
-    >>> error(0.1234, 1000), error(0.0043, 1000), error(math.nan)
-    ('123', '4.3', '–')
-    """
+    """Return an error to three digits or fewer; a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "–"
     scaled = value * factor
@@ -193,11 +153,7 @@ def error(value: float | None, factor: float = 1.0) -> str:
 
 
 def period(seconds: float) -> str:
-    """Return a duration in minutes, hours or days, to three digits.
-
-    >>> period(2700), period(43200), period(604800)
-    ('45 min', '12 h', '7 days')
-    """
+    """Return a duration in minutes, hours or days, to three digits."""
     for limit, unit, length in ((7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
         if seconds < limit:
             return f"{seconds / length:.3g} {unit}"
@@ -205,11 +161,7 @@ def period(seconds: float) -> str:
 
 
 def closed(share: float) -> str:
-    """Return the share of the gap that is closed.
-
-    >>> closed(0.974), closed(-0.2), closed(0.999)
-    ('97 % of the gap is closed', 'the gap is not smaller', '99.9 % of the gap is closed')
-    """
+    """Return the share of the gap that is closed: 100 % only where it is exactly that."""
     if share <= 0.005:
         return "the gap is not smaller"
     if 0.995 <= share < 1.0:
@@ -252,20 +204,12 @@ def gap_rows(gap: Gap, factor: float = 1.0) -> list[Errors]:
 
 
 def percent(share: float) -> str:
-    """Return a share, which may be negative, in per cent.
-
-    >>> percent(0.864), percent(-0.12), percent(-0.001), percent(math.nan)
-    ('86 %', '-12 %', '0 %', '–')
-    """
+    """Return a share, which may be negative, in per cent."""
     return f"{round(100 * share)} %" if math.isfinite(share) else "–"
 
 
 def explanation(names: Sequence[str], unknown: str | None) -> str:
-    """Return an explanation in words.
-
-    >>> explanation((), None), explanation(("leakage",), "flow")
-    ('nothing missing', 'leakage and an unknown flow')
-    """
+    """Return an explanation in words."""
     latent = {"flow": "an unknown flow", "gauge": "an unknown gauge error", "dynamics": "unknown dynamics"}
     return listed([*map(name, names), *([latent[unknown]] if unknown else [])]) or "nothing missing"
 

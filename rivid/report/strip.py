@@ -54,7 +54,9 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     def y(value: float) -> float:
         return round(TOP + (high - value) / (high - low) * (floor - TOP), 1)
 
-    looks, marks = _looks(recent), []
+    looks, marks = np.where(np.isfinite(recent.values), "sure", "none").astype(object), []
+    for kind, alike in kinds(e).items() if recent.quantity != "t50" else ():
+        looks[alike] = LOOKS[kind]
     for i in np.flatnonzero(shown):
         date, value = e.dates[i], float(recent.values[i])
         at = y(value) if np.isfinite(value) else floor + 7
@@ -87,21 +89,8 @@ def strip(recent: LastWeek, sample_time: float, rows: dict[dt.date, int]) -> dic
     }
 
 
-def _looks(recent: LastWeek) -> list[str]:
-    """The class of each day's mark."""
-    looks = np.where(np.isfinite(recent.values), "sure", "none").astype(object)
-    if recent.quantity != "t50":
-        for kind, days in kinds(recent.estimator).items():
-            looks[days] = LOOKS[kind]
-    return [str(look) for look in looks]
-
-
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
-    """Return round numbers inside a range, at most so many, each with its text.
-
-    >>> [text for _, text in ticks(4.5, 9.5)], [text for _, text in ticks(3.1, 4.1)]
-    (['5', '6', '7', '8', '9'], ['3.2', '3.4', '3.6', '3.8', '4.0'])
-    """
+    """Return round numbers inside a range, at most so many, each with its text."""
     power, size = next(
         (power, size)
         for power in range(-3, 9)

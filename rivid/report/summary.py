@@ -14,19 +14,8 @@ import numpy as np
 
 from rivid.core.hydraulics import SLOW
 from rivid.estimators import ESTIMATORS
-from rivid.results.read import (
-    EstimatorResults,
-    Results,
-    candidates,
-    day_numbers,
-    decided,
-    estimates_delay,
-    found,
-    has_t50,
-    leading_response,
-    passage,
-    rayleigh,
-)
+from rivid.results import read
+from rivid.results.read import EstimatorResults, Results
 from rivid.text import NO_ANSWER, spans
 from rivid.types import Bools, Floats, Ints
 
@@ -109,7 +98,7 @@ def facts(results: Results, estimator: EstimatorResults) -> dict[str, Any]:
     answered days: `condition`, `noise_sd` [output unit], `alpha` [(m3/s)^2]. Median and lowest probability of
     the delays: `probability`, `least`; NaN where there are none.
     """
-    e, days = estimator, found(estimator)
+    e, days = estimator, read.found(estimator)
     values, times = np.unique(e.delay[days], return_counts=True)
     top = np.argsort(-times, kind="stable")[:2]
     sure = np.empty(0) if e.probability is None else e.probability[days]
@@ -147,24 +136,26 @@ def leading(results: Results) -> EstimatorResults | None:
     """
     having = [e for e in results.estimators if e.dates]
     return max(
-        having, key=lambda e: ESTIMATORS[e.estimator].represents if estimates_delay(e) else (), default=None
+        having,
+        key=lambda e: ESTIMATORS[e.estimator].represents if read.estimates_delay(e) else (),
+        default=None,
     )
 
 
 def last_week(results: Results) -> LastWeek | None:
     """Return the last week of a river's t50, or of a pool's delay; None where no estimator gives any."""
-    river = leading_response(results)
+    river = read.leading_response(results)
     e = river or leading(results)
-    if e is None or (river is None and not estimates_delay(e)):
+    if e is None or (river is None and not read.estimates_delay(e)):
         return None
     if river:
-        quantity, values, days = "t50", e.t50, has_t50(e)
+        quantity, values, days = "t50", e.t50, read.has_t50(e)
     elif e.travel_s is not None:
-        quantity, values, days = "travel", e.travel_s / results.sample_time, found(e)
+        quantity, values, days = "travel", e.travel_s / results.sample_time, read.found(e)
     else:
-        quantity, values, days = "delay", e.delay, found(e)
+        quantity, values, days = "delay", e.delay, read.found(e)
     values = np.where(days, values, np.nan)
-    sound = np.isfinite(values) & (days if river else decided(e))
+    sound = np.isfinite(values) & (days if river else read.decided(e))
     ago = weeks_ago(e.dates)
     last = e.dates[-1]
     return LastWeek(
@@ -175,12 +166,8 @@ def last_week(results: Results) -> LastWeek | None:
 
 
 def weeks_ago(dates: Sequence[dt.date]) -> Ints:
-    """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week.
-
-    >>> weeks_ago([dt.date(2008, 12, 24), dt.date(2008, 12, 25), dt.date(2008, 12, 31)])
-    array([1, 0, 0])
-    """
-    days = day_numbers(dates).astype(np.int64)
+    """Return how many weeks before the last one each day lies, shape (n,); 0 in the last week."""
+    days = read.day_numbers(dates).astype(np.int64)
     return np.asarray((days[-1] - days) // WEEK)
 
 
@@ -241,11 +228,11 @@ def impossible(results: Results, estimator: EstimatorResults, quantity: str = "d
     """
     e, T_s = estimator, results.sample_time
     if quantity == "t50":
-        earliest, latest, days = e.t50 * T_s, e.t50 * T_s, has_t50(e)
+        earliest, latest, days = e.t50 * T_s, e.t50 * T_s, read.has_t50(e)
     elif e.travel_s is not None:
-        earliest, latest, days = e.travel_s, e.travel_s, found(e)
+        earliest, latest, days = e.travel_s, e.travel_s, read.found(e)
     else:
-        earliest, latest, days = e.delay * T_s, (e.delay + 1) * T_s, found(e)
+        earliest, latest, days = e.delay * T_s, (e.delay + 1) * T_s, read.found(e)
     return days & (latest + T_s < e.bound_gravity_s), days & (earliest - T_s > SLOW * _wave(results, e))
 
 
@@ -261,16 +248,9 @@ def _ends(values: Floats) -> tuple[float, float] | None:
 
 
 def missing(dates: Sequence[dt.date]) -> list[dt.date]:
-    """Return the days between the first and the last that have no row: no log of them exists.
-
-    >>> missing([dt.date(2024, 6, 10), dt.date(2024, 6, 11), dt.date(2024, 6, 13)])
-    [datetime.date(2024, 6, 12)]
-    """
-    if not dates or (dates[-1] - dates[0]).days + 1 == len(dates):
-        return []
-    there = set(dates)
-    every = (dates[0] + dt.timedelta(days=k) for k in range((dates[-1] - dates[0]).days))
-    return [day for day in every if day not in there]
+    """Return the days between the first and the last that have no row: no log of them exists."""
+    gaps = zip(dates, dates[1:], strict=False)
+    return [a + dt.timedelta(days=k) for a, b in gaps for k in range(1, (b - a).days)]
 
 
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
@@ -281,7 +261,7 @@ def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags
     are in samples, bounds in seconds.
     """
-    lead, river = leading(results), leading_response(results)
+    lead, river = leading(results), read.leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
     gone = missing(dates)
     return {
@@ -313,10 +293,9 @@ def _statuses(status: Sequence[str]) -> dict[str, int]:
 
 
 def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
-    """The value of the last week."""
     e, given = recent.estimator, recent.given
     finite = np.flatnonzero(np.isfinite(recent.values))
-    tried = candidates(e)
+    tried = read.candidates(e)
     d = _median(e.delay[given])
     code, statuses = "given", {}
     if set(e.status) == {"pending"}:
@@ -385,8 +364,8 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) ->
     n = int(given.sum())
     if recent.quantity == "t50":
         part: dict[str, Any] = {"code": "response", "estimator": e.estimator, "lead": None}
-        part["jump"] = estimates_delay(e)
-        if lead is not None and estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
+        part["jump"] = read.estimates_delay(e)
+        if lead is not None and read.estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)
             if f["with_delay"]:
                 part |= {"lead": lead.estimator, "record": (f["prior_only"], f["with_delay"])}
@@ -431,20 +410,19 @@ def _waves(results: Results, recent: LastWeek) -> dict[str, Any] | None:
 
 
 def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
-    """The whole record of the leading estimator."""
-    f, tried = facts(results, e), candidates(e)
+    f, tried = facts(results, e), read.candidates(e)
     ends = (float(tried[0]), float(tried[-1])) if tried.size else None
     reasons = Counter(
         text.split("; ")[0]
         for text, status in zip(e.messages, e.status, strict=True)
         if status == "unidentifiable" and ESTIMATORS[e.estimator].has_probability
     )
-    days = found(e)
+    days = read.found(e)
     record: dict[str, Any] = {
         "estimator": e.estimator,
         "facts": f,
         "first": e.dates[0],
-        "fir_only": not estimates_delay(e),
+        "fir_only": not read.estimates_delay(e),
         "ends": ends,
         "piled": f["common"] == ends and tried.size > 2 and f["common_days"] >= SPREAD_OUT * f["with_delay"],
         "spread": f["common_days"] < SPREAD_OUT * f["with_delay"],
@@ -457,7 +435,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
-        p = rayleigh(tried, results.delay_scale)
+        p = read.rayleigh(tried, results.delay_scale)
         modes = tried[p > 0.99 * p.max()]  # for 6.5 samples, 6 and 7 differ by less than the paper's digits
         record["modes"] = [float(d) for d in modes]
         record["near_prior"] = min(float(np.abs(modes - d).min()) for d in f["common"]) <= 1
@@ -469,8 +447,7 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
 
 
 def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
-    """The record of a river's t50."""
-    p, lead = passage(results, e), leading(results)
+    p, lead = read.passage(results, e), leading(results)
     f = facts(results, lead) if lead is not None else None
     return {
         "estimator": e.estimator,
@@ -478,8 +455,8 @@ def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "first": e.dates[0],
         "statuses": _statuses(e.status),
         "no_sum": int((e.answered & ~np.isfinite(e.t50)).sum()),
-        "gravity": _ends(e.bound_gravity_s[has_t50(e)]),
-        "kinematic": _ends(e.bound_kinematic_s[has_t50(e)]),
+        "gravity": _ends(e.bound_gravity_s[read.has_t50(e)]),
+        "kinematic": _ends(e.bound_kinematic_s[read.has_t50(e)]),
         "jump_of_little_use": f is not None
         and (f["prior_only"] >= LITTLE * f["with_delay"] or f["high"] - f["low"] > 2 * (p.high - p.low)),
     }

@@ -1,8 +1,8 @@
 """Read the tables of a run as arrays or as a DataFrame, and classify the days of an estimator."""
 
 import datetime as dt
+import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,7 +111,8 @@ def load_results(out: Path | str) -> Results:
 
     out = Path(out)
     try:
-        run = _record(out)
+        (out / RECORD).stat()  # the first to be missing
+        run = last_record(out)
         refuse_parts(run, out)
         delays, fir, criterion = (
             # not read_table: it imports pyarrow.dataset, which takes as long as reading a year
@@ -139,24 +140,31 @@ def refuse_parts(run: Mapping[str, Any], out: Path) -> None:
         )
 
 
-def refuse_newer(record: dict[str, Any], out: Path) -> None:
-    """Raise RividError where a newer rivid wrote this run.json of OUT: its tables may differ."""
-    if record["schema_version"] > SCHEMA_VERSION:
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file; empty where it cannot be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+RECORD = "run.json"
+"""The record of a run: settings, counts and versions, and the hashes of its files."""
+
+
+def last_record(out: Path) -> dict[str, Any]:
+    """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
+    record = read_json(out / RECORD)
+    version = record.get("schema_version", 0)
+    if not isinstance(version, int):
+        return {}
+    if version > SCHEMA_VERSION:  # its tables may differ
         raise RividError(
-            f"{out} was written by a newer rivid (schema {record['schema_version']}, this one knows "
-            f"{SCHEMA_VERSION}): upgrade rivid, or give another OUT"
+            f"{out} was written by a newer rivid (schema {version}, this one knows {SCHEMA_VERSION}): "
+            "upgrade rivid, or give another OUT"
         )
-
-
-def _record(out: Path) -> dict[str, Any]:
-    """run.json of OUT; refused where a newer rivid wrote it, whose tables may differ."""
-    import json
-
-    run = json.loads((out / "run.json").read_text(encoding="utf-8"))
-    if not isinstance(run, dict):
-        raise ValueError("run.json is not a JSON object")
-    refuse_newer(run, out)
-    return run
+    return record
 
 
 NUMBERS = {"delay": "delay_samples", "t50": "t50_samples", "mean_inflow": "mean_inflow_m3s"} | {
@@ -219,8 +227,7 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
     path = Path(out) / "delays.parquet"
     if not path.exists():
         raise NoDataError(f"{path} does not exist: run `rivid run DATA_DIR --out OUT` first")
-    with suppress(OSError, ValueError, KeyError, TypeError):  # the table may stand alone
-        _record(Path(out))
+    last_record(Path(out))  # refuses a newer one; the table may stand alone
     frame = pd.read_parquet(path)
     frame["date"] = pd.to_datetime(frame["date"])
     flags = ["at_bound", "prior_only"]  # with missing values, which plain bool cannot hold
@@ -294,10 +301,6 @@ def rayleigh(delays: Floats, scale: float) -> Floats:
     """Rayleigh prior (26), sigma_d = `scale`, on the candidates [samples], shape (K,), summing to one.
 
     (26) is lost in the paper's copy; its terms in (27) and (35) give it back.
-
-    >>> p = rayleigh(np.arange(1.0, 16.0), 6.5)
-    >>> p[4:8].round(3), round(float(p.sum()), 6)
-    (array([0.094, 0.099, 0.099, 0.094]), 1.0)
     """
     logs = np.log(delays) - delays**2 / (2 * scale**2)
     weights = np.exp(logs - logs.max())

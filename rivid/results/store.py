@@ -17,12 +17,11 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ from rivid import __version__
 from rivid.atomic import replacing, write_text
 from rivid.config import Config
 from rivid.errors import LockedError, RividError
-from rivid.results.read import SCHEMA_VERSION, Results, refuse_newer, results_of
+from rivid.results.read import RECORD, SCHEMA_VERSION, Results, read_json, results_of
 from rivid.types import Bools, Floats
 
 KINDS = {
@@ -189,43 +188,26 @@ def write_tables(chunks: Iterable[pa.Table], out: Path, spread: bool, starts: bo
     start = ["start"] if starts else []
     kept = pa.schema([SEGMENT.field(name) for name in [*DELAYS.names, *start]])
     with ExitStack() as files:
-        delays, fir, criterion, posterior = (
-            files.enter_context(_growing(out / f"{name}.parquet"))
-            for name in ("delays", "fir", "criterion", "posterior")
-        )
         scratch = files.enter_context(replacing(out / "delays.csv"))
         options = pyarrow.csv.WriteOptions(quoting_style="needed")
         text = files.enter_context(pyarrow.csv.CSVWriter(scratch, kept, write_options=options))
+        writers: dict[str, pq.ParquetWriter] = {}
         for chunk in chunks:
-            short = chunk.select(kept.names)
-            delays(short)
+            short, sure = chunk.select(kept.names), chunk.filter(chunk["probability"].is_valid())
+            fir = _long(chunk, "fir", None, "lag", "value", start)
+            tables = {
+                "delays": short,
+                "fir": _with_sd(fir, chunk) if spread else fir,
+                "criterion": _long(chunk, "curve", "first_candidate", "delay_samples", "criterion", start),
+                "posterior": _long(sure, "curve", "first_candidate", "delay_samples", "probability", start),
+            }
             text.write_table(safe_for_spreadsheets(short))
-            responses = _long(chunk, "fir", None, "lag", "value", start)
-            fir(_with_sd(responses, chunk) if spread else responses)
-            criterion(_long(chunk, "curve", "first_candidate", "delay_samples", "criterion", start))
-            sure = chunk.filter(chunk["probability"].is_valid())
-            posterior(_long(sure, "curve", "first_candidate", "delay_samples", "probability", start))
-
-
-@contextmanager
-def _growing(path: Path) -> Iterator[Callable[[pa.Table], None]]:
-    """A Parquet file that grows by tables; it replaces the old one when all are written."""
-    with replacing(path) as scratch, ExitStack() as stack:
-        writers: list[pq.ParquetWriter] = []
-        empty: list[pa.Table] = []
-
-        def write(table: pa.Table) -> None:
-            if not writers:
-                writers.append(stack.enter_context(_writer(scratch, table.schema)))
-                empty.append(table.slice(0, 0))
-            if len(table):
-                writers[0].write_table(table)
-                empty.clear()
-
-        yield write
-        for table in empty:  # a file without rows has one row group all the same
-            writers[0].write_table(table)
-        stack.close()
+            for name, table in tables.items():
+                if new := name not in writers:
+                    scratch = files.enter_context(replacing(out / f"{name}.parquet"))
+                    writers[name] = files.enter_context(_writer(scratch, table.schema))
+                if new or len(table):
+                    writers[name].write_table(table)
 
 
 def _long(
@@ -261,23 +243,8 @@ def whole_numbers(values: NDArray[np.int64]) -> pa.Array:
     return pa.Array.from_buffers(pa.int64(), len(values), [None, pa.py_buffer(values)])
 
 
-RECORD = "run.json"
-"""The record of a run: settings, counts and versions, and the hashes of its files."""
-
 UNFINISHED: dict[str, Any] = {"content": None, "outputs": {}}
 """Of a record while files of OUT are replaced: no run takes it for finished."""
-
-
-def last_record(out: Path) -> dict[str, Any]:
-    """The record of the last run into OUT; empty without one. RividError if a newer rivid wrote it."""
-    try:
-        record = json.loads((out / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(record, dict) or not isinstance(record.get("schema_version", 0), int):
-        return {}
-    refuse_newer({"schema_version": 0} | record, out)
-    return record
 
 
 def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, Any]:
@@ -305,18 +272,13 @@ def describe(config: Config, data_dir: Path, started: dt.datetime) -> dict[str, 
 
 
 def assumed(config: Config) -> list[str]:
-    """Keys of the geometry that are not configured: their defaults are those of another reach (Table I).
-
-    >>> assumed(Config()), assumed(Config.model_validate({"reach": {"length": 15e3, "bed_level": 90.0}}))
-    (['length', 'width', 'depth'], ['width'])
-    """
+    """Keys of the geometry that are not configured: their defaults are those of another reach (Table I)."""
     reach = config.reach
     given = reach.model_fields_set | ({"depth"} if reach.bed_level is not None else set())
     return [key for key in ("length", "width", "depth") if key not in given]
 
 
 def write_record(out: Path, record: dict[str, Any]) -> None:
-    """Write run.json."""
     write_text(out / RECORD, json.dumps(record, indent=2, sort_keys=True) + "\n")
 
 
@@ -395,10 +357,6 @@ class Rows:
         at = new.table.column_names.index("unit")
         table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
         return Rows(table, self.units + new.units), damaged
-
-    def chosen(self, mask: pa.Array) -> "Rows":
-        """The rows of a mask."""
-        return replace(self, table=self.table.filter(mask))
 
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
         """The rows of the given keys, in order of the keys and then of the estimators.
@@ -484,18 +442,12 @@ def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows
     return Rows(pa.concat_tables(short), tuple(units)), damaged
 
 
-def write_segment(segments: Path, rows: pa.Table) -> Path:
-    """Write one batch's rows; the name follows from its keys, so a repeated batch replaces itself."""
-    path = segments / f"{hash_of(rows)[:24]}.parquet"
-    write_parquet(rows, path)
-    return path
-
-
-def write_rows(segments: Path, rows: Rows) -> Path:
-    """Write rows as one segment, chunk by chunk."""
-    path = segments / f"{hash_of(rows.table)[:24]}.parquet"
+def write_segment(segments: Path, rows: pa.Table | Rows) -> Path:
+    """Write rows as one segment; the name follows from their keys, so a repeated batch replaces itself."""
+    keys, chunks = (rows.table, rows.chunks()) if isinstance(rows, Rows) else (rows, [rows])
+    path = segments / f"{hash_of(keys)[:24]}.parquet"
     with replacing(path) as scratch, _writer(scratch, SEGMENT) as writer:
-        for chunk in rows.chunks():
+        for chunk in chunks:
             writer.write_table(chunk)
     return path
 
@@ -589,20 +541,15 @@ class Store:
             self._lock.release()
             raise
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._sweep()  # workers terminated after the failure of another leave what they were writing
         self._lock.release()
         self._shard_lock.release()
 
     def known_files(self, data_dir: Path) -> dict[str, Any]:
         """Facts on the files of DATA_DIR from the last finished run; empty where there are none."""
-        try:
-            known = json.loads((self.root / "files.json").read_text(encoding="utf-8"))
-            files = known["files"] if known["data_dir"] == str(data_dir.resolve()) else {}
-        except (OSError, ValueError, KeyError, TypeError):
-            return {}
+        known = read_json(self.root / "files.json")
+        files = known.get("files") if known.get("data_dir") == str(data_dir.resolve()) else None
         return files if isinstance(files, dict) else {}
 
     def remember_files(self, data_dir: Path, files: dict[str, Any]) -> None:
@@ -627,7 +574,8 @@ class Store:
             left = pc.invert(pc.is_in(rows.table["key"], value_set=gone))
             if pc.all(left, min_count=0).as_py():
                 continue
-            kept = write_rows(self.segments, rows.chosen(left)) if pc.any(left).as_py() else None
+            rows = replace(rows, table=rows.table.filter(left))
+            kept = write_segment(self.segments, rows) if len(rows) else None
             if path != kept:
                 path.unlink(missing_ok=True)
 
@@ -636,7 +584,7 @@ class Store:
         paths = sorted(self.segments.glob("*.parquet"))
         if len(paths) <= COMPACT_ABOVE:
             return
-        kept = write_rows(self.segments, rows)
+        kept = write_segment(self.segments, rows)
         for path in paths:
             if path != kept:
                 path.unlink(missing_ok=True)

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from rivid import __version__
@@ -85,9 +84,7 @@ class Dask(Engine):
     def __enter__(self) -> "Dask":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
         gone = self._client is not None and self._client.status != "running"
         lost = gone and isinstance(error, CancelledError | OSError)
         self._close(cancel=kind is not None)
@@ -110,7 +107,6 @@ class Dask(Engine):
         return n
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute the task in a worker."""
         self._begin()
         # a worker has another current directory
         given = [value.absolute() if isinstance(value, Path) else value for value in arguments]
@@ -142,7 +138,6 @@ class Dask(Engine):
         self._executor = self._client.get_executor(pure=False)
 
     def _start(self, cluster: Callable[..., Any]) -> Any:
-        """Start a cluster on this machine."""
         for _ in range(STARTS):
             try:
                 return cluster(

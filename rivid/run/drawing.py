@@ -3,6 +3,7 @@
 A worker reads the results from OUT itself, so that this process does not hold them.
 """
 
+import datetime as dt
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +22,14 @@ _read: "tuple[Path, Results] | None" = None
 """Results that this worker has read, for the next figure of the same run."""
 
 
-def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Path]:
+def draw_with(
+    engine: Engine, out: Path, summary: Mapping[str, Any], day: dt.date | None = None
+) -> list[Path]:
     """Draw all figures with an engine's workers, which see OUT, then the report; return the files written.
 
-    The tables and run.json of OUT are written; `summary` is the latter, for the report. RividError if a file
-    cannot be written.
+    The tables and run.json of OUT are written; `summary` is the latter, for the report, and the last of the
+    files. `day` is that of the impulse responses, a typical one by default. RividError if a file cannot be
+    written, ConfigError if no estimator has a response on `day`.
     """
     global _read
     try:
@@ -33,19 +37,20 @@ def draw_with(engine: Engine, out: Path, summary: Mapping[str, Any]) -> list[Pat
         wanted = [engine.submit(_wanted, out) for _ in range(min(engine.slots, MOST_PAINTERS))][0].result()
         # the responses of one day take longest: first, so that they end with the others
         order = sorted(wanted, key=lambda job: job[0] != "fir_day")
-        under_way = {job: engine.submit(_paint, out, job) for job in order}
+        under_way = {job: engine.submit(_paint, out, job, day) for job in order}
         drawn = [under_way[job].result() for job in wanted]
         files = [file for file in drawn if file is not None]
         page: Path = engine.submit(_report, out, files, dict(summary)).result()
     except engine.died:  # out of memory, perhaps: one figure at a time needs less
         engine.renew()
-        return draw_with(Engine(), out, summary)
+        return draw_with(Engine(), out, summary, day)
     finally:
         _read = None  # of an engine that is this process
     return [*(file.path for file in files), page]
 
 
-def _results(out: Path) -> "Results":
+def read_once(out: Path) -> "Results":
+    """The results in OUT; they are kept until those of another directory are read."""
     global _read
     if _read is None or _read[0] != out:
         from rivid.results.read import load_results
@@ -57,13 +62,13 @@ def _results(out: Path) -> "Results":
 def _wanted(out: Path) -> "list[Job]":
     from rivid.plots.draw import jobs
 
-    return jobs(_results(out))
+    return jobs(read_once(out))
 
 
-def _paint(out: Path, job: "Job") -> "FigureFile | None":
+def _paint(out: Path, job: "Job", day: dt.date | None) -> "FigureFile | None":
     from rivid.plots.draw import draw
 
-    return draw(_results(out), job, out / "figures")
+    return draw(read_once(out), job, out / "figures", day=day)
 
 
 def _report(out: Path, figures: "list[FigureFile]", summary: dict[str, Any]) -> Path:
@@ -72,4 +77,4 @@ def _report(out: Path, figures: "list[FigureFile]", summary: dict[str, Any]) -> 
     from rivid.report.build import write_report
 
     drop_old(out / "figures", figures, KINDS)
-    return write_report(_results(out), figures, out, summary=summary)
+    return write_report(read_once(out), figures, out, summary=summary)

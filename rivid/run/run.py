@@ -13,7 +13,7 @@ import re
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from platform import node
@@ -28,42 +28,12 @@ from rivid.config import Config
 from rivid.core.fir import half_time
 from rivid.errors import ConfigError, DataError, NoDataError, PendingError, RividError, printable
 from rivid.estimators import ESTIMATORS, Answer, Days, Prepared, build
-from rivid.logs.days import (
-    Catalog,
-    DataSet,
-    DaySource,
-    FileFacts,
-    Span,
-    find_days,
-    look_ahead,
-    now_at,
-    read_window,
-    refuse_columns,
-    spans_of,
-    unread,
-)
+from rivid.logs import days as logs
+from rivid.logs.days import Catalog, DataSet, DaySource, FileFacts, Span
 from rivid.logs.spec import MICRO, is_day_file
-from rivid.results.read import SCHEMA_VERSION
-from rivid.results.store import (
-    METHOD_VERSION,
-    SEGMENT,
-    TABLES,
-    UNFINISHED,
-    Rows,
-    Store,
-    describe,
-    digest,
-    hash_of,
-    hashes,
-    is_whole,
-    last_record,
-    lists,
-    to_table,
-    whole_numbers,
-    write_record,
-    write_segment,
-    write_tables,
-)
+from rivid.results import store
+from rivid.results.read import SCHEMA_VERSION, last_record
+from rivid.results.store import Rows, Store
 from rivid.run.drawing import MOST_PAINTERS, draw_with
 from rivid.run.workers import DRAWING, ESTIMATING, Engine, Progress, cores, each, processes, warm
 from rivid.types import Bools, Floats
@@ -77,11 +47,7 @@ MOST = 100_000
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `index` of `count`, counted from 1.
-
-    >>> Shard.parse("3/16")
-    Shard(index=3, count=16)
-    """
+    """Part `index` of `count`, counted from 1."""
 
     index: int
     count: int
@@ -170,15 +136,17 @@ def make_plan(
     of the engine read it. NoDataError if there is no log, no whole window, or none between the dates
     selected; ConfigError if the logs lack columns that the configuration names.
     """
-    facts = _facts(known or {})
+    facts: dict[str, FileFacts] = {}
+    with suppress(AttributeError, KeyError, TypeError, ValueError):  # what cannot be read is hashed again
+        facts = {path: FileFacts.from_json(value) for path, value in (known or {}).items()}
     if engine is not None and not options.verify:
-        facts |= _looked_ahead(unread(data_dir, facts), config, engine)
-    catalog = find_days(data_dir, config, facts, verify=options.verify)
-    refuse_columns(data_dir, catalog.days, config)
+        facts |= _looked_ahead(logs.unread(data_dir, facts), config, engine)
+    catalog = logs.find_days(data_dir, config, facts, verify=options.verify)
+    logs.refuse_columns(data_dir, catalog.days, config)
     sources = {day.date: day for day in catalog.days}
     length, settings = config.run.window_days, config.as_used()
     del settings["diagnose"]
-    now = options.today or now_at(config)
+    now = options.today or logs.now_at(config)
     # today's log may answer "pending" today and something else tomorrow, with the same content
     may_be_today = now.date() - dt.timedelta(days=1) if isinstance(now, dt.datetime) else now
     key_of = _under(settings)
@@ -189,10 +157,10 @@ def make_plan(
             continue  # the record begins inside this window
         present = tuple(sources[day] for day in days if day in sources)
         missing = tuple(day for day in days if day not in sources)
-        content = digest(str(date), [[str(s.date), *(sha for _, sha, _ in s.parts)] for s in present])
+        content = store.digest(str(date), [[str(s.date), *(sha for _, sha, _ in s.parts)] for s in present])
         unfinished = str(may_be_today) if date >= may_be_today else None
         for span, start in _spans(data_dir, present[-1:], config):
-            part = digest(content, span) if span else content
+            part = store.digest(content, span) if span else content
             windows.append(Window(date, present, key_of(part, unfinished), missing, part, span, start))
     if not windows:
         takes = f"{length} days in a row ([run] window_days)"
@@ -218,7 +186,7 @@ def _spans(
     if not config.run.window or not sources:
         return [(None, None)]
     try:
-        spans, zone = spans_of(data_dir, sources[0], config)
+        spans, zone = logs.spans_of(data_dir, sources[0], config)
     except DataError:
         return [(None, None)]  # it fails with the reason when it is read
     begin = [dt.datetime.fromtimestamp(start / MICRO, zone) for start, _ in spans]
@@ -230,14 +198,14 @@ def _looked_ahead(paths: list[Path], config: Config, engine: Engine) -> dict[str
     few = sum(path.stat().st_size for path in paths) < LISTED_HERE
     if few or engine.slots == 1:  # in this order: a finished run contacts no scheduler
         return {}
-    tasks = ((look_ahead, path, config) for path in paths)
+    tasks = ((logs.look_ahead, path, config) for path in paths)
     return {task[1].name: facts for task, facts, _ in each(tasks, engine) if facts is not None}
 
 
 def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
     """The key of a content under settings: ``digest(content, settings, unfinished)``, quickly."""
     mark = "\0"
-    text = json.dumps([METHOD_VERSION, mark, settings], sort_keys=True, default=str)
+    text = json.dumps([store.METHOD_VERSION, mark, settings], sort_keys=True, default=str)
     begun, between = text.split(json.dumps(mark), 1)
 
     def key(content: str, unfinished: str | None) -> str:
@@ -245,14 +213,6 @@ def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
         return hashlib.sha256(rest.encode()).hexdigest()
 
     return key
-
-
-def _facts(known: dict[str, Any]) -> dict[str, FileFacts]:
-    """Facts stored by an earlier run; none where they cannot be read."""
-    try:
-        return {path: FileFacts.from_json(value) for path, value in known.items()}
-    except (AttributeError, KeyError, TypeError, ValueError):
-        return {}
 
 
 Done = Callable[[int], None]
@@ -302,7 +262,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
                 tables.append(_rows(days, shared, notes, config, name, estimator))
     order += [at * len(names) + k for at, k, _, _ in refused]
     tables.append(_refused(batch, refused))
-    return pa.concat_tables(tables).take(whole_numbers(np.argsort(order))).combine_chunks()
+    return pa.concat_tables(tables).take(store.whole_numbers(np.argsort(order))).combine_chunks()
 
 
 def _read(batch: Batch, window: Window) -> DataSet:
@@ -311,8 +271,8 @@ def _read(batch: Batch, window: Window) -> DataSet:
         raise DataError(f"a data set of {batch.config.run.window_days} days needs {days}: no log of that day")
     try:
         if batch.config.run.window and not window.span:
-            spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
-        return read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
+            logs.spans_of(batch.root, window.sources[0], batch.config)  # raises the reason
+        return logs.read_window(batch.root, window.sources, batch.config, today=batch.now, span=window.span)
     except (OSError, MemoryError, ValueError) as error:
         raise DataError(f"cannot be read: {type(error).__name__}: {error}") from error
 
@@ -325,7 +285,7 @@ def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
         "status": [status for _, _, status, _ in refused],
         "message": [printable(" ".join(str(reason).split())[:500]) for _, _, _, reason in refused],
     }
-    return to_table(columns, SEGMENT)
+    return store.to_table(columns, store.SEGMENT)
 
 
 def _named(windows: Sequence[Window], config: Config) -> dict[str, list[Any]]:
@@ -398,9 +358,9 @@ def _rows(
         columns[column] = given(getattr(answer, column))
     identified: Bools = np.asarray(answer.status != "unidentifiable")
     if answer.fir is not None:
-        columns["fir"] = lists(answer.fir, identified)
+        columns["fir"] = store.lists(answer.fir, identified)
         if answer.fir_sd is not None:
-            columns["fir_sd"] = lists(answer.fir_sd, identified)
+            columns["fir_sd"] = store.lists(answer.fir_sd, identified)
         if reach.kind == "river":
             columns["t50_samples"] = np.where(identified, half_time(answer.fir), np.nan)
     outside: Bools = np.zeros(n, bool) if answer.outside is None else answer.outside
@@ -410,13 +370,13 @@ def _rows(
         at_bound = outside | np.isin(delay, answer.candidates[[0, -1]])
         known = outside | searched
         columns["first_candidate"] = pa.array(np.full(n, answer.candidates[0]), mask=~searched)
-        columns["curve"] = lists(answer.curve, searched)
+        columns["curve"] = store.lists(answer.curve, searched)
         if answer.prior_only is not None:
             columns["prior_only"] = pa.array(answer.prior_only, mask=~searched)
         if answer.criterion is not None:
             columns["criterion"] = np.where(searched, answer.criterion.min(axis=1), np.nan)
     columns["at_bound"] = pa.array(at_bound, mask=~known)
-    return to_table(columns, SEGMENT)
+    return store.to_table(columns, store.SEGMENT)
 
 
 def _notes(
@@ -443,7 +403,6 @@ def _notes(
 
 
 def _why(answer: Answer, i: int, days: Days, config: Config) -> str:
-    """Why a day cannot be identified."""
     if not days.u[i].any():
         return "the inflow does not move enough: nothing to identify"
     if not days.y[i].any():
@@ -488,7 +447,7 @@ def work(batch: Batch, segments: Path) -> None:
                 f"a worker on {node()} does not see {place}: DATA_DIR and OUT must be there, under these "
                 "paths, on every machine that works; what is done is kept"
             )
-    write_segment(segments, estimate_batch(batch))
+    store.write_segment(segments, estimate_batch(batch))
 
 
 def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
@@ -501,7 +460,7 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
         if len(batch.windows) == 1:
             reason = DataError("the worker process died on this day (out of memory?)")
             rows: list[Refused] = [(0, k, "failed", reason) for k in range(len(batch.config.run.estimators))]
-            write_segment(segments, _refused(batch, rows))
+            store.write_segment(segments, _refused(batch, rows))
             done(1)
             return
         middle = len(batch.windows) // 2
@@ -593,13 +552,13 @@ def run(
     draws = options.figures and not options.shard and engine is None and painters > 1
     # they begin with their first task
     own = processes(options.workers or cores(), DRAWING if draws else ESTIMATING)
-    with Store(out, options.shard.name if options.shard else "") as store:
+    with Store(out, options.shard.name if options.shard else "") as held:
         before = last_record(out)
         with nullcontext(engine) if engine else own as executing:
-            planned = make_plan(data_dir, config, options, store.known_files(data_dir), executing)
+            planned = make_plan(data_dir, config, options, held.known_files(data_dir), executing)
             if options.force:
-                store.forget([w.key for w in planned.asked])
-            kept = store.read()
+                held.forget([w.key for w in planned.asked])
+            kept = held.read()
             new = missing(planned.asked, kept)
             if options.most_new is not None and len(new) > options.most_new:
                 raise TooManyError(f"{len(new)} new days in {data_dir}: expected {options.most_new} or fewer")
@@ -610,15 +569,16 @@ def run(
                 estimating = Engine() if few else executing
                 batches = _batches(data_dir, config, new, planned, estimating)
                 with progress(len(new)) if progress else nullcontext(lambda _: None) as done:
-                    run_batches(batches, store.segments, estimating, done)
+                    run_batches(batches, held.segments, estimating, done)
         windows = planned.asked if options.shard else planned.windows
-        rows = (store.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
-        summary, failed = _summarise(rows, planned, new, kept, config, before, store)
+        rows = (held.read(kept) if new else kept).arranged([w.key for w in windows], config.run.estimators)
+        summary, failed = _summarise(rows, planned, new, kept, config, before, held)
         if not options.shard:
-            content = digest(hash_of(rows.table), config.as_used(), summary.bad_files, SCHEMA_VERSION)
-            current = before.get("content") == content and is_whole(out, before, options.figures)
+            keys = store.hash_of(rows.table)
+            content = store.digest(keys, config.as_used(), summary.bad_files, SCHEMA_VERSION)
+            current = before.get("content") == content and store.is_whole(out, before, options.figures)
             if options.force or not current:
-                now = describe(config, data_dir, started) | {
+                now = store.describe(config, data_dir, started) | {
                     "data_sets": summary.windows,
                     "computed": summary.computed,
                     "reused": summary.reused,
@@ -627,12 +587,12 @@ def run(
                     "failed": failed,
                 }
                 files = _write(out, rows, now, before, began, options, engine, painters)
-                write_record(out, now | {"content": content, "outputs": hashes(out, files)})
-                store.compact(rows)
+                store.write_record(out, now | {"content": content, "outputs": store.hashes(out, files)})
+                held.compact(rows)
                 if summary.dropped:
                     stale = pc.is_in(kept.table["key"], value_set=rows.table["key"].combine_chunks())
-                    store.forget(kept.table["key"].filter(pc.invert(stale)).to_pylist())
-            store.remember_files(data_dir, {p: vars(f) for p, f in planned.catalog.files.items()})
+                    held.forget(kept.table["key"].filter(pc.invert(stale)).to_pylist())
+            held.remember_files(data_dir, {p: vars(f) for p, f in planned.catalog.files.items()})
     summary.seconds = time.perf_counter() - began
     return summary
 
@@ -685,15 +645,14 @@ def _summarise(
     kept: Rows,
     config: Config,
     before: dict[str, Any],
-    store: Store,
+    held: Store,
 ) -> tuple[Summary, list[str]]:
     """The summary, and the content keys of the days that failed."""
     table = rows.table
     dates = {window.date for window in planned.windows}
     bad_files = planned.catalog.bad_files
     estimators = before.get("estimators")
-    if not isinstance(estimators, list):  # of a file that users may have edited
-        estimators = []
+    known = estimators if isinstance(estimators, list) else []  # of a file that users may have edited
     counts: dict[str, dict[str, int]] = {}
     for name in pc.unique(table["estimator"]).to_pylist():
         of = table["status"].filter(pc.equal(table["estimator"], name))
@@ -701,7 +660,7 @@ def _summarise(
     failed_keys = set(table["key"].filter(pc.equal(table["status"], "failed")).to_pylist())
     failed = sorted(w.content for w in planned.windows if w.key in failed_keys)
     summary = Summary(
-        out=store.out,
+        out=held.out,
         rows=table,
         windows=len(planned.windows),
         computed_keys={w.key for w in new},
@@ -713,8 +672,8 @@ def _summarise(
         counts=counts,
         bad_files=bad_files,
         new_bad_files=[b for b in bad_files if list(b) not in before.get("bad_files", [])],
-        damaged=store.damaged,
-        unasked=[str(name) for name in estimators if str(name) not in config.run.estimators],
+        damaged=held.damaged,
+        unasked=[str(name) for name in known if str(name) not in config.run.estimators],
     )
     return summary, failed
 
@@ -730,14 +689,14 @@ def _write(
     painters: int,
 ) -> list[Path]:
     """Write tables, and figures and report where wanted; return the files. Adds `seconds` to the record."""
-    write_record(out, before | UNFINISHED)
-    write_tables(rows.chunks(), out, rows.spread, starts="window" in now["config"]["run"])
+    store.write_record(out, before | store.UNFINISHED)
+    store.write_tables(rows.chunks(), out, rows.spread, starts="window" in now["config"]["run"])
     now["seconds"] = round(time.perf_counter() - began, 3)
-    files = [out / name for name in TABLES]
+    files = [out / name for name in store.TABLES]
     if not options.figures:
         (out / "report.html").unlink(missing_ok=True)  # it would describe older tables
         return files
-    write_record(out, now | UNFINISHED | {"failed": before.get("failed", [])})
+    store.write_record(out, now | store.UNFINISHED | {"failed": before.get("failed", [])})
     if engine is not None and engine.draws:
         return files + draw_with(engine, out, now)
     with processes(painters, DRAWING) as painting:

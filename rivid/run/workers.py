@@ -90,7 +90,6 @@ class Processes(Engine):
 
     @property
     def slots(self) -> int:
-        """The workers."""
         return self.workers
 
     def __enter__(self) -> "Processes":
@@ -100,7 +99,6 @@ class Processes(Engine):
         self._close(at_once=kind is not None)
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Execute the task in a worker."""
         if self._pool is None:
             warm(self.modules)
             context = get_context("forkserver" if os.name == "posix" else "spawn")
@@ -202,16 +200,14 @@ def _same_path() -> Iterator[None]:
     """
     path = os.pathsep.join(os.path.abspath(place) for place in sys.path)
     given = {"PYTHONPATH": path, "PYTHONSAFEPATH": "1"}
-    before = {name: os.environ.get(name) for name in given}
+    before = {name: os.environ[name] for name in given if name in os.environ}
     os.environ.update(given)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in given:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 def _begin() -> None:
@@ -237,7 +233,6 @@ class _NoPandas:
     """A finder of modules to which pandas does not exist."""
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> None:
-        """Refuse pandas; leave any other module to the next finder."""
         if name == "pandas":
             raise ModuleNotFoundError(name)
 

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from rivid.config import Config
-from rivid.fleet.outcome import WEEK, Outcome, band, outcome_of
+from rivid.fleet.outcome import WEEK, Outcome, band, outcome_of, worst
 from rivid.fleet.report import write_fleet
 from rivid.report.attention import BAND_DAYS
 from rivid.report.summary import last_week
@@ -93,3 +93,7 @@ def test_the_page_lists_what_moved_and_counts_what_was_tested(tmp_path):
     ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
     links = {attrs["href"] for tag, attrs in page.tags if tag == "a"}
     assert {link[1:] for link in links if link[0] == "#"} <= ids and "a/report.html" in links
+
+
+def test_the_exit_code_of_a_fleet_is_the_worst():
+    assert worst([0, 3, 10, 0]) == 10 and worst([]) == 0

@@ -8,6 +8,7 @@ import numpy as np
 
 from rivid.core.fir import half_time
 from rivid.core.hydraulics import travel_bounds
+from rivid.plots.draw import draw, jobs
 from rivid.results.read import EstimatorResults, Results
 
 T_S = 133.0
@@ -200,3 +201,9 @@ def cases():
             results(("jmap-uniform-estimated",), dates_of(60)), reach="a_reach_with_$a_long$_name_" * 3
         ),
     }
+
+
+def draw_all(run, out):
+    """All figures of a run, in OUT/figures."""
+    drawn = [draw(run, job, out / "figures") for job in jobs(run)]
+    return [file for file in drawn if file is not None]

@@ -13,10 +13,10 @@ from PIL import Image
 
 from rivid.errors import ConfigError, RividError
 from rivid.plots import style
-from rivid.plots.draw import KINDS, draw, draw_all, jobs, typical_day
+from rivid.plots.draw import KINDS, draw, jobs, typical_day
 from rivid.report.page import caption
 from tests.plots.layout import as_file, check, labels, saved
-from tests.plots.synthetic import cases, dates_of, probable, results, river, without_answers
+from tests.plots.synthetic import cases, dates_of, draw_all, probable, results, river, without_answers
 
 CASES = cases() | {"a year": results()}
 LONG = (

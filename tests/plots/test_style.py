@@ -104,3 +104,18 @@ def test_a_file_of_256_colours_is_near_the_figure_and_the_same_twice(tmp_path):
         got = np.asarray(image.convert("RGB"), int)
     assert got[0, 0].tolist() == [255, 255, 255]
     assert np.abs(got - np.asarray(figure.canvas.buffer_rgba())[..., :3]).max() <= 8
+
+
+def test_a_year_moves_to_the_next_label_that_stays():
+    one, three = [1.0], [1.0, 2.0, 3.0]
+    assert style.thinned((one, [*three, 4.0], ["Nov\n2023", "Dec", "Jan\n2024", "Feb"]), 2)[2] == [
+        "Nov\n2023", "Jan\n2024",
+    ]  # fmt: skip
+    assert style.thinned((one, three, ["Dec\n2023", "Jan\n2024", "Feb"]), 2)[2] == ["Dec\n2023", "Feb\n2024"]
+
+
+def test_symbols_and_small_values_are_set_as_mathematics():
+    words = style.set_symbols("beta_h of sigma_hD², in T_s")
+    assert words == r"$\beta_h$ of $\sigma_{hD}^2$, in $T_s$"
+    assert style.power_of_ten(np.array([-3.1e-4, 2e-5])) == (10000.0, "10⁻⁴ ")
+    assert style.power_of_ten(np.array([0.4, 2.0])) == (1.0, "")

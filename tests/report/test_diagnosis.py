@@ -16,8 +16,8 @@ from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.result import VERDICTS, ClosedLoop, Estimate, Ranked, Step, Unknown, Where
 from rivid.effects import effect_classes
 from rivid.errors import RividError
-from rivid.plots.files import FigureFile
-from rivid.report.diagnosis import NOISE, WIDTH, headline, summary, write_diagnosis, write_diagnosis_page
+from rivid.report.diagnosis import NOISE, WIDTH, headline, summary, write_diagnosis
+from rivid.report.page import data_uri
 from rivid.report.quantities import explanations
 from tests.diagnosis.answers import BYPASS, DIURNAL, LOCKS, TIED, diagnosis, evidence_of, gap_of, record_of
 from tests.diagnosis.loops import OPERATORS, REGIMES, loop_of, with_loop
@@ -33,8 +33,7 @@ def page(folder, verdict, evidence=EVIDENCE, classes=None, **changes):
     """The page of a verdict without figures."""
     answer = diagnosis(verdict, evidence, **changes)
     given = None if verdict == "insufficient_data" else evidence
-    known = effect_classes() if classes is None else classes
-    path = write_diagnosis_page(folder, answer, given, [], reach="basse_isere", classes=known)
+    path = write_diagnosis(folder, answer, given, draw=False, reach="basse_isere", classes=classes)
     return Page(path.read_text(encoding="utf-8"))
 
 
@@ -388,9 +387,8 @@ def test_figures_of_an_earlier_diagnosis_are_removed_and_other_files_remain(tmp_
 
 
 def test_files_that_cannot_be_read_or_written_are_errors(tmp_path):
-    gone = FigureFile("diagnosis_map", "", tmp_path / "figures" / "diagnosis_map.png", "t", {}, 1, 1)
     with pytest.raises(RividError, match="cannot read .*diagnosis_map.png"):
-        write_diagnosis_page(tmp_path, diagnosis("no_gap", EVIDENCE), EVIDENCE, [gone], classes={})
+        data_uri(tmp_path / "figures" / "diagnosis_map.png")
     (tmp_path / "diagnosis.html").mkdir()
     with pytest.raises(RividError, match="cannot write .*diagnosis.html") as error:
         write_diagnosis(tmp_path, diagnosis("no_gap", EVIDENCE), EVIDENCE, draw=False)

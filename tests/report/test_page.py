@@ -15,11 +15,20 @@ from PIL import Image
 from benchmarks.browser import NAMES, browser, installed
 from benchmarks.page_pictures import MOST_BYTES, WIDE, faults
 from rivid.errors import RividError
-from rivid.plots.draw import draw, draw_all
+from rivid.plots.draw import draw
 from rivid.report.build import write_report
 from rivid.report.page import caption
 from rivid.results.read import results_of
-from tests.plots.synthetic import cases, dates_of, probable, results, river, searched, without_answers
+from tests.plots.synthetic import (
+    cases,
+    dates_of,
+    draw_all,
+    probable,
+    results,
+    river,
+    searched,
+    without_answers,
+)
 from tests.report.runs import STEADY, SUMMARY, among, combined, passing, simple, with_travel, write
 
 NAN = np.nan

@@ -16,7 +16,6 @@ from rivid.results.store import (
     hash_of,
     read_rows,
     to_table,
-    write_rows,
     write_segment,
     write_tables,
 )
@@ -115,7 +114,7 @@ def test_standard_deviations_may_be_missing_in_a_chunk(tmp_path, small_chunks):
 def test_many_rows_become_one_segment_of_many_row_groups(tmp_path, found):
     keys = [f"{key:04d}" for key in range(60)]
     (tmp_path / "one").mkdir()
-    path = write_rows(tmp_path / "one", found)
+    path = write_segment(tmp_path / "one", found)
     assert pq.ParquetFile(path).num_row_groups == 8
     again = read_rows(tmp_path / "one")[0].arranged(keys, NAMES)
     assert pa.concat_tables(again.chunks()).equals(pa.concat_tables(found.chunks()))

@@ -45,7 +45,7 @@ def test_tables_of_an_interrupted_run_with_other_settings_are_written_again(data
     ours = bytes_of(out)
     other = parse({"jmap": {"sigma_d": 3.0}}, Config)
 
-    monkeypatch.setattr("rivid.run.run.hashes", dies)  # right after the tables were replaced
+    monkeypatch.setattr("rivid.results.store.hashes", dies)  # right after the tables were replaced
     with pytest.raises(KeyboardInterrupt):
         run(data, out, other, Options(figures=False))
     monkeypatch.undo()

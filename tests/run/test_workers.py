@@ -18,12 +18,12 @@ DEADLY = """
 import os, sys
 from pathlib import Path
 import rivid.run.run as batch
-read = batch.read_window
+read = batch.logs.read_window
 def deadly(root, sources, *rest, **more):
     if str(sources[-1].date) == "2008-03-13":
         os._exit(137)
     return read(root, sources, *rest, **more)
-batch.read_window = deadly
+batch.logs.read_window = deadly
 """
 
 
