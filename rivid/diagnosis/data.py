@@ -28,7 +28,7 @@ START_UP = 30
 """Samples, beyond the delay, in which a day without a predecessor forgets its assumed start."""
 FADED = 3.0
 """Memories of its waves after which a pool has forgotten that it was assumed steady: 5 % of them are left.
-With the start-up alone a season of 39 days had 29 false releases, 27 of them within half an hour of midnight."""
+With the start-up alone 29 releases were found in a season of 39 days, 27 within half an hour of midnight."""
 
 
 @dataclass(frozen=True, eq=False)
