@@ -38,7 +38,6 @@ from rivid.logs.spec import (
     is_day_file,
     local,
     read_bytes,
-    read_text,
     refuse_rows,
     refuse_size,
     seconds_of,
@@ -50,7 +49,6 @@ from rivid.logs.text import (
     Columns,
     Fault,
     Header,
-    NumberReader,
     RowReader,
     Table,
     UndeclaredError,
@@ -148,10 +146,9 @@ def read_parquet(
 ) -> Table:
     """Read a Parquet file of at most `limits` bytes, unpacked, and rows.
 
-    Numbers and times are taken as they are. With flags, zones or tags, or to `watch` the other columns, cells
-    are read as texts, by the same rules as in text files; `stem` is the tag where no column holds it. Raises
-    DataError for a file that is damaged, too large, or lacks the required columns and types; CutError for one
-    without its end.
+    Numbers and times are taken as they are. With texts, flags, zones or tags, or to `watch` the other
+    columns, cells are read as in text files; `stem` is the tag where no column holds it. DataError for a file
+    that is damaged, too large, or lacks the required columns and types; CutError for one without its end.
     """
     if content[:4] != b"PAR1":
         raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
@@ -162,7 +159,8 @@ def read_parquet(
             return _as_texts(_unpack(content, None, spec, name, limits), spec, stem, watch)
         wanted = [*spec.time, *spec.sources, *spec.flags.values(), spec.input.zone_column]
         table = _unpack(content, [*filter(None, dict.fromkeys(wanted))], spec, name, limits)
-        return _as_numbers(table, spec, name) if spec.plain else _as_texts(table, spec, stem, watch)
+        typed = spec.plain and len(spec.time) == 1 and not any(map(_is_text, table.schema.types))
+        return _as_numbers(table, spec) if typed else _as_texts(table, spec, stem, watch)
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise DataError(f"{name} is a damaged Parquet file: {' '.join(str(error).split())[:200]}") from None
 
@@ -191,7 +189,8 @@ def _unpack(
         kind = schema.field(column).type
         if column in texts:
             continue
-        if column in spec.time and not pa.types.is_timestamp(kind) and not _is_count(kind, spec):
+        counted = spec.input.time_format in UNIX and len(spec.time) == 1 and _is_number(kind)
+        if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
             hint = ""
             if _is_number(kind):
                 hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
@@ -223,26 +222,33 @@ def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
 
 
-def _is_count(kind: pa.DataType, spec: Spec) -> bool:
-    """Whether a column of numbers counts the time since 1970, as declared."""
-    return spec.input.time_format in UNIX and len(spec.time) == 1 and _is_number(kind)
-
-
 def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
-    """The rows of a table as a text file would hold them."""
+    """The rows of a table as a text file would hold them; a cell that holds nothing is not measured."""
+    kinds = [table.schema.field(column).type for column in spec.time]
+    given: dict[str, Any] = {"missing": [*spec.input.missing, ""]}
+    if all(map(pa.types.is_timestamp, kinds)):
+        given["time_format"] = None
+    spec = replace(spec, input=spec.input.model_copy(update=given))
     names = tuple(table.column_names)
-    kinds = {str(table.schema.field(column).type) for column in spec.time}
-    if all(kind.startswith("timestamp") for kind in kinds):
-        spec = replace(spec, input=spec.input.model_copy(update={"time_format": None}))
     reader = RowReader(names, spec, stem, watch, unit="row")
-    columns = [_texts(column, spec.input.decimal) for column in table.columns]
+    columns = [_texts(table[i], "." if n in spec.time else spec.input.decimal) for i, n in enumerate(names)]
     for number, cells in enumerate(zip(*columns, strict=True), 1):
-        reader.row(number, list(cells))
-    return reader.table()
+        if any(cells):
+            reader.row(number, list(cells))
+        else:
+            reader.empty.append(reader.count)
+    read, zone = reader.table(), getattr(kinds[0], "tz", None)
+    if _fixed_offset(zone) is None:
+        read.parts = [replace(columns, zone=zone) for columns in read.parts]
+    return read
 
 
 def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
-    texts = []
+    kind, texts = column.type, []
+    if pa.types.is_timestamp(kind):  # Python has no nanoseconds
+        column = column.cast(pa.timestamp("us", tz=kind.tz), safe=False)
+    elif pa.types.is_decimal(kind):
+        column = column.cast(_FLOAT, safe=False)
     for cell in column.to_pylist():
         if cell is None:
             text = ""
@@ -256,17 +262,20 @@ def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
     return texts
 
 
-def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
-    """Times and numbers of a table, column by column."""
+def _as_numbers(table: pa.Table, spec: Spec) -> Table:
+    """A time and numbers, none of them texts, column by column."""
     bad: dict[int, str] = {}
-    times, offset, aware, zone = _times(table, spec, bad, name)
-    numbers = {column: _numbers(table[column], spec, column, bad) for column in spec.sources}
+    times, zone = _times(table[spec.time[0]], spec, bad)
+    offset, numbers = _fixed_offset(zone), {}
+    for name in spec.sources:
+        # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
+        numbers[name] = np.asarray(table[name].cast(_FLOAT, safe=False).to_numpy(), np.float64)
+        _mark(np.isinf(numbers[name]), bad, f"column {name!r} holds an infinite number")
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
-    read = [table[column] for column in (*spec.time, *spec.sources)]
     empty = np.zeros(len(good), bool)
-    if all(column.null_count for column in read):
-        empty = np.all([column.is_null().to_numpy() for column in read], axis=0)
+    if all(column.null_count for column in table.columns):
+        empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
     for i in np.flatnonzero(empty).tolist():
         bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
@@ -275,49 +284,29 @@ def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
         return Table([], faults[0].text if faults else "a header and no rows")
     columns = Columns(
         times[rows],
-        aware,
+        zone is not None,
         offset,
         {column: values[rows] for column, values in numbers.items()},
         lines=None if len(rows) == len(good) else rows + 1,
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
-        zone=zone,
+        zone=zone if offset is None else None,
         unit="row",
     )
     return Table([columns], rows=table.num_rows)
 
 
-def _times(
-    table: pa.Table, spec: Spec, bad: dict[int, str], name: str
-) -> tuple[Ints, int | None, bool, str | None]:
-    """Times [us], the one offset of all [s], whether there are offsets, and the name of a stored zone."""
-    columns = [table[column] for column in spec.time]
-    given, kind = spec.input.time_format, columns[0].type
-    counted = _is_count(kind, spec)
-    if counted or (len(columns) == 1 and pa.types.is_timestamp(kind)):
-        zone = "UTC" if counted else kind.tz
-        if counted:
-            micros = np.rint(columns[0].cast(_FLOAT, safe=False).to_numpy() * UNIX[given or ""])
-        else:
-            micros = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
-        known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
-        _mark(np.isnan(micros), bad, "no time")
-        _mark(~known, bad, "a year that no log is of")
-        offset = _fixed_offset(zone)
-        times = np.where(known, micros, 0).astype(np.int64)
-        return times, offset, zone is not None, zone if offset is None else None
-    times, offsets = np.zeros(table.num_rows, np.int64), set[int | None]()
-    for i, cells in enumerate(zip(*(column.to_pylist() for column in columns), strict=True)):
-        text = " ".join(map(str, cells))
-        time = read_text(text, given)
-        if time is None:
-            bad[i] = f"{text[:40]!r} is no time: expected ISO 8601, or set [input] time_format"
-        else:
-            times[i] = time[0]
-            offsets.add(time[1])
-    if None in offsets and len(offsets) > 1:
-        raise DataError(f"{name}: times with and without offset are mixed: expected one kind")
-    return times, next(iter(offsets)) if len(offsets) == 1 else None, None not in offsets, None
+def _times(column: pa.ChunkedArray, spec: Spec, bad: dict[int, str]) -> tuple[Ints, str | None]:
+    """Times [us], and their zone: that of the timestamps, or UTC of counts."""
+    zone = column.type.tz if pa.types.is_timestamp(column.type) else "UTC"
+    if pa.types.is_timestamp(column.type):
+        micros = column.cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
+    else:
+        micros = np.rint(column.cast(_FLOAT, safe=False).to_numpy() * UNIX[spec.input.time_format or ""])
+    known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
+    _mark(np.isnan(micros), bad, "no time")
+    _mark(~known, bad, "a year that no log is of")
+    return np.where(known, micros, 0).astype(np.int64), zone
 
 
 def _fixed_offset(zone: str | None) -> int | None:
@@ -325,24 +314,6 @@ def _fixed_offset(zone: str | None) -> int | None:
     if zone is not None and zone.upper() in ("UTC", "Z", "ETC/UTC", "GMT"):
         return 0
     return seconds_of(zone) if zone is not None and re.fullmatch(r"[+-]\d\d:\d\d", zone) else None
-
-
-def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, bad: dict[int, str]) -> Floats:
-    if not _is_text(column.type):
-        # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
-        values: Floats = np.asarray(column.cast(_FLOAT, safe=False).to_numpy(), np.float64)
-        _mark(np.isinf(values), bad, f"column {name!r} holds an infinite number")
-        return values
-    given = spec.input
-    reader = NumberReader(given.missing, given.decimal, given.thousands)
-    values = np.full(len(column), np.nan)
-    for i, text in enumerate(column.to_pylist()):
-        value = np.nan if text is None else reader.read(text)
-        if value is None:
-            bad.setdefault(i, reader.refusal(name, text))
-        else:
-            values[i] = value
-    return values
 
 
 def _mark(rows: Bools, bad: dict[int, str], reason: str) -> None:
