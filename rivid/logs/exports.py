@@ -233,7 +233,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
     files = []
     for table in tables:
         for columns in table.parts:
-            flags += columns.flags
+            flags.update(flag for _, flag in columns.flagged)
         good = sum(len(columns.times) for columns in table.parts)
         files.append(
             {

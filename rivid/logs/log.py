@@ -538,7 +538,8 @@ def make_log(table: Table, spec: Spec) -> Log:
     faults += undeclared(columns, times, spec, zone)
     last = len(times) - 1
     faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
-    for kind, rows in columns.dropped.items():
+    dropped = {"flagged values": [row + 1 for row, _ in columns.flagged], **columns.dropped}
+    for kind, rows in dropped.items():
         events.setdefault(f"{kind} dropped", []).extend(min(max(row - 1, 0), last) for row in rows)
 
     steps = np.diff(times)
