@@ -575,24 +575,21 @@ def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
     """The zone whose midnight begins a day; UndeclaredError where neither log nor configuration states it."""
     if spec.input.time_zone:
         return ZoneInfo(spec.input.time_zone)
-    example = 'for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles"'
-    example += ' ("Etc/GMT+8" is 8 h behind UTC)'
     if not columns.aware:
-        raise UndeclaredError(
-            f"{name}: its times have no UTC offset: set the zone of the log's clock, {example}"
-        )
-    if columns.zone is not None:
+        why = "its times have no UTC offset: set the zone of the log's clock,"
+    elif columns.zone is not None:
         try:
             return ZoneInfo(columns.zone)
         except (OSError, ValueError, KeyError):
-            raise UndeclaredError(
-                f"{name}: its time zone {columns.zone[:40]!r} is unknown: set {example}"
-            ) from None
-    if columns.offset is None:
-        raise UndeclaredError(
-            f"{name}: its times have several UTC offsets: set the zone whose days are meant, {example}"
-        )
-    return dt.timezone(dt.timedelta(seconds=columns.offset))
+            why = f"its time zone {columns.zone[:40]!r} is unknown: set"
+    elif columns.offset is not None:
+        return dt.timezone(dt.timedelta(seconds=columns.offset))
+    else:
+        why = "its times have several UTC offsets: set the zone whose days are meant,"
+    raise UndeclaredError(
+        f'{name}: {why} for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles" ("Etc/GMT+8" '
+        "is 8 h behind UTC)"
+    )
 
 
 def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fault]]:

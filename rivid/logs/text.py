@@ -10,7 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +93,12 @@ class NumberReader:
     def __init__(self, missing: Iterable[str], decimal: str = ".", thousands: str = "") -> None:
         self.missing = frozenset(missing)
         self.decimal, self.thousands = decimal, thousands
-        self._plain, self._grouped = _patterns(decimal, thousands)
+        point = re.escape(decimal)
+        number = rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][+-]?[0-9]{{1,3}})?"
+        # spreadsheets write a no-break space where a space is meant
+        mark = "[ \u00a0\u202f]" if thousands == " " else re.escape(thousands)
+        grouped = rf"[+-]?[0-9]{{1,3}}(?:{mark}[0-9]{{3}})+(?:{point}[0-9]*)?"
+        self._plain, self._grouped = re.compile(number), re.compile(grouped) if thousands else None
 
     def read(self, text: str) -> float | None:
         """The number in a cell; NaN where it is declared missing, None where it is no number."""
@@ -109,32 +113,17 @@ class NumberReader:
 
     def refusal(self, column: str, text: str) -> str:
         """The message for a cell that is no number, with the key to set."""
-        return f"column {column!r} holds {text[:40]!r}, which is no number: {self._hint(text.strip())}"
-
-    def _hint(self, text: str) -> str:
-        if text.lower().lstrip("+-") in ("inf", "infinity", "nan"):
-            return f'if it means "not measured", add "{text}" to [input] missing'
+        hint = f'if it means "not measured", add "{text[:40]}" to [input] missing'
         if re.fullmatch(r"[+-]?\d+,\d+", text) and self.decimal == ".":
-            decimal = 'if the comma is the decimal mark, set [input] decimal = ","'
-            grouped = re.fullmatch(r"[+-]?\d{1,3},\d{3}", text)
-            return decimal + ('; if it separates thousands, thousands = ","' if grouped else "")
-        if re.fullmatch(r"[+-]?\d+\.\d+", text) and self.decimal == ",":
-            return '[input] decimal is ",", and the cell has a point'
-        if match := re.fullmatch(r"[+-]?\d{1,3}([ .,'\u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?", text):
+            hint = 'if the comma is the decimal mark, set [input] decimal = ","'
+            if re.fullmatch(r"[+-]?\d{1,3},\d{3}", text):
+                hint += '; if it separates thousands, thousands = ","'
+        elif re.fullmatch(r"[+-]?\d+\.\d+", text) and self.decimal == ",":
+            hint = '[input] decimal is ",", and the cell has a point'
+        elif match := re.fullmatch(r"[+-]?\d{1,3}([ .,'\u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?", text):
             mark = match[1] if match[1] not in "\u00a0\u202f" else " "
-            return f'if "{mark}" separates thousands, set [input] thousands = "{mark}"'
-        return f'if it means "not measured", add "{text[:40]}" to [input] missing'
-
-
-@lru_cache(maxsize=32)
-def _patterns(decimal: str, thousands: str) -> tuple[re.Pattern[str], re.Pattern[str] | None]:
-    point = re.escape(decimal)
-    plain = re.compile(rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][+-]?[0-9]{{1,3}})?")
-    if not thousands:
-        return plain, None
-    # spreadsheets write a no-break space where a space is meant
-    mark = "[ \u00a0\u202f]" if thousands == " " else re.escape(thousands)
-    return plain, re.compile(rf"[+-]?[0-9]{{1,3}}(?:{mark}[0-9]{{3}})+(?:{point}[0-9]*)?")
+            hint = f'if "{mark}" separates thousands, set [input] thousands = "{mark}"'
+        return f"column {column!r} holds {text[:40]!r}, which is no number: {hint}"
 
 
 def check_names(
