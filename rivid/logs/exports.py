@@ -26,14 +26,13 @@ from rivid.input_config import InputConfig
 from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
 from rivid.logs.log import (
-    LARGEST,
+    at_midnights,
     days_of,
     in_utc,
     read_table,
     repeated,
+    suspect,
     table_of,
-    too_large,
-    undeclared,
     zone_of,
 )
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
@@ -143,7 +142,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
         for columns in table.parts:
             times, wrong = in_utc(columns, zone, spec)
             rows = [fault.at for fault in wrong]
-            wrong += _faults(columns, times, spec, zone)
+            wrong += suspect(columns, times, spec, zone)
             # of a row that cannot be read the day is not known: it counts for those of both neighbours
             wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
             last = len(times) - 1
@@ -177,18 +176,6 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
     if spec.input.sentinels:
         statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
     return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
-
-
-def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
-    """Undeclared sentinels and values beyond any river, at their rows."""
-    faults = undeclared(columns, times, spec, zone)
-    for signal in spec.signals:
-        for source in set(signal.sources) & set(columns.numbers):
-            values = columns.numbers[source] * signal.factor
-            beyond = (np.abs(values) > LARGEST) & ~np.isin(columns.numbers[source], spec.input.sentinels)
-            for row in np.flatnonzero(beyond).tolist():
-                faults.append(Fault(row, too_large(source, signal, columns, row, abs(float(values[row])))))
-    return faults
 
 
 def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
@@ -402,15 +389,11 @@ def dates_of(
         found |= set(days_of(stamps, zone, spec.tolerance))
         if all(held):  # nothing may change for a whole day
             found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
-    longest = max(column.signal.spacing for column in columns)
     kept = []
     for date in sorted(found):
         start, end = (t - spec.tolerance for t in day_bounds(date, zone))
-        first = start + max(2 * spec.tolerance + 1, spec.latest)
-        low, high = stamps.searchsorted((first, end))
-        faulty = any(start <= fault.at < end for fault in faults)
         lasting = all(held) and stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
-        if low < high or faulty or lasting or 2 * longest > end - start:
+        if lasting or not at_midnights(stamps, faults, start, end, spec):
             kept.append(date)
     return kept
 

@@ -8,7 +8,7 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 import datetime as dt
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -401,14 +401,7 @@ class Log:
 
     def is_edge(self, date: dt.date) -> bool:
         """Whether a local day has no row but such as begin or end another day, at its midnights."""
-        start, end = self.bounds(date)
-        if 2 * max(signal.spacing for signal in self.spec.signals) > end - start:
-            return False  # a row is much of a day
-        if any(start <= fault.at < end for fault in self.faults):
-            return False
-        first = start + max(2 * self.spec.tolerance + 1, self.spec.latest)
-        low, high = self.times.searchsorted((first, end))
-        return bool(low == high)
+        return at_midnights(self.times, self.faults, *self.bounds(date), self.spec)
 
     def faults_of(self, date: dt.date) -> list[Fault]:
         """The faults of a local day, those of the rows that close it included."""
@@ -437,6 +430,16 @@ class Log:
         parts = list({id(times): times for times, _ in self.series.values()}.values())  # mostly shared
         parts.append(np.array([fault.at for fault in self.faults], np.int64))
         return days_of(np.concatenate(parts), self.zone, self.spec.tolerance)
+
+
+def at_midnights(stamps: Ints, faults: Sequence[Fault], start: int, end: int, spec: Spec) -> bool:
+    """Whether stamps (n,) of a day's bounds [us UTC] are those of rows at its midnights alone."""
+    if 2 * max(signal.spacing for signal in spec.signals) > end - start:
+        return False  # a row is much of a day
+    if any(start <= fault.at < end for fault in faults):
+        return False
+    low, high = stamps.searchsorted((start + max(2 * spec.tolerance + 1, spec.latest), end))
+    return bool(low == high)
 
 
 def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
@@ -534,8 +537,8 @@ def make_log(table: Table, spec: Spec) -> Log:
     zone = zone_of(columns, spec, table.name)
     events: dict[str, list[int]] = {}
     times, faults = in_utc(columns, zone, spec)  # faults are at a row
-    values = {signal.name: _total(signal, columns, spec, events, faults) for signal in spec.signals}
-    faults += undeclared(columns, times, spec, zone)
+    values = {signal.name: _total(signal, columns, spec, events) for signal in spec.signals}
+    faults += suspect(columns, times, spec, zone)
     last = len(times) - 1
     faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
     dropped = {"flagged values": [row + 1 for row, _ in columns.flagged], **columns.dropped}
@@ -600,9 +603,7 @@ def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fa
     return times, [Fault(row, f"{columns.place(row)}: {reason}") for row, reason in refused]
 
 
-def _total(
-    signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]], faults: list[Fault]
-) -> Floats:
+def _total(signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]]) -> Floats:
     """A canonical column from those of the log: sentinels masked, summed, in SI units."""
     total: Floats | None = None
     for source in signal.sources:
@@ -614,23 +615,7 @@ def _total(
                 values = np.where(masked, np.nan, values)
         total = values if total is None else total + values
     assert total is not None
-    if signal.factor != 1.0:
-        total = total * signal.factor
-    if max(np.fmax.reduce(total, initial=0.0), -np.fmin.reduce(total, initial=0.0)) > LARGEST:
-        total = total.copy()
-        for row in np.flatnonzero(np.abs(total) > LARGEST).tolist():
-            faults.append(Fault(row, too_large(signal.name, signal, columns, row, float(total[row]))))
-            total[row] = np.nan
-    return total
-
-
-def too_large(name: str, signal: Signal, columns: Columns, row: int, value: float) -> str:
-    """The message for a value beyond :data:`LARGEST`."""
-    unit = "m" if signal.name == "h_L" else "m3/s"
-    return (
-        f"{columns.place(row)}: {name} = {value:.3g} {unit} is beyond any river: check [input.units], "
-        "or add the value to [input] sentinels"
-    )
+    return total if signal.factor == 1.0 else total * signal.factor
 
 
 def repeated(
@@ -674,8 +659,21 @@ def _is_far(sentinel: float, others: Floats) -> bool:
     return off > span or (low >= 0 > sentinel)
 
 
-def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
-    """A fault for each day with undeclared sentinels, at its first such row; times (n,) [us UTC]."""
+def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
+    """Faults at rows: values beyond any river, and each day's undeclared sentinels; times (n,) [us UTC]."""
+    faults = []
+    for signal in spec.signals:
+        unit = "m" if signal.name == "h_L" else "m3/s"
+        for source in (source for source in signal.sources if source in columns.numbers):
+            values = columns.numbers[source] * signal.factor
+            if max(np.fmax.reduce(values, initial=0.0), -np.fmin.reduce(values, initial=0.0)) <= LARGEST:
+                continue
+            declared = np.isin(columns.numbers[source], spec.input.sentinels)
+            for row in np.flatnonzero((np.abs(values) > LARGEST) & ~declared).tolist():
+                text = f"{columns.place(row)}: {source} = {values[row]:.3g} {unit} is beyond any river"
+                faults.append(
+                    Fault(row, f"{text}: check [input.units], or add the value to [input] sentinels")
+                )
     many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
     given, found = spec.input, []
     for source in spec.sources:
@@ -694,7 +692,6 @@ def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> li
             known = sentinels_in(values[rows])
             found += [(source, rows, sentinel) for sentinel in known if sentinel not in given.not_sentinels]
     declare = ", ".join(f"{s:.10g}" for s in dict.fromkeys([*given.sentinels, *(s for *_, s in found)]))
-    faults = []
     for source, rows, sentinel in found:
         values = columns.numbers[source][rows]
         at = rows[values == sentinel]
