@@ -100,7 +100,8 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
             return None  # infinite, or a NaN that is not declared missing
         numbers[name] = values
     seconds = seconds_of(offset) if offset else None
-    return Columns(micros, bool(offset), seconds, numbers, line + given.unit_rows + 1)
+    first = line + given.unit_rows + 1
+    return Columns(micros, bool(offset), seconds, numbers, range(first, first + len(micros)))
 
 
 @lru_cache(maxsize=16)
@@ -287,7 +288,7 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
         zone is not None,
         offset,
         {column: values[rows] for column, values in numbers.items()},
-        lines=None if len(rows) == len(good) else rows + 1,
+        range(1, len(rows) + 1) if len(rows) == len(good) else (rows + 1).tolist(),
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
         zone=zone if offset is None else None,
@@ -379,25 +380,12 @@ class Log:
 
     def of_day(self, date: dt.date) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that belongs to a local day."""
-        start, end = self.bounds(date)
-        part: dict[str, tuple[Ints, Floats]] = {}
-        last = own = np.empty(0, np.int64)
-        low = high = 0
-        for name, (times, values) in self.series.items():
-            if times is not last:  # columns with values in the same rows share their times
-                low, high = times.searchsorted((start, end)).tolist()
-                last, own = times, times[low:high]
-            part[name] = own, values[low:high]
-        return part
+        return {name: cut(*column, *self.bounds(date)) for name, column in self.series.items()}
 
     def closing(self, end: int) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that is stamped from `end` on, but belongs before it [us]."""
-        part = {}
-        for signal in self.spec.signals:
-            times, values = self.series[signal.name]
-            low, high = times.searchsorted((end - signal.shift, end)).tolist()
-            part[signal.name] = times[low:high], values[low:high]
-        return part
+        signals = self.spec.signals
+        return {one.name: cut(*self.series[one.name], end - one.shift, end) for one in signals}
 
     def is_edge(self, date: dt.date) -> bool:
         """Whether a local day has no row but such as begin or end another day, at its midnights."""
@@ -430,6 +418,12 @@ class Log:
         parts = list({id(times): times for times, _ in self.series.values()}.values())  # mostly shared
         parts.append(np.array([fault.at for fault in self.faults], np.int64))
         return days_of(np.concatenate(parts), self.zone, self.spec.tolerance)
+
+
+def cut(times: Ints, values: Floats, start: int, end: int) -> tuple[Ints, Floats]:
+    """Ascending times (n,) from `start` on, before `end` [us UTC], and the values (n,) there."""
+    low, high = times.searchsorted((start, end)).tolist()
+    return times[low:high], values[low:high]
 
 
 def at_midnights(stamps: Ints, faults: Sequence[Fault], start: int, end: int, spec: Spec) -> bool:

@@ -47,8 +47,7 @@ class Columns:
     aware: bool  # whether the times carry offsets
     offset: int | None  # the one offset of all times [s]; None where they are many, or unaware
     numbers: dict[str, Floats]  # (n,) per column of the log, in its unit; NaN where nothing is measured
-    first_line: int = 1
-    lines: Ints | None = None  # (n,) line of each row; None where rows are consecutive from `first_line`
+    lines: Sequence[int]  # (n,) line of each row
     bad: list[Fault] = field(default_factory=list)  # rows that cannot be used
     # per kind of row that was left out on purpose: number of usable rows before each
     dropped: dict[str, list[int]] = field(default_factory=dict)
@@ -65,7 +64,7 @@ class Columns:
 
     def place(self, row: int) -> str:
         """Where a row is in its file."""
-        return f"{self.unit} {self.first_line + row if self.lines is None else self.lines[row]}"
+        return f"{self.unit} {self.lines[row]}"
 
 
 @dataclass
@@ -578,7 +577,7 @@ class RowReader:
             aware[0],
             offsets[0] if len(set(offsets)) == 1 else None,
             dict(zip(names, np.array(values, np.float64).T.copy(), strict=True)),
-            lines=np.array(lines, np.int64),
+            lines,
             bad=self.bad[group],
             dropped={kind: rows for kind, rows in dropped.items() if rows},
             unit=self.unit,
