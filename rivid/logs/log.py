@@ -257,8 +257,6 @@ def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
             text = "" if cell != cell else repr(cell).replace(".", decimal)
         else:
             text = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
-        if len(text) > LONGEST_TEXT:
-            raise ValueError(f"a cell is {len(text):,} characters long")
         texts.append(text.strip())
     return texts
 
