@@ -275,17 +275,16 @@ class Grid:
     end: int
     times: Ints  # (N,) ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC]
     zone: dt.tzinfo  # for messages
-    n_days: int
 
 
-def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
+def make_grid(start: int, end: int, period: float, zone: dt.tzinfo) -> Grid:
     """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
 
     >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    return Grid(start, end, start + _instants(count, period), zone, n_days)
+    return Grid(start, end, start + _instants(count, period), zone)
 
 
 @lru_cache(maxsize=16)
@@ -350,7 +349,7 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     if gaps.max() <= allowed:
         return
     worst = int(np.argmax(gaps))
-    begin = clock(int(begins[worst]), grid.zone, grid.n_days > 1)
+    begin = clock(int(begins[worst]), grid.zone, grid.end - grid.start > 25 * 3600 * MICRO)
     text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
     usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
     if usual > MISSED * spacing:
@@ -566,7 +565,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
     start, end = span or (bounds[0][0], bounds[-1][1])
     if span:
         series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}
-    grid = make_grid(start, end, spec.period, days[0][1], len(sources))
+    grid = make_grid(start, end, spec.period, days[0][1])
     samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
         date=sources[-1].date,
@@ -714,6 +713,5 @@ def read_series(
             refused.append(str(error))
         else:
             parts.append(series)
-    names = [signal.name for signal in spec.signals]
-    empty = (np.empty(0, np.int64), np.empty(0))
-    return {name: _join([part[name] for part in parts]) if parts else empty for name in names}, zone, refused
+    none = {signal.name: (np.empty(0, np.int64), np.empty(0)) for signal in spec.signals}
+    return {name: _join([part[name] for part in parts or [none]]) for name in none}, zone, refused

@@ -179,25 +179,23 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
 
 
 def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
-    _, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    files, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    starts = np.cumsum([0, *map(len, all_times)])
+
+    def place(row: int) -> str:
+        piece = int(starts.searchsorted(order[row], "right")) - 1
+        return f"{files[piece]}, {all_columns[piece].place(int(order[row] - starts[piece]))}"
+
     times, values, statuses = map(np.concatenate, (all_times, all_values, all_statuses))
     unsorted = sum(int((part < np.maximum.accumulate(part)).sum()) for part in all_times)
     order = np.argsort(times, kind="stable")
     times, values, statuses = times[order], values[order], statuses[order]
     there = np.flatnonzero(statuses == ValueStatus.USED)
-    again, found = repeated(name, times, values, there, zone, lambda row: _place(pieces, int(order[row])))
+    again, found = repeated(name, times, values, there, zone, place)
     faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
     unreadable = sum(len(columns.bad) for columns in all_columns)
     return Series(name, times, values, statuses, unsorted, unreadable)
-
-
-def _place(pieces: list[_Piece], row: int) -> str:
-    for file, columns, times, _, _ in pieces:
-        if row < len(times):
-            return f"{file}, {columns.place(row)}"
-        row -= len(times)
-    raise IndexError(row)
 
 
 def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
@@ -367,15 +365,6 @@ class DayResult:
 DayRows = tuple[Ints, dict[str, Floats], Origins, Origins]
 """Of a day: ascending times (n,) of its rows [us UTC]; canonical columns (n,), NaN where a row has no
 value; the rows of the sources that the values come from; its reports, sampled or not."""
-
-
-def _settle(rows: DayRows, status: ValueStatus) -> None:
-    """Set the status of the values of a day."""
-    _, _, origins, reports = rows
-    for series, at in reports:
-        series.statuses[at[series.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
-    for series, at in origins:  # one held into a second day stays used
-        series.statuses[at[series.statuses[at] != ValueStatus.USED]] = status
 
 
 def dates_of(
@@ -554,7 +543,11 @@ def ingest(
         if day.status == "good":
             path = out / f"{date}.{format}"
             _write(day, path, *_bytes_of(rows, zone, format), force=force, dry_run=dry_run)
-        _settle(rows, OF_DAY.get(day.status, ValueStatus.USED))
+        _, _, origins, reports = rows
+        for one, at in reports:
+            one.statuses[at[one.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
+        for one, at in origins:  # a value that is held into a second day stays used
+            one.statuses[at[one.statuses[at] != ValueStatus.USED]] = OF_DAY.get(day.status, ValueStatus.USED)
         results.append(day)
     written = any(result.status in ("written", "identical") for result in results)
     if there != "same" and not dry_run and written:

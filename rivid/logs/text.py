@@ -133,17 +133,14 @@ def check_names(
     With `some`, some of the sources and their flags are enough: others are in another file.
     """
     given = spec.input
-    wanted = [(column, "time") for column in spec.time]
-    wanted += [(column, "quality") for source, column in spec.flags.items() if not source]
-    if given.zone_column:
-        wanted.append((given.zone_column, "zone_column"))
     sources = [(column, signal.name) for signal in spec.signals for column in signal.sources]
     if spec.long:
-        wanted += [*((column, "tag") for column in spec.tags), (given.value, "value")]
-        sources = []
-    if some and any(column in names for column, _ in sources):
+        sources = [*((column, "tag") for column in spec.tags), (given.value, "value")]
+    elif some and any(column in names for column, _ in sources):
         sources = [(column, role) for column, role in sources if column in names]
-    read = {column for column, _ in sources}
+    read = {"", *(column for column, _ in sources)}
+    wanted = [(column, "time") for column in spec.time]
+    wanted += [(given.zone_column, "zone_column")] if given.zone_column else []
     wanted += [*sources, *((flag, "quality") for source, flag in spec.flags.items() if source in read)]
     for column, role in wanted:
         count = names.count(column)
