@@ -42,7 +42,8 @@ DEEPEST = 200.0
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:
     """Find wrong units and open balances; `doubtful` days have another fault and are not balanced."""
     flows = Flows(record, fits.without(doubtful), config)
-    found = [*flows.against_each_other(), *flows.against_range()]
+    found = [finding for name in record.flows[1:] for finding in flows.against_inflow(name)]
+    found += flows.against_range()
     if record.reach.kind == "pool":
         found += _level(record, fits, config, doubtful, flows_odd=bool(found))
     return found or flows.outside_range()
@@ -79,11 +80,9 @@ class Flows:
         self.too_large = {n: _factors(config, n) for n in names}
         self.reported: set[str] = set()
 
-    def against_each_other(self) -> list[Finding]:
-        """Compare the inflow with each other discharge, day by day: another unit, or a missing part."""
-        return [finding for name in self.record.flows[1:] for finding in self._pair("u_Qi", name)]
-
-    def _pair(self, one: str, other: str) -> list[Finding]:
+    def against_inflow(self, other: str) -> list[Finding]:
+        """Compare the inflow with another discharge, day by day: another unit, or a missing part."""
+        one = "u_Qi"
         groups: dict[tuple[str, str, bool], dict[dt.date, float]] = {}
         stored, usual = self._stored(), self.median[one]
         for date in self.record.days:
