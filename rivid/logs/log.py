@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -338,6 +338,7 @@ FARTHER = 2.0
 """Number of such distances by which a number of :data:`ROUND` must be off."""
 _NEGATIVE = frozenset(s for s in SENTINELS if s < 0)
 _POSITIVE = frozenset(s for s in SENTINELS if s > 0)
+_LEAST, _MOST = max(_NEGATIVE), min(_POSITIVE)
 _HOUR = 3600 * MICRO
 _LONGEST_DAY = 26 * _HOUR
 
@@ -354,21 +355,11 @@ class Log:
     spec: Spec
     zone: dt.tzinfo  # of the local days
     times: Ints  # (n,) distinct times of its rows, ascending [us UTC]
-    values: dict[str, Floats]  # (n,) per canonical column, m3/s or m; NaN where nothing is measured
+    # per canonical column: times from which its values count [us], and those that are there [m3/s or m]
+    series: dict[str, tuple[Ints, Floats]]
     faults: tuple[Fault, ...]  # in order of time
     events: dict[str, Ints]  # times [us], ascending, of what was masked, dropped or sorted, per kind
     digest: str  # SHA-256 of the file
-
-    @cached_property
-    def series(self) -> dict[str, tuple[Ints, Floats]]:
-        """Per canonical column: times from which its values count [us], and the values that are there."""
-        series = {}
-        for signal in self.spec.signals:
-            values = self.values[signal.name]
-            there = np.isfinite(values)
-            times = self.times - signal.shift if signal.shift else self.times
-            series[signal.name] = (times, values) if there.all() else (times[there], values[there])
-        return series
 
     def bounds(self, date: dt.date) -> tuple[int, int]:
         """A local day's rows are those from the first instant on, before the second [us]."""
@@ -538,32 +529,33 @@ def make_log(table: Table, spec: Spec) -> Log:
         events.setdefault(f"{kind} dropped", []).extend(min(max(row - 1, 0), last) for row in rows)
 
     steps = np.diff(times)
-    order = None
-    if (steps < 0).any():
+    order = np.argsort(times, kind="stable") if (steps < 0).any() else None
+    if order is not None:
         late = np.flatnonzero(times < np.maximum.accumulate(times))
         events["rows out of order sorted"] = late.tolist()
-        order = np.argsort(times, kind="stable")
     timed = {kind: np.sort(times[rows]) for kind, rows in events.items() if rows}
     dated = [Fault(int(times[fault.at]), fault.text, fault.cut) for fault in faults]
     if order is not None:
-        times, values = times[order], {k: v[order] for k, v in values.items()}
+        times, values = times[order], {name: column[order] for name, column in values.items()}
         steps = np.diff(times)
-    if (steps == 0).any():
-        first = np.r_[True, steps > 0]
-        timed["duplicates dropped"] = times[~first]
-        group = np.cumsum(first) - 1
-        origin = np.arange(len(times)) if order is None else order
-        for name, column in values.items():  # values that agree, or are there only once, are joined
-            there = np.flatnonzero(np.isfinite(column))
-            again, found = repeated(
-                name, times, column, there, zone, lambda row: columns.place(int(origin[row]))
-            )
+    again = np.flatnonzero(steps == 0) + 1
+    if len(again):
+        timed["duplicates dropped"] = times[again]
+    series = {}
+    for signal in spec.signals:
+        column, own = values[signal.name], times - signal.shift if signal.shift else times
+        there = np.flatnonzero(np.isfinite(column))
+        if len(again):  # values that agree, or are there only once, are joined
+
+            def place(row: int) -> str:
+                return columns.place(row if order is None else int(order[row]))
+
+            twice, found = repeated(signal.name, times, column, there, zone, place)
             dated += found
-            kept = np.delete(there, again)
-            values[name] = np.full(int(group[-1]) + 1, np.nan)
-            values[name][group[kept]] = column[kept]
-        times = times[first]
-    return Log(table.name, spec, zone, times, values, tuple(sorted(dated)), timed, table.digest)
+            there = np.delete(there, twice)
+        series[signal.name] = (own, column) if len(there) == len(own) else (own[there], column[there])
+    times = np.delete(times, again) if len(again) else times
+    return Log(table.name, spec, zone, times, series, tuple(sorted(dated)), timed, table.digest)
 
 
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
@@ -653,26 +645,21 @@ def _is_far(sentinel: float, others: Floats) -> bool:
 
 def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
     """Faults at rows: values beyond any river, and each day's undeclared sentinels; times (n,) [us UTC]."""
-    faults = []
-    for signal in spec.signals:
-        unit = "m" if signal.name == "h_L" else "m3/s"
-        for source in (source for source in signal.sources if source in columns.numbers):
-            values = columns.numbers[source] * signal.factor
-            if max(np.fmax.reduce(values, initial=0.0), -np.fmin.reduce(values, initial=0.0)) <= LARGEST:
-                continue
-            declared = np.isin(columns.numbers[source], spec.input.sentinels)
-            for row in np.flatnonzero((np.abs(values) > LARGEST) & ~declared).tolist():
-                text = f"{columns.place(row)}: {source} = {values[row]:.3g} {unit} is beyond any river"
-                faults.append(
-                    Fault(row, f"{text}: check [input.units], or add the value to [input] sentinels")
-                )
     many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
-    given, found = spec.input, []
+    given, found, faults = spec.input, [], []
     for source in spec.sources:
         if source not in columns.numbers:
             continue  # it is in another file
         values = columns.numbers[source]
-        small = np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE)
+        low, high = np.fmin.reduce(values), np.fmax.reduce(values)
+        signal = next(signal for signal in spec.signals if source in signal.sources)
+        if max(high, -low) * signal.factor > LARGEST:
+            unit, declared = "m" if signal.name == "h_L" else "m3/s", np.isin(values, given.sentinels)
+            for row in np.flatnonzero((np.abs(values) * signal.factor > LARGEST) & ~declared).tolist():
+                size = f"{source} = {values[row] * signal.factor:.3g} {unit}"
+                text = f"{columns.place(row)}: {size} is beyond any river: check [input.units], or add the "
+                faults.append(Fault(row, f"{text}value to [input] sentinels"))
+        small = low > _LEAST and high < _MOST
         if small or not (many_days or may_hold(values)):
             continue
         there = ~np.isin(values, given.sentinels)
