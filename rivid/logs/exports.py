@@ -7,7 +7,7 @@ The files are joined to one series per source, the sources make canonical column
 import datetime as dt
 import difflib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from hashlib import sha256
@@ -362,9 +362,8 @@ class DayResult:
         return {**self.__dict__, "date": str(self.date)}
 
 
-DayRows = tuple[Ints, dict[str, Floats], Origins, Origins]
-"""Of a day: ascending times (n,) of its rows [us UTC]; canonical columns (n,), NaN where a row has no
-value; the rows of the sources that the values come from; its reports, sampled or not."""
+DayRows = tuple[TimedValues, Origins, Origins]
+"""Of a day: its values; the rows of the sources that they come from; its reports, sampled or not."""
 
 
 def dates_of(
@@ -401,14 +400,10 @@ def judge(
     If the data sets are not `whole` days, gaps refuse no day.
     """
     grid = make_grid(*day_bounds(date, zone), spec.period, zone)
-    parts = [column.of_day(grid, spec.tolerance) for column in columns]
-    times = np.unique(np.concatenate([times for times, _, _ in parts]))
-    values = {}
-    for column, (at, there, _) in zip(columns, parts, strict=True):
-        values[column.signal.name] = np.full(len(times), np.nan)
-        values[column.signal.name][times.searchsorted(at)] = there
-    origins = [origin for _, _, found in parts for origin in found]
-    rows = times, values, origins, [r for column in columns for r in column.reports_within(grid)]
+    parts = {column.signal.name: column.of_day(grid, spec.tolerance) for column in columns}
+    series = {name: (times, values) for name, (times, values, _) in parts.items()}
+    origins = [origin for _, _, found in parts.values() for origin in found]
+    rows = series, origins, [r for column in columns for r in column.reports_within(grid)]
     day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
     own, given = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high], spec.input.time_zone
     if own:
@@ -419,7 +414,6 @@ def judge(
         if given and still and " is logged twice " in own[0].text:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
         return day, rows
-    series = {column.signal.name: (at, there) for column, (at, there, _) in zip(columns, parts, strict=True)}
     if not whole:
         return day, rows
     try:
@@ -531,19 +525,22 @@ def ingest(
         series.statuses[series.statuses == ValueStatus.USED] = ValueStatus.OUTSIDE
     dates = [d for d in dates_of(columns, zone, faults, spec) if (first or d) <= d <= (last or d)]
     today = today or dt.datetime.now(zone).date()
-    if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
+
+    def judged() -> Iterator[tuple[DayResult, DayRows, Path, bytes]]:
         for date in dates:
-            day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
-            path = out / f"{date}.{format}"
-            if day.status == "good" and _standing_log(path, _bytes_of(rows, zone, format)[0])[0] == "differs":
+            (day, rows), data = judge(date, columns, zone, faults, spec, today, not config.run.window), b""
+            if day.status == "good":
+                data, day.rows = _bytes_of(rows[0], zone, format)
+            yield day, rows, out / f"{date}.{format}", data
+
+    if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
+        for day, _, path, data in judged():
+            if day.status == "good" and _standing_log(path, data)[0] == "differs":
                 _refuse_overwriting(run_config)
     results = []
-    for date in dates:
-        day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
+    for day, (_, origins, reports), path, data in judged():
         if day.status == "good":
-            path = out / f"{date}.{format}"
-            _write(day, path, *_bytes_of(rows, zone, format), force=force, dry_run=dry_run)
-        _, _, origins, reports = rows
+            _write(day, path, data, force=force, dry_run=dry_run)
         for one, at in reports:
             one.statuses[at[one.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
         for one, at in origins:  # a value that is held into a second day stays used
@@ -555,9 +552,9 @@ def ingest(
     return Outcome(results, ledger_of(tables, gathered.values()), run_config, _notes(tables))
 
 
-def _write(day: DayResult, path: Path, data: bytes, count: int, *, force: bool, dry_run: bool) -> None:
+def _write(day: DayResult, path: Path, data: bytes, *, force: bool, dry_run: bool) -> None:
     """Write a good day, unless another log is in its place."""
-    day.status, day.file, day.rows = "written", path.name, count
+    day.status, day.file = "written", path.name
     if dry_run:
         return
     day.status, day.file = _standing_log(path, data)
@@ -572,12 +569,13 @@ def _write(day: DayResult, path: Path, data: bytes, count: int, *, force: bool, 
         day.reason = f"{day.file} is there and differs: --force writes it again"
 
 
-def _bytes_of(rows: DayRows, zone: dt.tzinfo, format: Format) -> tuple[bytes, int]:
+def _bytes_of(series: TimedValues, zone: dt.tzinfo, format: Format) -> tuple[bytes, int]:
     """The log of a good day as a file, and how many rows it has."""
-    times, columns, *_ = rows
-    there = np.any([np.isfinite(values) for values in columns.values()], axis=0)
-    kept = {name: values[there] for name, values in columns.items()}
-    return rows_as_bytes(times[there], kept, zone, format), int(there.sum())
+    times = np.unique(np.concatenate([times for times, _ in series.values()]))
+    columns = {name: np.full(len(times), np.nan) for name in series}
+    for name, (at, values) in series.items():
+        columns[name][times.searchsorted(at)] = values
+    return rows_as_bytes(times, columns, zone, format), len(times)
 
 
 def _standing_log(path: Path, data: bytes) -> tuple[str, str]:
