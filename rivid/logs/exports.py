@@ -24,7 +24,7 @@ from rivid.database import queried
 from rivid.errors import ConfigError, DataError, NoDataError
 from rivid.input_config import InputConfig
 from rivid.logs import SUFFIXES, suffix_of
-from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
+from rivid.logs.days import OFFSETS, Grid, TimedValues, TrailingGap, make_grid, sampled
 from rivid.logs.log import (
     at_midnights,
     days_of,
@@ -160,10 +160,7 @@ def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
     zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
     if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
         one, other = list(zones.values())[:2]
-        raise UndeclaredError(
-            f"{one} and {other} have different UTC offsets: set [input] time_zone to the zone whose days are "
-            'meant, for example "Europe/Paris"'
-        )
+        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
     return next(iter(zones))
 
 

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -172,11 +172,8 @@ def _unpack(
     """The wanted columns, or all, after a check of names, sizes and types."""
     import pyarrow.parquet as pq  # 65 ms, which a directory of CSV logs need not wait for
 
-    def opened(texts: list[str]) -> Any:
-        source = pa.BufferReader(content)
-        return pq.ParquetFile(source, page_checksum_verification=True, read_dictionary=texts, **_FOOTER)
-
-    file = opened([])
+    opened = partial(pq.ParquetFile, page_checksum_verification=True, **_FOOTER)
+    file = opened(pa.BufferReader(content))
     schema = file.schema_arrow
     check_names(schema.names, spec, name, some=wanted is None)
     metadata = file.metadata
@@ -190,16 +187,18 @@ def _unpack(
         kind = schema.field(column).type
         if column in texts:
             continue
-        counted = spec.input.time_format in UNIX and len(spec.time) == 1 and _is_number(kind)
+        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+        counted = spec.input.time_format in UNIX and len(spec.time) == 1 and is_number
         if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
-            hint = ""
-            if _is_number(kind):
-                hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
-            raise DataError(f"{name}: column {column!r} is of type {kind}: expected times or text{hint}")
-        if column in spec.sources and not _is_number(kind):
-            raise DataError(f"{name}: column {column!r} is of type {kind}: expected numbers")
+            hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
+            expected = f"times or text{hint if is_number else ''}"
+        elif column in spec.sources and not is_number:
+            expected = "numbers"
+        else:
+            continue
+        raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
     if texts:  # as codes, so that a long text that many rows share stays one
-        file = opened(texts)
+        file = opened(pa.BufferReader(content), read_dictionary=texts)
     table = file.read(columns=wanted, use_threads=False)
     for column in texts:
         for chunk in table[column].chunks:
@@ -217,10 +216,6 @@ def _is_text(kind: pa.DataType) -> bool:
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
     return str(kind) in ("string", "large_string", "string_view")
-
-
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
 
 
 def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
