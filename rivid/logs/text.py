@@ -408,8 +408,8 @@ class RowReader:
         self.repeated: list[int] = []
         self.empty: list[int] = []
         self.count = 0
-        self.shortest = _ENDLESS
-        """Length of the shortest last cell of a row."""
+        self.shortest, self.shorter = _ENDLESS, False
+        """Length of the shortest last cell of a row, and whether that of the present row alone is so short."""
         self.unended = False
         """Whether the line that is read is the last one and has no line break."""
         self.footer = _ENDLESS, 0
@@ -444,6 +444,8 @@ class RowReader:
             return self.refuse(number, "a quotation mark is not closed")
         if not any(cells):
             return self.empty.append(self.count)  # spreadsheets leave such rows at the end
+        self.shorter = len(cells[-1]) < self.shortest < _ENDLESS
+        self.shortest = min(self.shortest, len(cells[-1]))
         if tuple(cells) == self.names:
             if self.spec.input.repeated_header == "drop":
                 return self.repeated.append(self.count)
@@ -451,10 +453,8 @@ class RowReader:
             return self.refuse(number, f"the header again: {advice}")
         if len(cells) != len(self.names):
             self.counts.rows += 1
-            self.refuse(number, self._of_footer(number, cells) or self._ragged(cells))
-        else:
-            self.row(number, cells)
-        self.shortest = min(self.shortest, len(cells[-1]))
+            return self.refuse(number, self._of_footer(number, cells) or self._ragged(cells))
+        self.row(number, cells)
 
     def row(self, number: int, cells: list[str]) -> None:
         """Read the cells of a row of data; rows of other tags are only counted."""
@@ -504,7 +504,7 @@ class RowReader:
                 value = NAN
                 why[column] = FLAG + cells[flag_at]
             values.append(value)
-        if self.unended and len(cells[-1]) < self.shortest < _ENDLESS:
+        if self.unended and self.shorter:
             text = self.spec.input.separator.join(cells)[-40:]
             return self.refuse(number, f"{text!r} is cut off: the log does not end with a line break")
         for column, text in why.items():
