@@ -219,9 +219,9 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
-    """The rows of a table as a text file would hold them; a cell that holds nothing is not measured."""
+    """The rows of a table as a text file would hold them; in a log, a cell of nothing is not measured."""
     kinds = [table.schema.field(column).type for column in spec.time]
-    given: dict[str, Any] = {"missing": [*spec.input.missing, ""]}
+    given: dict[str, Any] = {} if watch else {"missing": [*spec.input.missing, ""]}
     if all(map(pa.types.is_timestamp, kinds)):
         given["time_format"] = None
     spec = replace(spec, input=spec.input.model_copy(update=given))
@@ -229,7 +229,7 @@ def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
     reader = RowReader(names, spec, stem, watch, unit="row")
     columns = [_texts(table[i], "." if n in spec.time else spec.input.decimal) for i, n in enumerate(names)]
     for number, cells in enumerate(zip(*columns, strict=True), 1):
-        if any(cells):
+        if watch or any(cells):
             reader.row(number, list(cells))
         else:
             reader.empty.append(reader.count)
