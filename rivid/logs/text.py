@@ -409,7 +409,7 @@ class RowReader:
         self.empty: list[int] = []
         self.count = 0
         self.shortest, self.shorter = _ENDLESS, False
-        """Length of the shortest last cell of a row, and whether that of the present row alone is so short."""
+        """Length of the shortest last cell of a row, and whether only that of this row is so short."""
         self.unended = False
         """Whether the line that is read is the last one and has no line break."""
         self.footer = _ENDLESS, 0
