@@ -208,20 +208,14 @@ class InputConfig(Section):
 
     @field_validator("units", "stamp", "interval", "quality", "hold")
     @classmethod
-    def _known_columns(cls, value: Any) -> Any:
+    def _known_columns(cls, value: Any, info: ValidationInfo) -> Any:
         valid = ("u_Qi", "u_Qo", "h_L", "Q_L")
         for key in value if isinstance(value, dict) else ():
             if key not in valid:
                 raise ValueError(f"unknown column {key!r}; valid: {', '.join(valid)}")
-        return value
-
-    @field_validator("units")
-    @classmethod
-    def _known_units(cls, value: dict[str, str]) -> dict[str, str]:
-        for column, unit in value.items():
-            valid = UNITS["level" if column == "h_L" else "flow"]
-            if unit not in valid:
-                raise ValueError(f"{column} = {unit!r}; valid units: {', '.join(valid)}")
+            units = UNITS["level" if key == "h_L" else "flow"]
+            if info.field_name == "units" and value[key] not in units:
+                raise ValueError(f"{key} = {value[key]!r}; valid units: {', '.join(units)}")
         return value
 
     @field_validator("encoding")
@@ -236,17 +230,13 @@ class InputConfig(Section):
         return value
 
     @model_validator(mode="after")
-    def _distinct_marks(self) -> "InputConfig":
+    def _keys_agree(self) -> "InputConfig":
         if self.separator in '"\r\n' or self.separator.isalnum():
             raise ValueError(
                 f"separator {self.separator!r} cannot separate columns; expected one like ; or ,"
             )
         if self.thousands == self.decimal:
             raise ValueError(f"thousands and decimal are both {self.decimal!r}: expected two different marks")
-        return self
-
-    @model_validator(mode="after")
-    def _whole_names(self) -> "InputConfig":
         for name in ("time", "u_Qi", "u_Qo", "h_L", "Q_L"):
             columns = getattr(self, name)
             if columns is None or (name == "u_Qo" and columns == ""):
@@ -260,10 +250,6 @@ class InputConfig(Section):
                 raise ValueError(f"empty {name}: expected the name of a column, or a list of names{hint}")
             if len(set(listed)) < len(listed):
                 raise ValueError(f"a column occurs twice in {name} = {listed}: expected each once")
-        return self
-
-    @model_validator(mode="after")
-    def _long_is_whole(self) -> "InputConfig":
         if self.layout == "long":
             if self.tag is not None and self.tag_pattern is not None:
                 raise ValueError("tag and tag_pattern both define the tags: expected one of them")
@@ -273,16 +259,8 @@ class InputConfig(Section):
             raise ValueError(
                 'tag and tag_pattern are of the long layout: set layout = "long", or leave them out'
             )
-        return self
-
-    @model_validator(mode="after")
-    def _query_has_a_database(self) -> "InputConfig":
         if (self.query is None) != (self.database is None):
             raise ValueError("query is SQL, database the URL to ask: expected both")
-        return self
-
-    @model_validator(mode="after")
-    def _flags_and_zones_are_named(self) -> "InputConfig":
         if (self.quality is None) != (not self.good):
             raise ValueError(
                 "quality names the column of flags, good lists the flags of values to keep: expected both"

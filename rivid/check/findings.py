@@ -4,7 +4,7 @@ import datetime as dt
 import re
 import string
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -136,25 +136,12 @@ class _Texts(string.Formatter):
     """Format specifications of the templates above, beside Python's own."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        match format_spec:
-            case "span":
-                return span(value)
-            case "times":
-                return times(value)
-            case "multiple":
-                return (
-                    f"{times(value)} times as much as" if value > 1 else f"{times(1 / value)} times less than"
-                )
-            case "interval":
-                return f"{value[0]:g}" if value[0] == value[1] else f"{value[0]:g} to {value[1]:g}"
-            case "default":
-                return "" if value else " (not declared: that of Table I)"
         if format_spec in ITEMS:
             listed = ", ".join(_text(ITEMS[format_spec], item) for item in value[:MOST_ITEMS])
             return listed + (f" and {len(value) - MOST_ITEMS} times more" if len(value) > MOST_ITEMS else "")
         if format_spec in JOINED:
             return " and ".join(_text(JOINED[format_spec], item) for item in value)
-        return format(value, format_spec)
+        return SPECIFIED[format_spec](value) if format_spec in SPECIFIED else format(value, format_spec)
 
 
 def _text(template: str, values: Values) -> str:
@@ -297,6 +284,16 @@ def span(seconds: float) -> str:
     ('60 min', '6.0 h')
     """
     return f"{seconds / 60:.0f} min" if abs(seconds) < 7200 else f"{seconds / 3600:.1f} h"
+
+
+SPECIFIED: dict[str, Callable[[Any], str]] = {
+    "span": span,
+    "times": times,
+    "multiple": lambda x: f"{times(x)} times as much as" if x > 1 else f"{times(1 / x)} times less than",
+    "interval": lambda ends: " to ".join(f"{end:g}" for end in dict.fromkeys(ends)),
+    "default": lambda declared: "" if declared else " (not declared: that of Table I)",
+}
+"""Numbers of the templates, by format specification."""
 
 
 def render(report: Report, reach: str) -> str:

@@ -42,7 +42,8 @@ DEEPEST = 200.0
 def units(record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]) -> list[Finding]:
     """Find wrong units and open balances; `doubtful` days have another fault and are not balanced."""
     flows = Flows(record, fits.without(doubtful), config)
-    found = [*flows.against_each_other(), *flows.against_range()]
+    found = [finding for name in record.flows[1:] for finding in flows.against_inflow(name)]
+    found += flows.against_range()
     if record.reach.kind == "pool":
         found += _level(record, fits, config, doubtful, flows_odd=bool(found))
     return found or flows.outside_range()
@@ -60,11 +61,10 @@ def _factors(config: Config, name: str) -> dict[str, float]:
     return {unit: known[declared] / factor for unit, factor in known.items() if unit != declared}
 
 
-def _nearest(ratio: float, factors: dict[str, float], margin: float) -> str:
-    """Return the unit with the nearest factor if it is within the margin; "" otherwise."""
-    off = {unit: abs(np.log(ratio / factor)) for unit, factor in factors.items() if ratio > 0}
-    unit = min(off, key=off.__getitem__, default="")
-    return unit if unit and off[unit] < np.log(margin) else ""
+def _nearest(ratio: float, factors: dict[str, float], margin: float) -> tuple[float, str]:
+    """Return how far off the nearest factor is [log] and its unit; infinity and "" beyond the margin."""
+    off = ((abs(float(np.log(ratio / factor))), unit) for unit, factor in factors.items() if ratio > 0)
+    return min((one for one in off if one[0] < np.log(margin)), default=(np.inf, ""))
 
 
 class Flows:
@@ -78,14 +78,11 @@ class Flows:
         self.median = {n: float(np.median([*of_days.values()])) for n, of_days in self.means.items()}
         self.unit = {n: _unit(config, n) for n in names}
         self.too_large = {n: _factors(config, n) for n in names}
-        self.too_small = {n: {unit: 1 / f for unit, f in self.too_large[n].items()} for n in names}
         self.reported: set[str] = set()
 
-    def against_each_other(self) -> list[Finding]:
-        """Compare the inflow with each other discharge, day by day: another unit, or a missing part."""
-        return [finding for name in self.record.flows[1:] for finding in self._pair("u_Qi", name)]
-
-    def _pair(self, one: str, other: str) -> list[Finding]:
+    def against_inflow(self, other: str) -> list[Finding]:
+        """Compare the inflow with another discharge, day by day: another unit, or a missing part."""
+        one = "u_Qi"
         groups: dict[tuple[str, str, bool], dict[dt.date, float]] = {}
         stored, usual = self._stored(), self.median[one]
         for date in self.record.days:
@@ -95,7 +92,7 @@ class Flows:
             large, small = (one, other) if a > b else (other, one)
             ratio, still = max(a / b, b / a), min(self.moves[n][date] for n in (one, other)) <= 0
             moves = self.moves[large][date] / self.moves[small][date] if not still else 0.0
-            unit = any(self._units(large, small, ratio))
+            unit = any(unit for _, unit in self._units(large, small, ratio))
             if unit and ratio / MOVES < moves < ratio * MOVES:
                 groups.setdefault((large, small, True), {})[date] = ratio
             elif ratio > OPEN and not still and abs(a - b - stored.get(date, 0.0)) > PART * usual:
@@ -116,20 +113,15 @@ class Flows:
             self.reported |= {large, small}
         return found
 
-    def _units(self, large: str, small: str, ratio: float) -> tuple[str, str]:
-        """Return the units that the larger flow may be in, and the smaller one."""
-        by_large, by_small = self.too_large[large], self.too_small[small]
-        return _nearest(ratio, by_large, FLOW_MARGIN), _nearest(ratio, by_small, FLOW_MARGIN)
+    def _units(self, large: str, small: str, ratio: float) -> list[tuple[float, str]]:
+        """Return the units that the larger flow may be in, and the smaller one, as :func:`_nearest` does."""
+        factors = (self.too_large[large], {unit: 1 / f for unit, f in self.too_large[small].items()})
+        return [_nearest(ratio, of_flow, FLOW_MARGIN) for of_flow in factors]
 
     def _which_unit(self, large: str, small: str, ratio: float) -> tuple[str, dict[str, str | float]]:
         """Return which of two flows is in another unit, by the level or the usual range."""
-        of_large, of_small = self._units(large, small, ratio)
-        if of_large and of_small:  # the nearer one
-            large_by, small_by = self.too_large[large][of_large], self.too_small[small][of_small]
-            if abs(np.log(ratio / large_by)) < abs(np.log(ratio / small_by)):
-                of_small = ""
-            else:
-                of_large = ""
+        (off_large, of_large), (off_small, of_small) = self._units(large, small, ratio)
+        of_large, of_small = (of_large, "") if off_large < off_small else ("", of_small)  # the nearer one
         sound = [name for name in (large, small) if self._is_sound(name)]
         if of_large and sound != [large]:
             factor = self.too_large[large][of_large]
@@ -231,7 +223,7 @@ def _level_of_some_days(record: Record, config: Config) -> list[Finding]:
     usual = float(np.median(list(heights.values())))
     base = usual if usual < low * HEIGHT_MARGIN else low
     factors = {unit: max(f, 1 / f) for unit, f in _factors(config, "h_L").items()}
-    odd = {date: _nearest(height / base, factors, HEIGHT_MARGIN) for date, height in heights.items()}
+    odd = {date: _nearest(height / base, factors, HEIGHT_MARGIN)[1] for date, height in heights.items()}
     units = {unit for unit in odd.values() if unit}
     if len(units) != 1 or any(not unit and heights[d] > base * HEIGHT_MARGIN for d, unit in odd.items()):
         return []
@@ -271,9 +263,9 @@ def _against_volume(
     if not declared:  # the area of Table I is another reach's: only large factors are significant
         levels, flows = ({u: f for u, f in of.items() if max(f, 1 / f) > 10} for of in (levels, flows))
     values: dict[str, object] = {"ratio": ratio, "area": area, "is_declared": declared}
-    if unit := _nearest(ratio, levels, margin):
+    if unit := _nearest(ratio, levels, margin)[1]:
         return [Finding("unit.level", values | {"unit": unit, "declared": _unit(config, "h_L")})]
-    if unit := _nearest(1 / ratio, flows, margin):
+    if unit := _nearest(1 / ratio, flows, margin)[1]:
         return [Finding("unit.flows", values | {"unit": unit})]
     if declared and not doubtful and not 1 / FAR < ratio < FAR:
         return [Finding("balance.area", values | {"fitting_area": area / ratio})]

@@ -114,15 +114,14 @@ def find_days(
             "configuration that it writes with these"
         )
     place = shown(str(root))
-    paths, folder = _candidates(root, place)
-    within = os.path.realpath(folder) if folder == root else None
+    paths = _candidates(root, place)
+    within = None if root.is_file() else os.path.realpath(root)
     spec = spec_of(config)
     settings = spec.digest
-    parts: defaultdict[dt.date, list[Part]] = defaultdict(list)
     bad: list[tuple[str, str]] = []
     files: dict[str, FileFacts] = {}
-    next_files: defaultdict[dt.date, list[Part]] = defaultdict(list)
-    edges: list[tuple[dt.date, Part]] = []
+    # of each day: the parts that make it; those of a row at its midnights alone; the next day's file
+    parts, edges, next_files = (defaultdict[dt.date, list[Part]](list) for _ in range(3))
     for path in paths:
         name = path.name
         try:
@@ -131,24 +130,13 @@ def find_days(
             reason = str(error).removeprefix(shown(name)).lstrip(" ,:")  # both are shown together
             bad.append((shown(name), reason or str(error)))
             continue
-        if is_day_file(name):
-            date, part = _date_of(name), (name, facts.digest, facts.digest)
-            next_files[date - ONE_DAY].append(part)
-            if facts.days is None:
-                parts[date].append(part)
-            continue
-        for iso, digest in (facts.days or {}).items():
-            date, part = dt.date.fromisoformat(iso), (name, digest, facts.digest)
-            if iso in facts.edges:
-                edges.append((date, part))
-            else:
-                parts[date].append(part)
-    for date, part in edges:
-        if date in parts:  # a row at midnight alone makes no day; with others it may complete one
-            parts[date].append(part)
-    if spec.latest:
-        for date in parts:  # the row that closes it may be in the next day's file
-            parts[date] += next_files[date]
+        for iso, digest in ({name[:10]: facts.digest} if facts.days is None else facts.days).items():
+            of_kind = edges if iso in facts.edges else parts
+            of_kind[dt.date.fromisoformat(iso)].append((name, digest, facts.digest))
+        if spec.latest and is_day_file(name):
+            next_files[_date_of(name) - ONE_DAY].append((name, facts.digest, facts.digest))
+    for date in parts:  # a row at midnight alone makes no day; with others it may complete one
+        parts[date] += edges[date] + next_files[date]
     if not parts:
         names = ", YYYY-MM-DD".join(SUFFIXES)
         why = f"no logs in {place}: looked for YYYY-MM-DD{names}, or files of many days with these suffixes"
@@ -164,7 +152,7 @@ def unread(root: Path, known: Mapping[str, FileFacts]) -> list[Path]:
     """Files of many days in a directory that are new or changed since `known` was found."""
     if not root.is_dir():
         return []
-    paths = [path for path in _candidates(root, shown(str(root)))[0] if not is_day_file(path.name)]
+    paths = [path for path in _candidates(root, shown(str(root))) if not is_day_file(path.name)]
     return [path for path in paths if path.is_file() and not _is_known(path.stat(), known.get(path.name))]
 
 
@@ -183,19 +171,19 @@ def _is_known(status: os.stat_result, known: FileFacts | None) -> bool:
     return known is not None and (known.size, known.mtime_ns, known.ctime_ns) == stamp
 
 
-def _candidates(root: Path, name: str) -> tuple[list[Path], Path]:
-    """Paths that may be logs, in order of name, and the folder they are in."""
+def _candidates(root: Path, name: str) -> list[Path]:
+    """Paths that may be logs, in order of name."""
     try:
         if root.is_file():
             if suffix_of(root.name) is None:
                 raise NoDataError(
                     f"{name} is no log: expected a directory, or a file ending in {', '.join(SUFFIXES)}"
                 )
-            return [root], root.parent
+            return [root]
         names = sorted(os.listdir(root))
     except OSError as error:
         raise NoDataError(f"{name} cannot be read: {error.strerror}; expected a directory of logs") from None
-    return [root / name for name in names if suffix_of(name) and not name.startswith(".")], root
+    return [root / name for name in names if suffix_of(name) and not name.startswith(".")]
 
 
 def _look(
@@ -205,20 +193,16 @@ def _look(
     try:
         status = os.lstat(path)
         if stat.S_ISLNK(status.st_mode):
-            target = os.path.realpath(path, strict=True)
-            if inside is not None and os.path.commonpath([inside, target]) != inside:
+            if inside is not None and not Path(os.path.realpath(path, strict=True)).is_relative_to(inside):
                 raise DataError(
                     "is a link that leads out of the directory of logs: put the file itself there"
                 )
             status = os.stat(path)
     except OSError as error:
         raise DataError(f"cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise DataError("is a link to another drive: put the file itself there") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise DataError("is a directory: expected a file")
     if not stat.S_ISREG(status.st_mode):
-        raise DataError("is not a regular file")
+        folder = stat.S_ISDIR(status.st_mode)
+        raise DataError("is a directory: expected a file" if folder else "is not a regular file")
     stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns
     date = _date_of(path.name) if is_day_file(path.name) else None
     if known is not None and not verify and _is_known(status, known):
@@ -291,17 +275,16 @@ class Grid:
     end: int
     times: Ints  # (N,) ``start + k T_s``, N = ceil((end - start) / T_s) [us UTC]
     zone: dt.tzinfo  # for messages
-    n_days: int
 
 
-def make_grid(start: int, end: int, period: float, zone: dt.tzinfo, n_days: int = 1) -> Grid:
+def make_grid(start: int, end: int, period: float, zone: dt.tzinfo) -> Grid:
     """The grid of the local days from `start` to `end` [us UTC] at `period` T_s [s].
 
     >>> len(make_grid(0, 86_400_000_000, 133.0, dt.timezone.utc).times)
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    return Grid(start, end, start + _instants(count, period), zone, n_days)
+    return Grid(start, end, start + _instants(count, period), zone)
 
 
 @lru_cache(maxsize=16)
@@ -366,7 +349,7 @@ def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
     if gaps.max() <= allowed:
         return
     worst = int(np.argmax(gaps))
-    begin = clock(int(begins[worst]), grid.zone, grid.n_days > 1)
+    begin = clock(int(begins[worst]), grid.zone, grid.end - grid.start > 25 * 3600 * MICRO)
     text = f"gap of {_span(int(gaps[worst]))} from {begin} in {signal.name}"
     usual = int(np.median(np.diff(times))) if len(times) > 2 else 0
     if usual > MISSED * spacing:
@@ -509,14 +492,12 @@ def read_window(
     spec, folder, last = spec_of(config), _folder(root), sources[-1]
     try:
         return _read(folder, sources, spec, span)
-    except TrailingGap as error:
-        if _may_grow(folder, last, spec, today):
-            raise PendingError(f"the log of {last.date} is not finished: {error}") from None
-        raise DataError(str(error)) from None
-    except CutError as error:
+    except (TrailingGap, CutError) as error:
+        cut = isinstance(error, CutError)
         torn = any(shown(path) in str(error) for path, *_ in last.parts)
-        if torn and _may_grow(folder, last, spec, today):
-            raise PendingError(f"the log of {last.date} is being written: {error}") from None
+        if (torn or not cut) and _may_grow(folder, last, spec, today):
+            state = "being written" if cut else "not finished"
+            raise PendingError(f"the log of {last.date} is {state}: {error}") from None
         raise DataError(str(error)) from None
 
 
@@ -584,7 +565,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
     start, end = span or (bounds[0][0], bounds[-1][1])
     if span:
         series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}
-    grid = make_grid(start, end, spec.period, days[0][1], len(sources))
+    grid = make_grid(start, end, spec.period, days[0][1])
     samples, n_filled = sampled(series, grid, spec.signals, spec)
     return DataSet(
         date=sources[-1].date,
@@ -732,6 +713,5 @@ def read_series(
             refused.append(str(error))
         else:
             parts.append(series)
-    names = [signal.name for signal in spec.signals]
-    empty = (np.empty(0, np.int64), np.empty(0))
-    return {name: _join([part[name] for part in parts]) if parts else empty for name in names}, zone, refused
+    none = {signal.name: (np.empty(0, np.int64), np.empty(0)) for signal in spec.signals}
+    return {name: _join([part[name] for part in parts or [none]]) for name in none}, zone, refused

@@ -7,7 +7,7 @@ The files are joined to one series per source, the sources make canonical column
 import datetime as dt
 import difflib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from hashlib import sha256
@@ -24,16 +24,15 @@ from rivid.database import queried
 from rivid.errors import ConfigError, DataError, NoDataError
 from rivid.input_config import InputConfig
 from rivid.logs import SUFFIXES, suffix_of
-from rivid.logs.days import Grid, TimedValues, TrailingGap, make_grid, sampled
+from rivid.logs.days import OFFSETS, Grid, TimedValues, TrailingGap, make_grid, sampled
 from rivid.logs.log import (
-    LARGEST,
+    at_midnights,
     days_of,
     in_utc,
     read_table,
     repeated,
+    suspect,
     table_of,
-    too_large,
-    undeclared,
     zone_of,
 )
 from rivid.logs.sniff.columns import looks_like_flags, stated_unit
@@ -143,7 +142,7 @@ def gather(tables: Sequence[Table], spec: Spec) -> tuple[dt.tzinfo, dict[str, Se
         for columns in table.parts:
             times, wrong = in_utc(columns, zone, spec)
             rows = [fault.at for fault in wrong]
-            wrong += _faults(columns, times, spec, zone)
+            wrong += suspect(columns, times, spec, zone)
             # of a row that cannot be read the day is not known: it counts for those of both neighbours
             wrong += [bad._replace(at=bad.at - k) for bad in columns.bad for k in (0, 1)]
             last = len(times) - 1
@@ -161,10 +160,7 @@ def _one_zone(tables: Sequence[Table], spec: Spec) -> dt.tzinfo:
     zones = {zone_of(columns, spec, table.name): table.name for table in tables for columns in table.parts}
     if len({day_bounds(dt.date(2000, 1, 1), zone) for zone in zones}) > 1:
         one, other = list(zones.values())[:2]
-        raise UndeclaredError(
-            f"{one} and {other} have different UTC offsets: set [input] time_zone to the zone whose days are "
-            'meant, for example "Europe/Paris"'
-        )
+        raise UndeclaredError(f'{one} and {other} {OFFSETS}, for example "Europe/Paris"')
     return next(iter(zones))
 
 
@@ -179,38 +175,24 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
     return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
 
 
-def _faults(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
-    """Undeclared sentinels and values beyond any river, at their rows."""
-    faults = undeclared(columns, times, spec, zone)
-    for signal in spec.signals:
-        for source in set(signal.sources) & set(columns.numbers):
-            values = columns.numbers[source] * signal.factor
-            beyond = (np.abs(values) > LARGEST) & ~np.isin(columns.numbers[source], spec.input.sentinels)
-            for row in np.flatnonzero(beyond).tolist():
-                faults.append(Fault(row, too_large(source, signal, columns, row, abs(float(values[row])))))
-    return faults
-
-
 def _join(name: str, pieces: list[_Piece], zone: dt.tzinfo, faults: list[Fault]) -> Series:
-    _, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    files, all_columns, all_times, all_values, all_statuses = zip(*pieces, strict=True)
+    starts = np.cumsum([0, *map(len, all_times)])
+
+    def place(row: int) -> str:
+        piece = int(starts.searchsorted(order[row], "right")) - 1
+        return f"{files[piece]}, {all_columns[piece].place(int(order[row] - starts[piece]))}"
+
     times, values, statuses = map(np.concatenate, (all_times, all_values, all_statuses))
     unsorted = sum(int((part < np.maximum.accumulate(part)).sum()) for part in all_times)
     order = np.argsort(times, kind="stable")
     times, values, statuses = times[order], values[order], statuses[order]
     there = np.flatnonzero(statuses == ValueStatus.USED)
-    again, found = repeated(name, times, values, there, zone, lambda row: _place(pieces, int(order[row])))
+    again, found = repeated(name, times, values, there, zone, place)
     faults += found
     statuses[there[again]] = ValueStatus.DUPLICATE
     unreadable = sum(len(columns.bad) for columns in all_columns)
     return Series(name, times, values, statuses, unsorted, unreadable)
-
-
-def _place(pieces: list[_Piece], row: int) -> str:
-    for file, columns, times, _, _ in pieces:
-        if row < len(times):
-            return f"{file}, {columns.place(row)}"
-        row -= len(times)
-    raise IndexError(row)
 
 
 def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, Any]:
@@ -233,7 +215,7 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
     files = []
     for table in tables:
         for columns in table.parts:
-            flags += columns.flags
+            flags.update(flag for _, flag in columns.flagged)
         good = sum(len(columns.times) for columns in table.parts)
         files.append(
             {
@@ -377,18 +359,8 @@ class DayResult:
         return {**self.__dict__, "date": str(self.date)}
 
 
-DayRows = tuple[Ints, dict[str, Floats], Origins, Origins]
-"""Of a day: ascending times (n,) of its rows [us UTC]; canonical columns (n,), NaN where a row has no
-value; the rows of the sources that the values come from; its reports, sampled or not."""
-
-
-def _settle(rows: DayRows, status: ValueStatus) -> None:
-    """Set the status of the values of a day."""
-    _, _, origins, reports = rows
-    for series, at in reports:
-        series.statuses[at[series.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
-    for series, at in origins:  # one held into a second day stays used
-        series.statuses[at[series.statuses[at] != ValueStatus.USED]] = status
+DayRows = tuple[TimedValues, Origins, Origins]
+"""Of a day: its values; the rows of the sources that they come from; its reports, sampled or not."""
 
 
 def dates_of(
@@ -402,15 +374,11 @@ def dates_of(
         found |= set(days_of(stamps, zone, spec.tolerance))
         if all(held):  # nothing may change for a whole day
             found = {min(found) + k * ONE_DAY for k in range((max(found) - min(found)).days + 1)}
-    longest = max(column.signal.spacing for column in columns)
     kept = []
     for date in sorted(found):
         start, end = (t - spec.tolerance for t in day_bounds(date, zone))
-        first = start + max(2 * spec.tolerance + 1, spec.latest)
-        low, high = stamps.searchsorted((first, end))
-        faulty = any(start <= fault.at < end for fault in faults)
         lasting = all(held) and stamps[0] <= start + 2 * spec.tolerance and end <= stamps[-1]
-        if low < high or faulty or lasting or 2 * longest > end - start:
+        if lasting or not at_midnights(stamps, faults, start, end, spec):
             kept.append(date)
     return kept
 
@@ -429,14 +397,10 @@ def judge(
     If the data sets are not `whole` days, gaps refuse no day.
     """
     grid = make_grid(*day_bounds(date, zone), spec.period, zone)
-    parts = [column.of_day(grid, spec.tolerance) for column in columns]
-    times = np.unique(np.concatenate([times for times, _, _ in parts]))
-    values = {}
-    for column, (at, there, _) in zip(columns, parts, strict=True):
-        values[column.signal.name] = np.full(len(times), np.nan)
-        values[column.signal.name][times.searchsorted(at)] = there
-    origins = [origin for _, _, found in parts for origin in found]
-    rows = times, values, origins, [r for column in columns for r in column.reports_within(grid)]
+    parts = {column.signal.name: column.of_day(grid, spec.tolerance) for column in columns}
+    series = {name: (times, values) for name, (times, values, _) in parts.items()}
+    origins = [origin for _, _, found in parts.values() for origin in found]
+    rows = series, origins, [r for column in columns for r in column.reports_within(grid)]
     day, (low, high) = DayResult(date), (grid.start - spec.tolerance, grid.end - spec.tolerance + spec.latest)
     own, given = [fault for fault in dict.fromkeys(faults) if low <= fault.at < high], spec.input.time_zone
     if own:
@@ -447,7 +411,6 @@ def judge(
         if given and still and " is logged twice " in own[0].text:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
         return day, rows
-    series = {column.signal.name: (at, there) for column, (at, there, _) in zip(columns, parts, strict=True)}
     if not whole:
         return day, rows
     try:
@@ -559,19 +522,26 @@ def ingest(
         series.statuses[series.statuses == ValueStatus.USED] = ValueStatus.OUTSIDE
     dates = [d for d in dates_of(columns, zone, faults, spec) if (first or d) <= d <= (last or d)]
     today = today or dt.datetime.now(zone).date()
-    if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
+
+    def judged() -> Iterator[tuple[DayResult, DayRows, Path, bytes]]:
         for date in dates:
-            day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
-            path = out / f"{date}.{format}"
-            if day.status == "good" and _standing_log(path, _bytes_of(rows, zone, format)[0])[0] == "differs":
+            (day, rows), data = judge(date, columns, zone, faults, spec, today, not config.run.window), b""
+            if day.status == "good":
+                data, day.rows = _bytes_of(rows[0], zone, format)
+            yield day, rows, out / f"{date}.{format}", data
+
+    if there == "own" and not force:  # it is brought up to date next to logs that stay as they are
+        for day, _, path, data in judged():
+            if day.status == "good" and _standing_log(path, data)[0] == "differs":
                 _refuse_overwriting(run_config)
     results = []
-    for date in dates:
-        day, rows = judge(date, columns, zone, faults, spec, today, not config.run.window)
+    for day, (_, origins, reports), path, data in judged():
         if day.status == "good":
-            path = out / f"{date}.{format}"
-            _write(day, path, *_bytes_of(rows, zone, format), force=force, dry_run=dry_run)
-        _settle(rows, OF_DAY.get(day.status, ValueStatus.USED))
+            _write(day, path, data, force=force, dry_run=dry_run)
+        for one, at in reports:
+            one.statuses[at[one.statuses[at] == ValueStatus.OUTSIDE]] = ValueStatus.BETWEEN
+        for one, at in origins:  # a value that is held into a second day stays used
+            one.statuses[at[one.statuses[at] != ValueStatus.USED]] = OF_DAY.get(day.status, ValueStatus.USED)
         results.append(day)
     written = any(result.status in ("written", "identical") for result in results)
     if there != "same" and not dry_run and written:
@@ -579,9 +549,9 @@ def ingest(
     return Outcome(results, ledger_of(tables, gathered.values()), run_config, _notes(tables))
 
 
-def _write(day: DayResult, path: Path, data: bytes, count: int, *, force: bool, dry_run: bool) -> None:
+def _write(day: DayResult, path: Path, data: bytes, *, force: bool, dry_run: bool) -> None:
     """Write a good day, unless another log is in its place."""
-    day.status, day.file, day.rows = "written", path.name, count
+    day.status, day.file = "written", path.name
     if dry_run:
         return
     day.status, day.file = _standing_log(path, data)
@@ -596,12 +566,13 @@ def _write(day: DayResult, path: Path, data: bytes, count: int, *, force: bool, 
         day.reason = f"{day.file} is there and differs: --force writes it again"
 
 
-def _bytes_of(rows: DayRows, zone: dt.tzinfo, format: Format) -> tuple[bytes, int]:
+def _bytes_of(series: TimedValues, zone: dt.tzinfo, format: Format) -> tuple[bytes, int]:
     """The log of a good day as a file, and how many rows it has."""
-    times, columns, *_ = rows
-    there = np.any([np.isfinite(values) for values in columns.values()], axis=0)
-    kept = {name: values[there] for name, values in columns.items()}
-    return rows_as_bytes(times[there], kept, zone, format), int(there.sum())
+    times = np.unique(np.concatenate([times for times, _ in series.values()]))
+    columns = {name: np.full(len(times), np.nan) for name in series}
+    for name, (at, values) in series.items():
+        columns[name][times.searchsorted(at)] = values
+    return rows_as_bytes(times, columns, zone, format), len(times)
 
 
 def _standing_log(path: Path, data: bytes) -> tuple[str, str]:

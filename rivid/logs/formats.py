@@ -14,7 +14,7 @@ import re
 import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -56,33 +56,24 @@ def as_text(content: bytes, name: str) -> bytes:
     return text.getvalue().encode()
 
 
-def _local(element: ET.Element) -> str:
-    """The name of an element without its namespace."""
-    return element.tag.rpartition("}")[2]
-
-
-def _within(element: ET.Element, *names: str) -> Iterator[ET.Element]:
-    """The descendants that have one of these names."""
-    return (each for each in element.iter() if _local(each) in names)
-
-
-def _attribute(element: ET.Element | None, *names: str) -> str:
-    """The first of these attributes that an element has, without namespaces."""
-    found = {} if element is None else {key.rpartition("}")[2]: text for key, text in element.attrib.items()}
+def _attribute(elements: Iterable[ET.Element | None], *names: str) -> str:
+    """The first of these attributes that the first of some elements has, without namespaces."""
+    first = next((each for each in elements if each is not None), None)
+    found = {} if first is None else {key.rpartition("}")[2]: text for key, text in first.attrib.items()}
     return next((found[name] for name in names if found.get(name)), "")
 
 
 def _pi_xml(content: bytes) -> Rows:
     """Delft-FEWS PI-XML: times in the zone that the file states in hours, flags of 0 to 9."""
     root = ET.fromstring(content)
-    hours = float(next((zone.text or "0" for zone in _within(root, "timeZone")), "0"))
-    zone = dt.timezone(dt.timedelta(hours=hours))
-    for series in _within(root, "series"):
-        header = {_local(each): (each.text or "").strip() for each in next(_within(series, "header"))}
+    zone = dt.timezone(dt.timedelta(hours=float(root.findtext(".//{*}timeZone") or "0")))
+    for series in root.iterfind(".//{*}series"):
+        entries = series.iterfind("{*}header/*")
+        header = {each.tag.rpartition("}")[2]: (each.text or "").strip() for each in entries}
         names = ("locationId", "parameterId", "qualifierId", "ensembleMemberIndex")
         tag = " ".join(header[name] for name in names if header.get(name))
         missing = float(header.get("missVal") or "nan")
-        for event in _within(series, "event"):
+        for event in series.iterfind("{*}event"):
             at = dt.datetime.fromisoformat(f"{event.get('date')}T{event.get('time')}").replace(tzinfo=zone)
             value = event.get("value", "")
             there = value and float(value) != missing
@@ -91,16 +82,22 @@ def _pi_xml(content: bytes) -> Rows:
 
 def _waterml(content: bytes) -> Rows:
     """WaterML 2: each series has the names of its place and of what was observed."""
-    for one in _within(ET.fromstring(content), "OM_Observation"):
-        parts = (next(_within(one, kind), None) for kind in ("featureOfInterest", "observedProperty"))
+    top = ET.Element("")
+    top.append(ET.fromstring(content))
+    for one in top.iterfind(".//{*}OM_Observation"):
+        parts = (one.iterfind(f".//{{*}}{kind}") for kind in ("featureOfInterest", "observedProperty"))
         tag = " ".join(_attribute(part, "title", "href").rsplit("/", 1)[-1] for part in parts).strip()
-        default = next(_within(one, "DefaultTVPMeasurementMetadata"), one)
-        unit = _attribute(next(_within(default, "uom"), None), "code", "title", "href")
-        usual = _attribute(next(_within(default, "qualifier", "quality"), None), "title", "href")
-        for point in _within(one, "MeasurementTVP"):
-            of = {_local(each): each for each in point.iter()}
-            flag = _attribute(of.get("qualifier", of.get("quality")), "title", "href")
-            yield of["time"].text, tag, of["value"].text, unit, flag or usual
+        default = next(one.iterfind(".//{*}DefaultTVPMeasurementMetadata"), one)
+        unit = _attribute(default.iterfind(".//{*}uom"), "code", "title", "href")
+        usual = _flag(default)
+        for point in one.iterfind(".//{*}MeasurementTVP"):
+            time, value = (next(point.iterfind(f"{{*}}{kind}")).text for kind in ("time", "value"))
+            yield time, tag, value, unit, _flag(point) or usual
+
+
+def _flag(element: ET.Element) -> str:
+    """The qualifier within an element, else the quality."""
+    return _attribute((element.find(".//{*}qualifier"), element.find(".//{*}quality")), "title", "href")
 
 
 def _ogc_json(content: bytes) -> Rows:

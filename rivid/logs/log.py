@@ -8,9 +8,9 @@ its type, times are ISO 8601 or of the declared format, and a cell of another ki
 import datetime as dt
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,6 @@ from rivid.logs.spec import (
     is_day_file,
     local,
     read_bytes,
-    read_text,
     refuse_rows,
     refuse_size,
     seconds_of,
@@ -50,7 +49,6 @@ from rivid.logs.text import (
     Columns,
     Fault,
     Header,
-    NumberReader,
     RowReader,
     Table,
     UndeclaredError,
@@ -102,7 +100,8 @@ def read_fast(content: bytes, header: Header, spec: Spec) -> Columns | None:
             return None  # infinite, or a NaN that is not declared missing
         numbers[name] = values
     seconds = seconds_of(offset) if offset else None
-    return Columns(micros, bool(offset), seconds, numbers, line + given.unit_rows + 1)
+    first = line + given.unit_rows + 1
+    return Columns(micros, bool(offset), seconds, numbers, range(first, first + len(micros)))
 
 
 @lru_cache(maxsize=16)
@@ -148,10 +147,9 @@ def read_parquet(
 ) -> Table:
     """Read a Parquet file of at most `limits` bytes, unpacked, and rows.
 
-    Numbers and times are taken as they are. With flags, zones or tags, or to `watch` the other columns, cells
-    are read as texts, by the same rules as in text files; `stem` is the tag where no column holds it. Raises
-    DataError for a file that is damaged, too large, or lacks the required columns and types; CutError for one
-    without its end.
+    Numbers and times are taken as they are. With texts, flags, zones or tags, or to `watch` the other
+    columns, cells are read as in text files; `stem` is the tag where no column holds it. DataError for a file
+    that is damaged, too large, or lacks the required columns and types; CutError for one without its end.
     """
     if content[:4] != b"PAR1":
         raise DataError(f"{name} is not a Parquet file: it does not begin with PAR1")
@@ -162,7 +160,8 @@ def read_parquet(
             return _as_texts(_unpack(content, None, spec, name, limits), spec, stem, watch)
         wanted = [*spec.time, *spec.sources, *spec.flags.values(), spec.input.zone_column]
         table = _unpack(content, [*filter(None, dict.fromkeys(wanted))], spec, name, limits)
-        return _as_numbers(table, spec, name) if spec.plain else _as_texts(table, spec, stem, watch)
+        typed = spec.plain and len(spec.time) == 1 and not any(map(_is_text, table.schema.types))
+        return _as_numbers(table, spec) if typed else _as_texts(table, spec, stem, watch)
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise DataError(f"{name} is a damaged Parquet file: {' '.join(str(error).split())[:200]}") from None
 
@@ -173,11 +172,8 @@ def _unpack(
     """The wanted columns, or all, after a check of names, sizes and types."""
     import pyarrow.parquet as pq  # 65 ms, which a directory of CSV logs need not wait for
 
-    def opened(texts: list[str]) -> Any:
-        source = pa.BufferReader(content)
-        return pq.ParquetFile(source, page_checksum_verification=True, read_dictionary=texts, **_FOOTER)
-
-    file = opened([])
+    opened = partial(pq.ParquetFile, page_checksum_verification=True, **_FOOTER)
+    file = opened(pa.BufferReader(content))
     schema = file.schema_arrow
     check_names(schema.names, spec, name, some=wanted is None)
     metadata = file.metadata
@@ -191,15 +187,18 @@ def _unpack(
         kind = schema.field(column).type
         if column in texts:
             continue
-        if column in spec.time and not pa.types.is_timestamp(kind) and not _is_count(kind, spec):
-            hint = ""
-            if _is_number(kind):
-                hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
-            raise DataError(f"{name}: column {column!r} is of type {kind}: expected times or text{hint}")
-        if column in spec.sources and not _is_number(kind):
-            raise DataError(f"{name}: column {column!r} is of type {kind}: expected numbers")
+        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+        counted = spec.input.time_format in UNIX and len(spec.time) == 1 and is_number
+        if column in spec.time and not pa.types.is_timestamp(kind) and not counted:
+            hint = '; seconds or milliseconds since 1970 are [input] time_format = "unix" or "unix_ms"'
+            expected = f"times or text{hint if is_number else ''}"
+        elif column in spec.sources and not is_number:
+            expected = "numbers"
+        else:
+            continue
+        raise DataError(f"{name}: column {column!r} is of type {kind}: expected {expected}")
     if texts:  # as codes, so that a long text that many rows share stays one
-        file = opened(texts)
+        file = opened(pa.BufferReader(content), read_dictionary=texts)
     table = file.read(columns=wanted, use_threads=False)
     for column in texts:
         for chunk in table[column].chunks:
@@ -219,30 +218,33 @@ def _is_text(kind: pa.DataType) -> bool:
     return str(kind) in ("string", "large_string", "string_view")
 
 
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
-
-
-def _is_count(kind: pa.DataType, spec: Spec) -> bool:
-    """Whether a column of numbers counts the time since 1970, as declared."""
-    return spec.input.time_format in UNIX and len(spec.time) == 1 and _is_number(kind)
-
-
 def _as_texts(table: pa.Table, spec: Spec, stem: str, watch: bool) -> Table:
-    """The rows of a table as a text file would hold them."""
+    """The rows of a table as a text file would hold them; in a log, a cell of nothing is not measured."""
+    kinds = [table.schema.field(column).type for column in spec.time]
+    given: dict[str, Any] = {} if watch else {"missing": [*spec.input.missing, ""]}
+    if all(map(pa.types.is_timestamp, kinds)):
+        given["time_format"] = None
+    spec = replace(spec, input=spec.input.model_copy(update=given))
     names = tuple(table.column_names)
-    kinds = {str(table.schema.field(column).type) for column in spec.time}
-    if all(kind.startswith("timestamp") for kind in kinds):
-        spec = replace(spec, input=spec.input.model_copy(update={"time_format": None}))
     reader = RowReader(names, spec, stem, watch, unit="row")
-    columns = [_texts(column, spec.input.decimal) for column in table.columns]
+    columns = [_texts(table[i], "." if n in spec.time else spec.input.decimal) for i, n in enumerate(names)]
     for number, cells in enumerate(zip(*columns, strict=True), 1):
-        reader.row(number, list(cells))
-    return reader.table()
+        if watch or any(cells):
+            reader.row(number, list(cells))
+        else:
+            reader.empty.append(reader.count)
+    read, zone = reader.table(), getattr(kinds[0], "tz", None)
+    if _fixed_offset(zone) is None:
+        read.parts = [replace(columns, zone=zone) for columns in read.parts]
+    return read
 
 
 def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
-    texts = []
+    kind, texts = column.type, []
+    if pa.types.is_timestamp(kind):  # Python has no nanoseconds
+        column = column.cast(pa.timestamp("us", tz=kind.tz), safe=False)
+    elif pa.types.is_decimal(kind):
+        column = column.cast(_FLOAT, safe=False)
     for cell in column.to_pylist():
         if cell is None:
             text = ""
@@ -250,23 +252,24 @@ def _texts(column: pa.ChunkedArray, decimal: str) -> list[str]:
             text = "" if cell != cell else repr(cell).replace(".", decimal)
         else:
             text = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
-        if len(text) > LONGEST_TEXT:
-            raise ValueError(f"a cell is {len(text):,} characters long")
         texts.append(text.strip())
     return texts
 
 
-def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
-    """Times and numbers of a table, column by column."""
+def _as_numbers(table: pa.Table, spec: Spec) -> Table:
+    """A time and numbers, none of them texts, column by column."""
     bad: dict[int, str] = {}
-    times, offset, aware, zone = _times(table, spec, bad, name)
-    numbers = {column: _numbers(table[column], spec, column, bad) for column in spec.sources}
+    times, zone = _times(table[spec.time[0]], spec, bad)
+    offset, numbers = _fixed_offset(zone), {}
+    for name in spec.sources:
+        # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
+        numbers[name] = np.asarray(table[name].cast(_FLOAT, safe=False).to_numpy(), np.float64)
+        _mark(np.isinf(numbers[name]), bad, f"column {name!r} holds an infinite number")
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
-    read = [table[column] for column in (*spec.time, *spec.sources)]
     empty = np.zeros(len(good), bool)
-    if all(column.null_count for column in read):
-        empty = np.all([column.is_null().to_numpy() for column in read], axis=0)
+    if all(column.null_count for column in table.columns):
+        empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
     for i in np.flatnonzero(empty).tolist():
         bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
@@ -275,49 +278,29 @@ def _as_numbers(table: pa.Table, spec: Spec, name: str) -> Table:
         return Table([], faults[0].text if faults else "a header and no rows")
     columns = Columns(
         times[rows],
-        aware,
+        zone is not None,
         offset,
         {column: values[rows] for column, values in numbers.items()},
-        lines=None if len(rows) == len(good) else rows + 1,
+        range(1, len(rows) + 1) if len(rows) == len(good) else (rows + 1).tolist(),
         bad=faults,
         dropped={"empty rows": before[empty].tolist()} if empty.any() else {},
-        zone=zone,
+        zone=zone if offset is None else None,
         unit="row",
     )
     return Table([columns], rows=table.num_rows)
 
 
-def _times(
-    table: pa.Table, spec: Spec, bad: dict[int, str], name: str
-) -> tuple[Ints, int | None, bool, str | None]:
-    """Times [us], the one offset of all [s], whether there are offsets, and the name of a stored zone."""
-    columns = [table[column] for column in spec.time]
-    given, kind = spec.input.time_format, columns[0].type
-    counted = _is_count(kind, spec)
-    if counted or (len(columns) == 1 and pa.types.is_timestamp(kind)):
-        zone = "UTC" if counted else kind.tz
-        if counted:
-            micros = np.rint(columns[0].cast(_FLOAT, safe=False).to_numpy() * UNIX[given or ""])
-        else:
-            micros = columns[0].cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
-        known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
-        _mark(np.isnan(micros), bad, "no time")
-        _mark(~known, bad, "a year that no log is of")
-        offset = _fixed_offset(zone)
-        times = np.where(known, micros, 0).astype(np.int64)
-        return times, offset, zone is not None, zone if offset is None else None
-    times, offsets = np.zeros(table.num_rows, np.int64), set[int | None]()
-    for i, cells in enumerate(zip(*(column.to_pylist() for column in columns), strict=True)):
-        text = " ".join(map(str, cells))
-        time = read_text(text, given)
-        if time is None:
-            bad[i] = f"{text[:40]!r} is no time: expected ISO 8601, or set [input] time_format"
-        else:
-            times[i] = time[0]
-            offsets.add(time[1])
-    if None in offsets and len(offsets) > 1:
-        raise DataError(f"{name}: times with and without offset are mixed: expected one kind")
-    return times, next(iter(offsets)) if len(offsets) == 1 else None, None not in offsets, None
+def _times(column: pa.ChunkedArray, spec: Spec, bad: dict[int, str]) -> tuple[Ints, str | None]:
+    """Times [us], and their zone: that of the timestamps, or UTC of counts."""
+    zone = column.type.tz if pa.types.is_timestamp(column.type) else "UTC"
+    if pa.types.is_timestamp(column.type):
+        micros = column.cast(pa.timestamp("us", tz=zone), safe=False).cast(pa.int64()).to_numpy()
+    else:
+        micros = np.rint(column.cast(_FLOAT, safe=False).to_numpy() * UNIX[spec.input.time_format or ""])
+    known = (micros >= FIRST) & (micros < LAST)  # as floating-point numbers they are exact until 2200
+    _mark(np.isnan(micros), bad, "no time")
+    _mark(~known, bad, "a year that no log is of")
+    return np.where(known, micros, 0).astype(np.int64), zone
 
 
 def _fixed_offset(zone: str | None) -> int | None:
@@ -325,24 +308,6 @@ def _fixed_offset(zone: str | None) -> int | None:
     if zone is not None and zone.upper() in ("UTC", "Z", "ETC/UTC", "GMT"):
         return 0
     return seconds_of(zone) if zone is not None and re.fullmatch(r"[+-]\d\d:\d\d", zone) else None
-
-
-def _numbers(column: pa.ChunkedArray, spec: Spec, name: str, bad: dict[int, str]) -> Floats:
-    if not _is_text(column.type):
-        # an integer beyond 2^53 loses digits: no value of a river, so the day fails by its size
-        values: Floats = np.asarray(column.cast(_FLOAT, safe=False).to_numpy(), np.float64)
-        _mark(np.isinf(values), bad, f"column {name!r} holds an infinite number")
-        return values
-    given = spec.input
-    reader = NumberReader(given.missing, given.decimal, given.thousands)
-    values = np.full(len(column), np.nan)
-    for i, text in enumerate(column.to_pylist()):
-        value = np.nan if text is None else reader.read(text)
-        if value is None:
-            bad.setdefault(i, reader.refusal(name, text))
-        else:
-            values[i] = value
-    return values
 
 
 def _mark(rows: Bools, bad: dict[int, str], reason: str) -> None:
@@ -368,6 +333,7 @@ FARTHER = 2.0
 """Number of such distances by which a number of :data:`ROUND` must be off."""
 _NEGATIVE = frozenset(s for s in SENTINELS if s < 0)
 _POSITIVE = frozenset(s for s in SENTINELS if s > 0)
+_LEAST, _MOST = max(_NEGATIVE), min(_POSITIVE)
 _HOUR = 3600 * MICRO
 _LONGEST_DAY = 26 * _HOUR
 
@@ -384,21 +350,11 @@ class Log:
     spec: Spec
     zone: dt.tzinfo  # of the local days
     times: Ints  # (n,) distinct times of its rows, ascending [us UTC]
-    values: dict[str, Floats]  # (n,) per canonical column, m3/s or m; NaN where nothing is measured
+    # per canonical column: times from which its values count [us], and those that are there [m3/s or m]
+    series: dict[str, tuple[Ints, Floats]]
     faults: tuple[Fault, ...]  # in order of time
     events: dict[str, Ints]  # times [us], ascending, of what was masked, dropped or sorted, per kind
     digest: str  # SHA-256 of the file
-
-    @cached_property
-    def series(self) -> dict[str, tuple[Ints, Floats]]:
-        """Per canonical column: times from which its values count [us], and the values that are there."""
-        series = {}
-        for signal in self.spec.signals:
-            values = self.values[signal.name]
-            there = np.isfinite(values)
-            times = self.times - signal.shift if signal.shift else self.times
-            series[signal.name] = (times, values) if there.all() else (times[there], values[there])
-        return series
 
     def bounds(self, date: dt.date) -> tuple[int, int]:
         """A local day's rows are those from the first instant on, before the second [us]."""
@@ -408,36 +364,16 @@ class Log:
 
     def of_day(self, date: dt.date) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that belongs to a local day."""
-        start, end = self.bounds(date)
-        part: dict[str, tuple[Ints, Floats]] = {}
-        last = own = np.empty(0, np.int64)
-        low = high = 0
-        for name, (times, values) in self.series.items():
-            if times is not last:  # columns with values in the same rows share their times
-                low, high = times.searchsorted((start, end)).tolist()
-                last, own = times, times[low:high]
-            part[name] = own, values[low:high]
-        return part
+        return {name: cut(*column, *self.bounds(date)) for name, column in self.series.items()}
 
     def closing(self, end: int) -> dict[str, tuple[Ints, Floats]]:
         """The part of each series that is stamped from `end` on, but belongs before it [us]."""
-        part = {}
-        for signal in self.spec.signals:
-            times, values = self.series[signal.name]
-            low, high = times.searchsorted((end - signal.shift, end)).tolist()
-            part[signal.name] = times[low:high], values[low:high]
-        return part
+        signals = self.spec.signals
+        return {one.name: cut(*self.series[one.name], end - one.shift, end) for one in signals}
 
     def is_edge(self, date: dt.date) -> bool:
         """Whether a local day has no row but such as begin or end another day, at its midnights."""
-        start, end = self.bounds(date)
-        if 2 * max(signal.spacing for signal in self.spec.signals) > end - start:
-            return False  # a row is much of a day
-        if any(start <= fault.at < end for fault in self.faults):
-            return False
-        first = start + max(2 * self.spec.tolerance + 1, self.spec.latest)
-        low, high = self.times.searchsorted((first, end))
-        return bool(low == high)
+        return at_midnights(self.times, self.faults, *self.bounds(date), self.spec)
 
     def faults_of(self, date: dt.date) -> list[Fault]:
         """The faults of a local day, those of the rows that close it included."""
@@ -466,6 +402,22 @@ class Log:
         parts = list({id(times): times for times, _ in self.series.values()}.values())  # mostly shared
         parts.append(np.array([fault.at for fault in self.faults], np.int64))
         return days_of(np.concatenate(parts), self.zone, self.spec.tolerance)
+
+
+def cut(times: Ints, values: Floats, start: int, end: int) -> tuple[Ints, Floats]:
+    """Ascending times (n,) from `start` on, before `end` [us UTC], and the values (n,) there."""
+    low, high = times.searchsorted((start, end)).tolist()
+    return times[low:high], values[low:high]
+
+
+def at_midnights(stamps: Ints, faults: Sequence[Fault], start: int, end: int, spec: Spec) -> bool:
+    """Whether stamps (n,) of a day's bounds [us UTC] are those of rows at its midnights alone."""
+    if 2 * max(signal.spacing for signal in spec.signals) > end - start:
+        return False  # a row is much of a day
+    if any(start <= fault.at < end for fault in faults):
+        return False
+    low, high = stamps.searchsorted((start + max(2 * spec.tolerance + 1, spec.latest), end))
+    return bool(low == high)
 
 
 def days_of(times: Ints, zone: dt.tzinfo, early: int) -> list[dt.date]:
@@ -563,64 +515,63 @@ def make_log(table: Table, spec: Spec) -> Log:
     zone = zone_of(columns, spec, table.name)
     events: dict[str, list[int]] = {}
     times, faults = in_utc(columns, zone, spec)  # faults are at a row
-    values = {signal.name: _total(signal, columns, spec, events, faults) for signal in spec.signals}
-    faults += undeclared(columns, times, spec, zone)
+    values = {signal.name: _total(signal, columns, spec, events) for signal in spec.signals}
+    faults += suspect(columns, times, spec, zone)
     last = len(times) - 1
     faults += [Fault(min(max(bad.at - 1, 0), last), bad.text, bad.cut) for bad in columns.bad]
-    for kind, rows in columns.dropped.items():
+    dropped = {"flagged values": [row + 1 for row, _ in columns.flagged], **columns.dropped}
+    for kind, rows in dropped.items():
         events.setdefault(f"{kind} dropped", []).extend(min(max(row - 1, 0), last) for row in rows)
 
     steps = np.diff(times)
-    order = None
-    if (steps < 0).any():
+    order = np.argsort(times, kind="stable") if (steps < 0).any() else None
+    if order is not None:
         late = np.flatnonzero(times < np.maximum.accumulate(times))
         events["rows out of order sorted"] = late.tolist()
-        order = np.argsort(times, kind="stable")
     timed = {kind: np.sort(times[rows]) for kind, rows in events.items() if rows}
     dated = [Fault(int(times[fault.at]), fault.text, fault.cut) for fault in faults]
     if order is not None:
-        times, values = times[order], {k: v[order] for k, v in values.items()}
+        times, values = times[order], {name: column[order] for name, column in values.items()}
         steps = np.diff(times)
-    if (steps == 0).any():
-        first = np.r_[True, steps > 0]
-        timed["duplicates dropped"] = times[~first]
-        group = np.cumsum(first) - 1
-        origin = np.arange(len(times)) if order is None else order
-        for name, column in values.items():  # values that agree, or are there only once, are joined
-            there = np.flatnonzero(np.isfinite(column))
-            again, found = repeated(
-                name, times, column, there, zone, lambda row: columns.place(int(origin[row]))
-            )
+    again = np.flatnonzero(steps == 0) + 1
+    if len(again):
+        timed["duplicates dropped"] = times[again]
+    series = {}
+    for signal in spec.signals:
+        column, own = values[signal.name], times - signal.shift if signal.shift else times
+        there = np.flatnonzero(np.isfinite(column))
+        if len(again):  # values that agree, or are there only once, are joined
+
+            def place(row: int) -> str:
+                return columns.place(row if order is None else int(order[row]))
+
+            twice, found = repeated(signal.name, times, column, there, zone, place)
             dated += found
-            kept = np.delete(there, again)
-            values[name] = np.full(int(group[-1]) + 1, np.nan)
-            values[name][group[kept]] = column[kept]
-        times = times[first]
-    return Log(table.name, spec, zone, times, values, tuple(sorted(dated)), timed, table.digest)
+            there = np.delete(there, twice)
+        series[signal.name] = (own, column) if len(there) == len(own) else (own[there], column[there])
+    times = np.delete(times, again) if len(again) else times
+    return Log(table.name, spec, zone, times, series, tuple(sorted(dated)), timed, table.digest)
 
 
 def zone_of(columns: Columns, spec: Spec, name: str) -> dt.tzinfo:
     """The zone whose midnight begins a day; UndeclaredError where neither log nor configuration states it."""
     if spec.input.time_zone:
         return ZoneInfo(spec.input.time_zone)
-    example = 'for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles"'
-    example += ' ("Etc/GMT+8" is 8 h behind UTC)'
     if not columns.aware:
-        raise UndeclaredError(
-            f"{name}: its times have no UTC offset: set the zone of the log's clock, {example}"
-        )
-    if columns.zone is not None:
+        why = "its times have no UTC offset: set the zone of the log's clock,"
+    elif columns.zone is not None:
         try:
             return ZoneInfo(columns.zone)
         except (OSError, ValueError, KeyError):
-            raise UndeclaredError(
-                f"{name}: its time zone {columns.zone[:40]!r} is unknown: set {example}"
-            ) from None
-    if columns.offset is None:
-        raise UndeclaredError(
-            f"{name}: its times have several UTC offsets: set the zone whose days are meant, {example}"
-        )
-    return dt.timezone(dt.timedelta(seconds=columns.offset))
+            why = f"its time zone {columns.zone[:40]!r} is unknown: set"
+    elif columns.offset is not None:
+        return dt.timezone(dt.timedelta(seconds=columns.offset))
+    else:
+        why = "its times have several UTC offsets: set the zone whose days are meant,"
+    raise UndeclaredError(
+        f'{name}: {why} for example [input] time_zone = "Europe/Paris" or "America/Los_Angeles" ("Etc/GMT+8" '
+        "is 8 h behind UTC)"
+    )
 
 
 def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fault]]:
@@ -631,9 +582,7 @@ def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fa
     return times, [Fault(row, f"{columns.place(row)}: {reason}") for row, reason in refused]
 
 
-def _total(
-    signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]], faults: list[Fault]
-) -> Floats:
+def _total(signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]]) -> Floats:
     """A canonical column from those of the log: sentinels masked, summed, in SI units."""
     total: Floats | None = None
     for source in signal.sources:
@@ -645,23 +594,7 @@ def _total(
                 values = np.where(masked, np.nan, values)
         total = values if total is None else total + values
     assert total is not None
-    if signal.factor != 1.0:
-        total = total * signal.factor
-    if max(np.fmax.reduce(total, initial=0.0), -np.fmin.reduce(total, initial=0.0)) > LARGEST:
-        total = total.copy()
-        for row in np.flatnonzero(np.abs(total) > LARGEST).tolist():
-            faults.append(Fault(row, too_large(signal.name, signal, columns, row, float(total[row]))))
-            total[row] = np.nan
-    return total
-
-
-def too_large(name: str, signal: Signal, columns: Columns, row: int, value: float) -> str:
-    """The message for a value beyond :data:`LARGEST`."""
-    unit = "m" if signal.name == "h_L" else "m3/s"
-    return (
-        f"{columns.place(row)}: {name} = {value:.3g} {unit} is beyond any river: check [input.units], "
-        "or add the value to [input] sentinels"
-    )
+    return total if signal.factor == 1.0 else total * signal.factor
 
 
 def repeated(
@@ -705,15 +638,23 @@ def _is_far(sentinel: float, others: Floats) -> bool:
     return off > span or (low >= 0 > sentinel)
 
 
-def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
-    """A fault for each day with undeclared sentinels, at its first such row; times (n,) [us UTC]."""
+def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
+    """Faults at rows: values beyond any river, and each day's undeclared sentinels; times (n,) [us UTC]."""
     many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
-    given, found = spec.input, []
+    given, found, faults = spec.input, [], []
     for source in spec.sources:
         if source not in columns.numbers:
             continue  # it is in another file
         values = columns.numbers[source]
-        small = np.fmin.reduce(values) > max(_NEGATIVE) and np.fmax.reduce(values) < min(_POSITIVE)
+        low, high = np.fmin.reduce(values), np.fmax.reduce(values)
+        signal = next(signal for signal in spec.signals if source in signal.sources)
+        if max(high, -low) * signal.factor > LARGEST:
+            unit, declared = "m" if signal.name == "h_L" else "m3/s", np.isin(values, given.sentinels)
+            for row in np.flatnonzero((np.abs(values) * signal.factor > LARGEST) & ~declared).tolist():
+                size = f"{source} = {values[row] * signal.factor:.3g} {unit}"
+                text = f"{columns.place(row)}: {size} is beyond any river: check [input.units], or add the "
+                faults.append(Fault(row, f"{text}value to [input] sentinels"))
+        small = low > _LEAST and high < _MOST
         if small or not (many_days or may_hold(values)):
             continue
         there = ~np.isin(values, given.sentinels)
@@ -725,7 +666,6 @@ def undeclared(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> li
             known = sentinels_in(values[rows])
             found += [(source, rows, sentinel) for sentinel in known if sentinel not in given.not_sentinels]
     declare = ", ".join(f"{s:.10g}" for s in dict.fromkeys([*given.sentinels, *(s for *_, s in found)]))
-    faults = []
     for source, rows, sentinel in found:
         values = columns.numbers[source][rows]
         at = rows[values == sentinel]

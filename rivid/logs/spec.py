@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import BinaryIO
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -184,7 +183,7 @@ def seconds_of(offset: str) -> int:
 EPOCH = dt.datetime(1970, 1, 1)
 FIRST, LAST = (int((dt.datetime(y, 1, 1) - EPOCH).total_seconds()) * MICRO for y in (1850, 2200))
 """Times beyond these are damage, not history [us]."""
-_QUARTER = 900 * MICRO
+_QUARTER = 900 * MICRO  # offsets change at quarters of an hour only
 _DAY = 86_400 * MICRO
 _MICROSECOND = dt.timedelta(microseconds=1)
 _HOUR_24 = re.compile(r"(?<![\d:])24(:?00(?::?00(?:[.,]0+)?)?)(?![\d:])")
@@ -228,36 +227,25 @@ def to_utc(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tup
     """
     day = naive // _DAY
     days = np.unique(day)
-    edges = np.array([[_offset(int(d) * _DAY, zone), _offset(int(d + 1) * _DAY, zone)] for d in days])
+    edges = np.array([[_offset(int(d + k) * _DAY, zone) for k in (0, 1)] for d in days])
     row = np.searchsorted(days, day)
-    utc: Ints = naive - edges[row, 0]
-    refused: list[tuple[int, str]] = []
-    for d in days[edges[:, 0] != edges[:, 1]]:
-        rows = np.flatnonzero(day == d)
-        utc[rows], wrong = _change_clocks(naive[rows], zone, ambiguous)
-        refused += [(int(rows[i]), reason) for i, reason in wrong]
-    return utc, refused
-
-
-def _change_clocks(naive: Ints, zone: dt.tzinfo, ambiguous: str) -> tuple[Ints, list[tuple[int, str]]]:
-    """The times of a day on which clocks change; offsets change at quarters of an hour only."""
-    utc, refused, quarter = naive.copy(), list[tuple[int, str]](), naive // _QUARTER * _QUARTER
-    offsets = {q: (_offset(q, zone), _offset(q, zone, 1)) for q in np.unique(quarter).tolist()}
-    second_turn, before = ambiguous == "second", None
-    for i, (time, q) in enumerate(zip(naive.tolist(), quarter.tolist(), strict=True)):
-        first, second = offsets[q]
-        if first < second:
-            refused.append((i, f"{EPOCH + time * _MICROSECOND} does not exist in {zone} (clocks go forward)"))
-        elif first > second:
-            if ambiguous == "error":
-                twice = f"{EPOCH + time * _MICROSECOND} occurs twice in {zone} (clocks go back)"
-                advice = 'log offsets, or set [input] ambiguous = "first", "second" or "order"'
-                refused.append((i, f"{twice}: {advice}"))
-            elif ambiguous == "order":
-                second_turn = second_turn or (before is not None and time < before)
-                before = time
-        utc[i] = time - (second if first > second and second_turn else first)
-    return utc, refused
+    first, second, later = edges[row, 0], edges[row, 0], np.full(len(naive), ambiguous == "second")
+    change = np.flatnonzero(edges[row, 0] != edges[row, 1])
+    quarters, at = np.unique(naive[change] // _QUARTER * _QUARTER, return_inverse=True)
+    turns = [[_offset(quarter, zone, fold) for quarter in quarters.tolist()] for fold in (0, 1)]
+    first[change], second[change] = np.array(turns, np.int64)[:, at]
+    twice, moments = np.flatnonzero(first > second), naive.astype("M8[us]")
+    for d in np.unique(day[twice]) if ambiguous == "order" else ():
+        rows = twice[day[twice] == d]
+        later[rows] = np.maximum.accumulate(np.r_[False, np.diff(naive[rows]) < 0])
+    refused = [
+        (i, f"{moments[i].item()} does not exist in {zone} (clocks go forward)")
+        for i in np.flatnonzero(first < second).tolist()
+    ]
+    advice = 'clocks go back): log offsets, or set [input] ambiguous = "first", "second" or "order"'
+    if ambiguous == "error":
+        refused += [(i, f"{moments[i].item()} occurs twice in {zone} ({advice}") for i in twice.tolist()]
+    return naive - np.where(later, second, first), refused
 
 
 def _offset(naive: int, zone: dt.tzinfo, fold: int = 0) -> int:
@@ -362,9 +350,8 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
     CutError for a packed file that ends too early.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-        with open(descriptor, "rb", buffering=0) as file:
-            status = os.fstat(descriptor)
+        with open(path, "rb", buffering=0) as file:
+            status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
                 raise DataError(f"{name} is not a regular file")
             refuse_size(name, status.st_size, most)
@@ -387,14 +374,12 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
     return content, sha256(packed).hexdigest()
 
 
-def _in_chunks(file: BinaryIO | io.FileIO | gzip.GzipFile, chunk: int, most: int) -> bytes:
+def _in_chunks(file: io.FileIO | gzip.GzipFile, chunk: int, most: int) -> bytes:
     """The bytes of a file, `most` + 1 of a longer one; memory is taken as they come."""
-    parts: list[bytes] = []
-    size = 0
-    while size <= most and (part := file.read(min(chunk, most + 1 - size))):
-        parts.append(part)
-        size += len(part)
-    return b"".join(parts)
+    content = io.BytesIO()
+    while part := file.read(min(chunk, most + 1 - content.tell())):
+        content.write(part)
+    return content.getvalue()
 
 
 def refuse_size(name: str, size: int, most: int) -> None:

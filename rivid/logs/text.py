@@ -9,8 +9,7 @@ import difflib
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -48,8 +47,7 @@ class Columns:
     aware: bool  # whether the times carry offsets
     offset: int | None  # the one offset of all times [s]; None where they are many, or unaware
     numbers: dict[str, Floats]  # (n,) per column of the log, in its unit; NaN where nothing is measured
-    first_line: int = 1
-    lines: Ints | None = None  # (n,) line of each row; None where rows are consecutive from `first_line`
+    lines: Sequence[int]  # (n,) line of each row
     bad: list[Fault] = field(default_factory=list)  # rows that cannot be used
     # per kind of row that was left out on purpose: number of usable rows before each
     dropped: dict[str, list[int]] = field(default_factory=dict)
@@ -57,11 +55,16 @@ class Columns:
     unit: str = "line"  # "line" or "row", for messages
     # per column: of rows without a number, the status text, or the flag after :data:`FLAG`
     why: dict[str, dict[int, str]] = field(default_factory=dict)
-    flags: Counter[str] = field(default_factory=Counter)  # flags for which values were dropped
+
+    @property
+    def flagged(self) -> list[tuple[int, str]]:
+        """Row and flag of each value that was dropped for its flag."""
+        whys = [(row, text) for texts in self.why.values() for row, text in texts.items()]
+        return [(row, text[1:]) for row, text in whys if text.startswith(FLAG)]
 
     def place(self, row: int) -> str:
         """Where a row is in its file."""
-        return f"{self.unit} {self.first_line + row if self.lines is None else self.lines[row]}"
+        return f"{self.unit} {self.lines[row]}"
 
 
 @dataclass
@@ -89,7 +92,12 @@ class NumberReader:
     def __init__(self, missing: Iterable[str], decimal: str = ".", thousands: str = "") -> None:
         self.missing = frozenset(missing)
         self.decimal, self.thousands = decimal, thousands
-        self._plain, self._grouped = _patterns(decimal, thousands)
+        point = re.escape(decimal)
+        number = rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][+-]?[0-9]{{1,3}})?"
+        # spreadsheets write a no-break space where a space is meant
+        mark = "[ \u00a0\u202f]" if thousands == " " else re.escape(thousands)
+        grouped = rf"[+-]?[0-9]{{1,3}}(?:{mark}[0-9]{{3}})+(?:{point}[0-9]*)?"
+        self._plain, self._grouped = re.compile(number), re.compile(grouped) if thousands else None
 
     def read(self, text: str) -> float | None:
         """The number in a cell; NaN where it is declared missing, None where it is no number."""
@@ -104,32 +112,17 @@ class NumberReader:
 
     def refusal(self, column: str, text: str) -> str:
         """The message for a cell that is no number, with the key to set."""
-        return f"column {column!r} holds {text[:40]!r}, which is no number: {self._hint(text.strip())}"
-
-    def _hint(self, text: str) -> str:
-        if text.lower().lstrip("+-") in ("inf", "infinity", "nan"):
-            return f'if it means "not measured", add "{text}" to [input] missing'
+        hint = f'if it means "not measured", add "{text[:40]}" to [input] missing'
         if re.fullmatch(r"[+-]?\d+,\d+", text) and self.decimal == ".":
-            decimal = 'if the comma is the decimal mark, set [input] decimal = ","'
-            grouped = re.fullmatch(r"[+-]?\d{1,3},\d{3}", text)
-            return decimal + ('; if it separates thousands, thousands = ","' if grouped else "")
-        if re.fullmatch(r"[+-]?\d+\.\d+", text) and self.decimal == ",":
-            return '[input] decimal is ",", and the cell has a point'
-        if match := re.fullmatch(r"[+-]?\d{1,3}([ .,'\u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?", text):
+            hint = 'if the comma is the decimal mark, set [input] decimal = ","'
+            if re.fullmatch(r"[+-]?\d{1,3},\d{3}", text):
+                hint += '; if it separates thousands, thousands = ","'
+        elif re.fullmatch(r"[+-]?\d+\.\d+", text) and self.decimal == ",":
+            hint = '[input] decimal is ",", and the cell has a point'
+        elif match := re.fullmatch(r"[+-]?\d{1,3}([ .,'\u00a0\u202f])\d{3}(?:\1\d{3})*(?:[.,]\d+)?", text):
             mark = match[1] if match[1] not in "\u00a0\u202f" else " "
-            return f'if "{mark}" separates thousands, set [input] thousands = "{mark}"'
-        return f'if it means "not measured", add "{text[:40]}" to [input] missing'
-
-
-@lru_cache(maxsize=32)
-def _patterns(decimal: str, thousands: str) -> tuple[re.Pattern[str], re.Pattern[str] | None]:
-    point = re.escape(decimal)
-    plain = re.compile(rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][+-]?[0-9]{{1,3}})?")
-    if not thousands:
-        return plain, None
-    # spreadsheets write a no-break space where a space is meant
-    mark = "[ \u00a0\u202f]" if thousands == " " else re.escape(thousands)
-    return plain, re.compile(rf"[+-]?[0-9]{{1,3}}(?:{mark}[0-9]{{3}})+(?:{point}[0-9]*)?")
+            hint = f'if "{mark}" separates thousands, set [input] thousands = "{mark}"'
+        return f"column {column!r} holds {text[:40]!r}, which is no number: {hint}"
 
 
 def check_names(
@@ -140,17 +133,14 @@ def check_names(
     With `some`, some of the sources and their flags are enough: others are in another file.
     """
     given = spec.input
-    wanted = [(column, "time") for column in spec.time]
-    wanted += [(column, "quality") for source, column in spec.flags.items() if not source]
-    if given.zone_column:
-        wanted.append((given.zone_column, "zone_column"))
     sources = [(column, signal.name) for signal in spec.signals for column in signal.sources]
     if spec.long:
-        wanted += [*((column, "tag") for column in spec.tags), (given.value, "value")]
-        sources = []
-    if some and any(column in names for column, _ in sources):
+        sources = [*((column, "tag") for column in spec.tags), (given.value, "value")]
+    elif some and any(column in names for column, _ in sources):
         sources = [(column, role) for column, role in sources if column in names]
-    read = {column for column, _ in sources}
+    read = {"", *(column for column, _ in sources)}
+    wanted = [(column, "time") for column in spec.time]
+    wanted += [(given.zone_column, "zone_column")] if given.zone_column else []
     wanted += [*sources, *((flag, "quality") for source, flag in spec.flags.items() if source in read)]
     for column, role in wanted:
         count = names.count(column)
@@ -182,6 +172,7 @@ def _advice(column: str, role: str, names: Sequence[str], spec: Spec, header: st
 
 
 LINE = re.compile(r"\r\n|\n|\r")
+_LINE_END = re.compile(rb"\r\n|\n|\r")
 MANY_TEXTS = 20
 """Different texts of an unread column; with more of them it holds no flags."""
 MOST_FOOTERS = 20
@@ -292,12 +283,8 @@ def _not_utf8(name: str, line: int) -> str:
 
 def _end_of_line(content: bytes, start: int) -> int:
     """Where the next line begins; lines end with LF, CR LF or CR."""
-    feed = content.find(b"\n", start)
-    end = len(content) if feed < 0 else feed
-    back = content.find(b"\r", start, end)
-    if back >= 0 and back + 1 != feed:
-        return back + 1
-    return len(content) if feed < 0 else feed + 1
+    match = _LINE_END.search(content, start)
+    return match.end() if match else len(content)
 
 
 def footer_lines(
@@ -376,10 +363,9 @@ def read_lines(
     if footer:
         rows.footer = first + footer[0], len(footer) + given.footer_rows
     for number, line in enumerate(lines, first):
+        rows.unended = number == first + len(lines) - 1
         if line.strip():
             rows.add(number, line)
-    if lines[-1] != "":
-        rows.doubt_last(lines[-1])
     return rows.table()
 
 
@@ -403,36 +389,32 @@ class RowReader:
         self.pattern = re.compile(given.tag_pattern) if given.tag_pattern else None
         self.tag = stem if spec.long and not spec.tags and self.pattern is None else ""
         flags = {source: at(flag) for source, flag in spec.flags.items() if flag in names}
-        if spec.long:
-            cells = {source: at(given.value) for source in spec.sources}
-        else:
-            cells = {source: at(source) for source in spec.sources if source in names}
-        groups = {name: [name] for name in cells} if spec.long else {"": [*cells]}
-        self.cells = cells
-        self.flag_at = {name: flags.get(name, flags.get("", -1)) for name in cells}
-        self.rows: dict[str, list[Row]] = {group: [] for group in groups}
-        """Rows of each tag of the long layout; under "" those of the wide."""
-        none, empty = np.empty(0, np.int64), np.empty(0)
-        self.parts = {
-            group: Columns(
-                none, False, None, dict.fromkeys(names, empty), unit=unit, why={n: {} for n in names}
-            )
-            for group, names in groups.items()
+        self.cells = {
+            source: (at(given.value if spec.long else source), flags.get(source, flags.get("", -1)))
+            for source in spec.sources
+            if spec.long or source in names
         }
+        """Places of the value and of its flag, -1 where there is none, by column."""
+        self.columns = {name: [name] for name in self.cells} if spec.long else {"": [*self.cells]}
+        """Columns of each tag of the long layout; under "" those of the wide. So are the rows and faults."""
+        self.rows: dict[str, list[Row]] = {group: [] for group in self.columns}
+        self.bad: dict[str, list[Fault]] = {group: [] for group in self.columns}
+        self.why: dict[str, dict[int, str]] = {name: {} for name in self.cells}
         self.group = None if spec.long else ""
         """Of the row that is read, or was read last."""
         self.unit_at = next((i for i, name in enumerate(names) if is_unit_column(name)), -1)
-        self.block_unit = ""
+        self.block_unit = self.first_fault = ""
         self.counts = Table([])
-        self.bad: list[Fault] = []
         self.repeated: list[int] = []
         self.empty: list[int] = []
         self.count = 0
-        self.shortest = _ENDLESS
-        self.last: tuple[int, list[str]] = (0, [])
+        self.shortest, self.shorter = _ENDLESS, False
+        """Length of the shortest last cell of a row, and whether only that of this row is so short."""
+        self.unended = False
+        """Whether the line that is read is the last one and has no line break."""
         self.footer = _ENDLESS, 0
         """First line below the last one with a time, and number of these lines with those declared."""
-        read = {*spec.time, *cells, given.zone_column, given.value, *spec.tags, *spec.flags.values()}
+        read = {*spec.time, *self.cells, given.zone_column, given.value, *spec.tags, *spec.flags.values()}
         unread = [i for i, name in enumerate(names) if watch and name and name not in read]
         self.watched: dict[int, set[str] | None] = {i: set() for i in unread}
 
@@ -453,18 +435,17 @@ class RowReader:
                 self.block_unit = match[1]
             self.counts.comments += 1
             return
-        if self.pattern is not None and not comment and self.look_for_tag(line):
+        if not comment and self.look_for_tag(line):
             self.counts.comments += 1
             return
         cells = split_cells(line, self.spec.input.separator)
         if cells is None:
             self.counts.rows += 1
             return self.refuse(number, "a quotation mark is not closed")
-        self.shortest = min(self.shortest, len(self.last[1][-1]) if self.last[1] else _ENDLESS)
         if not any(cells):
-            self.last = (0, [])
             return self.empty.append(self.count)  # spreadsheets leave such rows at the end
-        self.last = (number, cells)
+        self.shorter = len(cells[-1]) < self.shortest < _ENDLESS
+        self.shortest = min(self.shortest, len(cells[-1]))
         if tuple(cells) == self.names:
             if self.spec.input.repeated_header == "drop":
                 return self.repeated.append(self.count)
@@ -480,7 +461,7 @@ class RowReader:
         self.counts.rows += 1
         if self.spec.long:
             tag = " ".join(cells[i] for i in self.tag_at) if self.tag_at else self.tag
-            if tag not in self.parts:
+            if tag not in self.rows:
                 self.counts.others[tag] += 1
                 return
             self.group = tag
@@ -504,39 +485,41 @@ class RowReader:
         self._keep(number, cells, time)
 
     def _keep(self, number: int, cells: list[str], time: tuple[int, int | None]) -> None:
-        """Take the values of a row."""
+        """Take the values of a row.
+
+        The last line may be cut off: it is taken as such where its last cell is shorter than that of every
+        other row. A last cell that lost digits and is still as long as another row's looks whole.
+        """
         assert self.group is not None
-        part, rows = self.parts[self.group], self.rows[self.group]
-        values, why = [], []
-        for column in part.numbers:
-            cell, flag_at = cells[self.cells[column]], self.flag_at[column]
-            value = self.reader.read(cell)
+        rows, values, why = self.rows[self.group], [], {}
+        for column in self.columns[self.group]:
+            at, flag_at = self.cells[column]
+            value = self.reader.read(cells[at])
             if value is None:
                 shown = self.spec.input.value if self.spec.long else column
-                return self.refuse(number, self.reader.refusal(shown, cell))
+                return self.refuse(number, self.reader.refusal(shown, cells[at]))
             if value != value:
-                why.append((column, cell))
+                why[column] = cells[at]
             elif flag_at >= 0 and cells[flag_at] not in self.good:
                 value = NAN
-                why.append((column, FLAG + cells[flag_at]))
+                why[column] = FLAG + cells[flag_at]
             values.append(value)
-        for column, text in why:
-            part.why[column][len(rows)] = text
-            if text.startswith(FLAG):
-                part.flags[text[1:]] += 1
-                part.dropped.setdefault("flagged values", []).append(len(rows) + 1)
+        if self.unended and self.shorter:
+            text = self.spec.input.separator.join(cells)[-40:]
+            return self.refuse(number, f"{text!r} is cut off: the log does not end with a line break")
+        for column, text in why.items():
+            self.why[column][len(rows)] = text
         if self.spec.long and not rows:
-            unit = cells[self.unit_at] if self.unit_at >= 0 else self.block_unit
-            self.counts.units[self.group] = unit
+            self.counts.units[self.group] = cells[self.unit_at] if self.unit_at >= 0 else self.block_unit
         rows.append((*time, number, values))
         self.count += 1
 
-    def refuse(self, number: int, reason: str, cut: bool = False) -> None:
+    def refuse(self, number: int, reason: str) -> None:
         """Record a row that cannot be used; above all tags it may be of any."""
         text = f"{self.unit} {number}: {reason}"
-        self.bad.append(Fault(self.count, text, cut))
-        for group in self.parts if self.group is None else (self.group,):
-            self.parts[group].bad.append(Fault(len(self.rows[group]), text, cut))
+        self.first_fault = self.first_fault or text
+        for group in self.bad if self.group is None else (self.group,):
+            self.bad[group].append(Fault(len(self.rows[group]), text, self.unended))
 
     def _of_footer(self, number: int, cells: list[str]) -> str:
         """The message for one of the last lines, below the data, that hold none; else empty."""
@@ -559,65 +542,43 @@ class RowReader:
 
     def _no_time(self, cells: list[str]) -> str:
         text = " ".join(cells[i] for i in self.time_at)
-        columns = () if self.group is None else self.parts[self.group].numbers
-        numbers = [self.reader.read(cells[self.cells[column]]) for column in columns]
-        if not self.count and not self.bad and all(number is None for number in numbers):
+        columns = () if self.group is None else self.columns[self.group]
+        numbers = [self.reader.read(cells[self.cells[column][0]]) for column in columns]
+        if not self.count and not self.first_fault and all(number is None for number in numbers):
             return f"{', '.join(cells)[:80]!r} looks like a row of units: set [input] unit_rows = 1"
         time_format = self.spec.input.time_format
         expected = f"the format {time_format!r}" if time_format else "ISO 8601"
         return f"{text[:40]!r} is no time of {expected}: set [input] time_format"
-
-    def doubt_last(self, line: str) -> None:
-        """Refuse the last line, which has no line break, where it may be cut off.
-
-        It is taken as cut where fields are missing, or where its last cell is shorter than that of every
-        other row. A last cell that lost digits and is still as long as another row's looks whole.
-        """
-        number, cells = self.last
-        if not cells:
-            return
-        too_few, too_short = len(cells) < len(self.names), len(cells[-1]) < self.shortest
-        if self.bad and self.bad[-1].text.startswith(f"{self.unit} {number}:"):
-            text = self.bad[-1].text
-            for bad in (self.bad, *(part.bad for part in self.parts.values())):
-                if bad and bad[-1].text == text:
-                    bad[-1] = bad[-1]._replace(cut=True)
-        elif too_few or (too_short and self.shortest < _ENDLESS):
-            for group, rows in self.rows.items():
-                if rows and rows[-1][2] == number:
-                    rows.pop()
-                    for why in self.parts[group].why.values():
-                        why.pop(len(rows), None)
-                    self.count -= 1
-            self.refuse(number, f"{line[-40:]!r} is cut off: the log does not end with a line break", True)
 
     def table(self) -> Table:
         """All rows as arrays; DataError for a mix of times with and without offset."""
         table = self.counts
         table.headers, table.empty = len(self.repeated), len(self.empty)
         table.cells = {self.names[i]: texts for i, texts in self.watched.items()}
-        table.parts = [self._columns(self.parts[group], rows) for group, rows in self.rows.items() if rows]
+        table.parts = [self._part(group) for group, rows in self.rows.items() if rows]
         if not table.parts:
-            table.lacking = self.bad[0].text if self.bad else self._lacking()
+            table.lacking = self.first_fault or self._lacking()
         return table
 
-    def _columns(self, part: Columns, rows: list[Row]) -> Columns:
-        times, offsets, lines, values = zip(*rows, strict=True)
+    def _part(self, group: str) -> Columns:
+        times, offsets, lines, values = zip(*self.rows[group], strict=True)
         aware = [offset is not None for offset in offsets]
         if any(aware) and not all(aware):
             odd = aware.index(not aware[0])
             kind = "has an offset" if aware[odd] else "has no offset"
             places = [f"{self.unit} {lines[i]}" for i in (odd, 0)]
             raise DataError(f"{places[0]}: its time {kind}, unlike {places[1]}'s: expected one kind")
-        dropped = {"repeated headers": self.repeated, "empty rows": self.empty, **part.dropped}
-        return replace(
-            part,
-            times=np.array(times, np.int64),
-            aware=aware[0],
-            offset=offsets[0] if len(set(offsets)) == 1 else None,
-            numbers=dict(zip(part.numbers, np.array(values, np.float64).T.copy(), strict=True)),
-            lines=np.array(lines, np.int64),
+        names, dropped = self.columns[group], {"repeated headers": self.repeated, "empty rows": self.empty}
+        return Columns(
+            np.array(times, np.int64),
+            aware[0],
+            offsets[0] if len(set(offsets)) == 1 else None,
+            dict(zip(names, np.array(values, np.float64).T.copy(), strict=True)),
+            lines,
+            bad=self.bad[group],
             dropped={kind: rows for kind, rows in dropped.items() if rows},
+            unit=self.unit,
+            why={name: self.why[name] for name in names},
         )
 
     def _lacking(self) -> str:
@@ -627,5 +588,5 @@ class RowReader:
         where = "in column " + " ".join(self.spec.tags) if self.tag_at else "above the rows"
         if not self.tag_at and self.pattern is None:
             where = "from the file's name (no [input] tag or tag_pattern is set)"
-        wanted = ", ".join(self.parts)
+        wanted = ", ".join(self.rows)
         return f"no row of {wanted}; tags {where}: {there}: set [input] u_Qi and the like to these"

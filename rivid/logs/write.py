@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from rivid.atomic import replacing
 from rivid.errors import RividError
-from rivid.logs.spec import EPOCH, MICRO
+from rivid.logs.spec import MICRO, local
 from rivid.types import Floats, Ints
 
 Format = Literal["csv", "csv.gz", "parquet"]
@@ -88,52 +88,34 @@ def rows_as_bytes(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo, f
     names = [name for name in COLUMNS if name in columns]
     if format == "parquet":
         return _parquet(times, {name: columns[name] for name in names}, zone)
-    cells = [[number_text(x) for x in columns[name].tolist()] for name in names]
-    clocks = clocks_of(times, zone)
+    cells = [[_number(x) for x in columns[name].tolist()] for name in names]
+    whole, thousandth = not (times % MICRO).any(), not (times % 1000).any()
+    clocks = _clocks(times, zone, "s" if whole else "ms" if thousandth else "us")
     lines = [",".join(("time", *names)), *(",".join(row) for row in zip(clocks, *cells, strict=True))]
     text = ("\n".join(lines) + "\n").encode("ascii")
     return gzip.compress(text, mtime=0) if format == "csv.gz" else text  # mtime: no clock in the bytes
 
 
-def number_text(x: float) -> str:
+def _number(x: float) -> str:
     """The shortest text that reads back as the same number; nothing for NaN."""
     return "" if x != x else repr(x).removesuffix(".0")
 
 
-def clocks_of(times: Ints, zone: dt.tzinfo) -> list[str]:
-    """ISO 8601 with the offset of each moment; fractions of a second only where there are some."""
-    offsets = _offsets(times, zone)
-    local = np.datetime64(EPOCH, "us") + (times + offsets * MICRO).astype("timedelta64[us]")
-    whole, thousandth = not (times % MICRO).any(), not (times % 1000).any()
-    texts = np.datetime_as_string(local, unit="s" if whole else "ms" if thousandth else "us")
-    zones = {offset: _offset_text(offset) for offset in set(offsets.tolist())}
-    return [f"{text}{zones[offset]}" for text, offset in zip(texts.tolist(), offsets.tolist(), strict=True)]
-
-
-def _offset_text(offset: int) -> str:
-    """An offset [s] like +01:00."""
-    minutes = round(offset / 60)
-    return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
-
-
-def _offsets(times: Ints, zone: dt.tzinfo) -> Ints:
-    """Offsets from UTC [s]; those of the first and last time where they are the same."""
-
-    def offset(time: int) -> int:
-        moment = dt.datetime.fromtimestamp(time // MICRO, zone).utcoffset()
-        assert moment is not None
-        return round(moment.total_seconds())
-
-    first, last = offset(int(times[0])), offset(int(times[-1]))
-    if first == last:  # within a day or a month, the clock is changed once at most
-        return np.full(len(times), first, np.int64)
-    return np.array([offset(int(time)) for time in times], np.int64)
+def _clocks(times: Ints, zone: dt.tzinfo, unit: Literal["s", "ms", "us"]) -> list[str]:
+    """Ascending times [us UTC] by ISO 8601 with their offsets, to whole `unit`."""
+    first, last = (local(time, zone) for time in times[[0, -1]].tolist())
+    if first.utcoffset() != last.utcoffset():  # within a day or a month, the clock is changed once at most
+        middle = len(times) // 2
+        return _clocks(times[:middle], zone, unit) + _clocks(times[middle:], zone, unit)
+    offset, mark = first.utcoffset() or dt.timedelta(), first.isoformat()[19:]
+    there = (times + offset // dt.timedelta(microseconds=1)).astype("M8[us]")
+    return [text + mark for text in np.datetime_as_string(there, unit=unit).tolist()]
 
 
 def _parquet(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo) -> bytes:
     """A small Parquet file with checksums of its pages."""
     unit = "us" if (times % 1000).any() else "ms"
-    name = getattr(zone, "key", None) or _offset_text(int(_offsets(times, zone)[0]))
+    name = getattr(zone, "key", None) or local(int(times[0]), zone).isoformat()[19:]
     stamp = pa.timestamp(unit, tz=name)
     arrays = [pa.array(times if unit == "us" else times // 1000).cast(stamp)]
     fields = [pa.field("time", stamp, nullable=False)]

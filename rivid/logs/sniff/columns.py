@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rivid.logs.log import sentinels_in
-from rivid.logs.sniff.layout import Layout
+from rivid.logs.sniff.layout import Layout, number
 from rivid.logs.spec import read_text, stem_of
 from rivid.logs.text import MANY_TEXTS, NumberReader, is_unit_column
 
@@ -78,16 +78,8 @@ def looks_like_flags(column: str, texts: set[str] | None, read: set[str]) -> boo
         return True
     if any(low != name.lower() and low.startswith(name.lower()) for name in read):
         return True
-    plain = [text for text in texts if not _is_number(text)]
+    plain = [text for text in texts if number(text.replace(",", ".")) is None]
     return len(texts) > 1 and bool(set(plain) - {""}) and max(map(len, texts)) <= 12
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)

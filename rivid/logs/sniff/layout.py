@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from statistics import median_high
 
 from rivid.errors import DataError
 from rivid.logs.spec import read_text
@@ -73,8 +74,12 @@ class Layout:
 
     def usual(self, tag: str) -> int:
         """The median step of a tag [us]; 0 where there is none."""
-        steps = sorted(self.tag_steps.get(tag, ()))
-        return steps[len(steps) // 2] if steps else 0
+        return middle(self.tag_steps.get(tag, []))
+
+
+def middle(steps: list[int]) -> int:
+    """The median of steps; 0 where there is none."""
+    return median_high(steps) if steps else 0
 
 
 def guess_encoding(content: bytes) -> str:
@@ -238,19 +243,19 @@ def guess_time(layout: Layout) -> bool:
             return True
     for at, name in enumerate(layout.names):
         for time_format, least in (("unix_ms", 1e11), ("unix", 1e8)):  # least: 1973, in its unit
-            if re.search(r"unix|epoch|timestamp", name, re.I) and all(_number(r[at]) >= least for r in rows):
-                times = [time[0] for row in rows if (time := read_text(row[at], time_format))]
-                layout.time_at, layout.time_format, layout.zoned = (at,), time_format, True
-                layout.steps = _steps(times)
-                return True
+            if re.search(r"unix|epoch|timestamp", name, re.I) and all(
+                (number(row[at]) or 0.0) >= least for row in rows
+            ):
+                layout.time_at = (at,)
+                return _guess_format(layout, [row[at] for row in rows], (time_format,))
     return False
 
 
-def _guess_format(layout: Layout, texts: list[str]) -> bool:
+def _guess_format(layout: Layout, texts: list[str], formats: Sequence[str | None] = FORMATS) -> bool:
     """Find the format of 95 % of the texts, and, to be quick, of nine in ten of 40 of them."""
     fits: list[tuple[str | None, list[tuple[int, int | None]]]] = []
     few = texts[:: max(len(texts) // 40, 1)]
-    for time_format in FORMATS:
+    for time_format in formats:
         long = _DIGITS.get(time_format or "")
         alike = [text for text in few if len(text) == (long or len(text))]
         if sum(read_text(text, time_format) is not None for text in alike) < 0.9 * len(few):
@@ -282,8 +287,9 @@ def _steps(times: list[int]) -> list[int]:
     return [b - a for a, b in pairwise(times)]
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float | None:
+    """A number as Python writes it; None for any other text."""
     try:
         return float(text)
     except ValueError:
-        return 0.0
+        return None

@@ -10,7 +10,7 @@ from rivid.errors import DataError
 from rivid.input_config import InputConfig
 from rivid.logs.formats import as_text
 from rivid.logs.sniff.columns import Flags, Group, find_flags, find_tags, guess_column, guess_marks, roles_of
-from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time
+from rivid.logs.sniff.layout import ZRXP_TAG, Layout, guess_layout, guess_time, middle
 from rivid.logs.spec import MANY, MICRO, clock_turns_back, read_bytes, read_text, shown
 from rivid.logs.text import LINE, TAIL, NumberReader, footer_lines
 
@@ -105,7 +105,7 @@ class Proposal:
         roles, self.kind, self.instead = roles_of(self.columns, self.questions)
         self.roles = {role: group for role, group in roles.items() if group}
         self.used = [column for group in self.roles.values() for column in group]
-        self.step = sorted(layout.steps)[len(layout.steps) // 2] / MICRO if layout.steps else 0.0
+        self.step = middle(layout.steps) / MICRO
         self.every = min((column.every for column in self.used), default=1)
         self.tables: dict[str, dict[str, Any]] = {}
         self.keys = self._keys(default)
@@ -282,8 +282,8 @@ def _kind(layout: Layout) -> tuple[Any, ...]:
 
 
 def _unsteady(steps: list[int]) -> bool:
-    usual = sorted(steps)[len(steps) // 2] if steps else 0
-    return bool(steps) and sum(abs(s - usual) > 0.1 * usual for s in steps) > UNSTEADY * len(steps)
+    usual = middle(steps)
+    return sum(abs(step - usual) > 0.1 * usual for step in steps) > UNSTEADY * len(steps)
 
 
 def _names(group: Group) -> str | list[str]:
