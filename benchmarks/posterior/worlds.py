@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam.box import LONGEST
-from benchmarks.exam.worlds import WIDEST, BoxWater, draw
-from rivid.core.hydraulics import GRAVITY, propose_delays
+from benchmarks.exam.worlds import WIDEST, BoxWater, draw, wave_travel
+from rivid.core.hydraulics import propose_delays
 from rivid.core.settings import PosteriorSettings
 from rivid.errors import ConfigError, RividError
 from rivid.simulation import Season, simulate
@@ -270,19 +269,15 @@ def worlds(kind: str, seed: int, days: int) -> list[World]:
 
 
 class FineBox(BoxWater):
-    """The exam's third water in boxes that a wave passes in one time step, where the scheme hardly errs.
-
-    In the exam's 24 boxes short waves run ahead: in a reach of 12 km a tenth of a step is 60 to 90 s early.
-    """
+    """The exam's third water in as many boxes as time steps of some 30 s need."""
 
     theta = 0.51
 
     @cached_property
     def boxes(self) -> int:  # type: ignore[override]
         """Number of boxes."""
-        r, flow = self.scenario.reach, self.scenario.flow.mean
-        travel = r.length / (flow * r.length / (r.surface_area * r.depth) + np.sqrt(GRAVITY * r.depth))
-        return max(6, round(travel / (r.sample_time / np.ceil(r.sample_time / LONGEST))))
+        T_s = self.scenario.reach.sample_time
+        return max(6, round(wave_travel(self.scenario) / (T_s / np.ceil(T_s / 30.0))))
 
 
 def random_worlds(

@@ -67,7 +67,7 @@ def commands(seed, n=400, T=120.0):
 
 def both(seed, changes):
     time, inflow, outflow = commands(seed)
-    box = Box(LENGTH, nodes(), 60.0).simulate(time, inflow, outflow, 5.0, changes)[0]
+    box = Box(LENGTH, nodes(64), 60.0, LENGTH / 64 / 7.7).simulate(time, inflow, outflow, 5.0, changes)[0]
     channel = Channel.smooth(LENGTH, WIDTH, FALL / LENGTH, MANNING, 120)
     channel = channel.with_area_slope(changes.area_slope, changes.area_reference)
     explicit = simulate(channel, time, inflow, outflow, 5.0, changes=changes, gate_time=60.0).level
@@ -104,4 +104,4 @@ def test_changes_do_the_same_to_both_schemes(changes):
 def test_a_reach_that_runs_dry_is_refused():
     time, inflow, outflow = commands(1)
     with pytest.raises(RividError, match="run dry"):
-        Box(LENGTH, nodes(), 60.0).simulate(time, inflow, outflow + 400.0, 5.0, Changes())
+        Box(LENGTH, nodes(), 60.0, 30.0).simulate(time, inflow, outflow + 400.0, 5.0, Changes())
