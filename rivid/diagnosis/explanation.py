@@ -230,11 +230,11 @@ def fitted(
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
-        stale = stale or fell > 0.0
-        least = max(ENOUGH, RELIABLE * promised if stale and fresh > 0 else 0.0)
+        least = max(ENOUGH, RELIABLE * promised if fresh > 0 else 0.0)
         if same and step < FIXED or fell >= least and (step > 0 or fresh == 0):
+            stale = True
             continue
-        if not stale or fresh == 0:
+        if fresh == 0 or not stale and fell < ENOUGH:
             break
         del J
         J, shared, stale, fresh = model.jacobian(few, base), None, False, fresh - 1
@@ -346,7 +346,8 @@ def _noise(
 ) -> tuple[NoiseModel, Floats]:
     """Noise of a record's days, and their weights with it."""
     noise = model.fit_noise(seen, record, weights, alone)
-    return noise, day_weights(noise.whiten(seen, activity=record.activity))
+    more = day_weights(noise.whiten(seen, activity=record.activity))
+    return noise, more if weights is None else np.sqrt(weights * more)  # in full they would go to and fro
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:
