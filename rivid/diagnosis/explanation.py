@@ -6,8 +6,9 @@ day weights are refitted between steps. The score of a day is the log density of
 the fit without the day's block (:mod:`rivid.diagnosis.predictive`), less the price of its events.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -20,6 +21,7 @@ from rivid.diagnosis.predictive import day_densities, held_out, information
 from rivid.diagnosis.response.base import vector_of
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
+from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import Bools, Floats, Ints
 
 Unknown = Literal["", "flow", "gauge", "dynamics"]
@@ -348,6 +350,74 @@ def _noise(
     noise = model.fit_noise(seen, record, weights, alone)
     more = day_weights(noise.whiten(seen, activity=record.activity))
     return noise, more if weights is None else np.sqrt(weights * more)  # in full they would go to and fro
+
+
+BRIEF = 3
+"""Steps of a fit after which many are compared."""
+FINALISTS = 3
+"""Fits that are not compared before they end, and values of an effect from which it is scanned."""
+
+
+class Fit(NamedTuple):
+    """A fit to some days, its likelihood [nats a day] and the place of its model among those tried."""
+
+    likely: float
+    number: int
+    one: Explanation
+
+
+def best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[Fit]:
+    """Fits of models to all days of a record, the best one first.
+
+    Of many the likeliest third after a few steps is fitted on, and of these again (successive halving:
+    Jamieson and Talwalkar 2016). Raises where none of them carries the flows.
+    """
+    if len(models) <= FINALISTS:
+        return fits(models, record, fresh=fresh)
+    begun = fits(models, record, steps=BRIEF)
+    while (kept := max(len(begun) // 3, FINALISTS)) > FINALISTS:
+        begun = _fitted_on(begun[:kept], record, fresh=1, steps=2 * BRIEF)
+    return _fitted_on(begun[:kept], record, fresh=fresh)
+
+
+def _fitted_on(begun: Sequence[Fit], record: Record, *, fresh: int, steps: int = STEPS) -> list[Fit]:
+    models, starts = [fit.one.model for fit in begun], [fit.one for fit in begun]
+    found = fits(models, record, starts, fresh=fresh, steps=steps)
+    return [fit._replace(number=begun[fit.number].number) for fit in found]
+
+
+def fits(
+    models: Sequence[Model],
+    record: Record,
+    starts: Sequence[Explanation | None] | None = None,
+    *,
+    fresh: int = 0,
+    steps: int = STEPS,
+) -> list[Fit]:
+    """Fits of models that carry the flows to all days of a record, each from a fit near by, the best first.
+
+    Raises where none of them carries the flows.
+    """
+    every = np.ones(record.days, bool)
+    near: list[NoiseModel | None] = [None]  # the noise of the first fit starts those of the others
+
+    def fit(number: int) -> Fit | RividError:
+        start, model = None if starts is None else starts[number], models[number]
+        model = replace(model, noise=model.noise or near[0])
+        try:
+            one = fitted(model, record, every, start=start, fresh=fresh, steps=steps, rough=True)
+        except RividError as error:
+            return error
+        seen = np.where(record.used, one.residual, np.nan)
+        return Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), number, one)
+
+    first = fit(0)
+    near[0] = None if isinstance(first, RividError) else first.one.noise
+    made = [first, *side_by_side(fit, range(1, len(models)))]
+    found = [one for one in made if isinstance(one, Fit)]
+    if not found:
+        raise next(one for one in made if isinstance(one, RividError))
+    return sorted(found, key=lambda one: -one.likely)
 
 
 def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Explanation:

@@ -17,9 +17,20 @@ from rivid.diagnosis.answer import Evidence, conclude
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.decision import ALONE, HAIR, Cores, Study, alike, harmless, leading, ranked
-from rivid.diagnosis.explanation import FRESH, STEPS, Explanation, fitted, scored, tails_of
+from rivid.diagnosis.explanation import (
+    BRIEF,
+    FINALISTS,
+    FRESH,
+    STEPS,
+    Explanation,
+    Fit,
+    best_fits,
+    fits,
+    fitted,
+    scored,
+    tails_of,
+)
 from rivid.diagnosis.fit import Model, NoiseKind
-from rivid.diagnosis.noise.model import NoiseModel
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
@@ -70,10 +81,6 @@ CARRIED = 0.8
 """Least share of the days that a response must carry: with fewer its geometry is wrong."""
 COARSE = 3
 """The fit of a response starts on every third open day, that of each of its starts on every sixth."""
-BRIEF = 3
-"""Steps of a fit after which many are compared."""
-FINALISTS = 3
-"""Fits that are not compared before they end, and values of an effect from which it is scanned."""
 CARRIED_ON = 2
 """Starts from which a response is fitted to every third open day."""
 CALIBRATION, ROUND = 0.15, 0.6
@@ -335,11 +342,11 @@ class _Search:
         if isinstance(reach, HydraulicResponse):
             few = part.take(np.arange(0, part.days, 2))
             half = [self._plain(_coarse(start)) for start in reach.starts()]
-            begun = _best_fits(half, few, fresh=2)
+            begun = best_fits(half, few, fresh=2)
             self.begin_at[reach.name] = begun[0].one.model.reach
             best = (fit.one.model.reach for fit in begun[:CARRIED_ON])
             starts = [replace(one, cells=reach.cells) for one in best if isinstance(one, HydraulicResponse)]
-        best_fit = _best_fits([self._plain(start) for start in starts], part, fresh=1)[0]
+        best_fit = best_fits([self._plain(start) for start in starts], part, fresh=1)[0]
         return best_fit.likely, best_fit.one
 
     def _columns(self, one: Explanation, record: Record) -> Library:
@@ -593,12 +600,12 @@ class _Search:
             order = np.argsort(side_by_side(left, same), kind="stable")[:FINALISTS].tolist()
             tried += [same[i][0] for i in order]
             models += [same[i][1] for i in order]
-        best: dict[str, _Fit] = {}
-        for fit in _fits(models, few, [start] * len(models), steps=BRIEF):
+        best: dict[str, Fit] = {}
+        for fit in fits(models, few, [start] * len(models), steps=BRIEF):
             best.setdefault(tried[fit.number].effect.name, fit)
         begun = list(best.values())[: 2 * DEEP]
         found = []
-        for fit in _fits([fit.one.model for fit in begun], few, [fit.one for fit in begun], fresh=1)[:DEEP]:
+        for fit in fits([fit.one.model for fit in begun], few, [fit.one for fit in begun], fresh=1)[:DEEP]:
             model = fit.one.model
             reach = model.reach
             if isinstance(reach, HydraulicResponse) and isinstance(nominal, HydraulicResponse):
@@ -626,10 +633,10 @@ class _Search:
         few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
         if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
             rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
-            starts.append(replace(_best_fits(rough, few, fresh=1)[0].one.model, reach=reach))
-        best = _best_fits(starts, few, fresh=1)[0]
+            starts.append(replace(best_fits(rough, few, fresh=1)[0].one.model, reach=reach))
+        best = best_fits(starts, few, fresh=1)[0]
         if effect.stepwise and (near := self._in_steps(best.one.model, NEARBY)):
-            best = max(best, _best_fits(near, few, fresh=1)[0])
+            best = max(best, best_fits(near, few, fresh=1)[0])
         return best.likely, best.one.model
 
     def _in_steps(self, model: Model, within: float = np.inf) -> list[Model]:
@@ -838,7 +845,7 @@ class _Search:
         if not parent.names:
             few, nominal = self._some_days(parent), self._nominal(model)
             rough = [replace(model, noise=None, reach=reach) for reach in (model.reach, nominal)]
-            best = _best_fits(rough, few, fresh=2)[0]
+            best = best_fits(rough, few, fresh=2)[0]
             if bent := best.number == 1:
                 model = replace(model, noise=None, reach=best.one.model.reach)
         one = self._carrying(
@@ -855,68 +862,6 @@ class _Search:
 
 UNKNOWNS = 2
 """Unknown flows and unknown gauges, beside the names."""
-
-
-class _Fit(NamedTuple):
-    """A fit to some days, its likelihood [nats a day] and the place of its model among those tried."""
-
-    likely: float
-    number: int
-    one: Explanation
-
-
-def _best_fits(models: Sequence[Model], record: Record, *, fresh: int) -> list[_Fit]:
-    """Fits of models to all days of a record, the best one first.
-
-    Of many the likeliest third after a few steps is fitted on, and of these again (successive halving:
-    Jamieson and Talwalkar 2016). Raises where none of them carries the flows.
-    """
-    if len(models) <= FINALISTS:
-        return _fits(models, record, fresh=fresh)
-    begun = _fits(models, record, steps=BRIEF)
-    while (kept := max(len(begun) // 3, FINALISTS)) > FINALISTS:
-        begun = _fitted_on(begun[:kept], record, fresh=1, steps=2 * BRIEF)
-    return _fitted_on(begun[:kept], record, fresh=fresh)
-
-
-def _fitted_on(begun: Sequence[_Fit], record: Record, *, fresh: int, steps: int = STEPS) -> list[_Fit]:
-    models, starts = [fit.one.model for fit in begun], [fit.one for fit in begun]
-    found = _fits(models, record, starts, fresh=fresh, steps=steps)
-    return [fit._replace(number=begun[fit.number].number) for fit in found]
-
-
-def _fits(
-    models: Sequence[Model],
-    record: Record,
-    starts: Sequence[Explanation | None] | None = None,
-    *,
-    fresh: int = 0,
-    steps: int = STEPS,
-) -> list[_Fit]:
-    """Fits of models that carry the flows to all days of a record, each from a fit near by, the best first.
-
-    Raises where none of them carries the flows.
-    """
-    every = np.ones(record.days, bool)
-    near: list[NoiseModel | None] = [None]  # the noise of the first fit starts those of the others
-
-    def fit(number: int) -> _Fit | RividError:
-        start, model = None if starts is None else starts[number], models[number]
-        model = replace(model, noise=model.noise or near[0])
-        try:
-            one = fitted(model, record, every, start=start, fresh=fresh, steps=steps, rough=True)
-        except RividError as error:
-            return error
-        seen = np.where(record.used, one.residual, np.nan)
-        return _Fit(float(one.noise.log_likelihood(seen, record.activity).mean()), number, one)
-
-    first = fit(0)
-    near[0] = None if isinstance(first, RividError) else first.one.noise
-    made = [first, *side_by_side(fit, range(1, len(models)))]
-    found = [one for one in made if isinstance(one, _Fit)]
-    if not found:
-        raise next(one for one in made if isinstance(one, RividError))
-    return sorted(found, key=lambda one: -one.likely)
 
 
 def _coarse(reach: Response) -> Response:
