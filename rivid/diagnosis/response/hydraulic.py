@@ -77,7 +77,7 @@ times, makes it. With the headroom of the solver itself waves up to 1.4 times as
 NARROWEST = 0.1
 """Least width of the bed over that of the surface."""
 MODES = 6
-"""Of width and bed. With three, nothing missing was 700 nats less likely in a channel that was uneven at seven
+"""Of width and bed. With three, nothing missing was 700 nats less likely in a channel with seven uneven
 places, its geometry was at the limits, and a leak stood for what bent it."""
 GATE_LAGS = (1, 2, 3)
 """Lags of the outflow that may be corrected [samples]: what the last cell and the gate make of a step."""
