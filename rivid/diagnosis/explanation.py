@@ -183,7 +183,8 @@ def fitted(
         Most steps.
     fresh : int
         How often the columns are computed anew at most: after the first step, and where steps with those at
-        hand, corrected by the steps before, gain no more or less than :data:`RELIABLE` of what they promise.
+        hand gain no more or less than :data:`RELIABLE` of what they promise. A fit ends where new columns
+        gain less than :data:`~rivid.diagnosis.fit.ENOUGH`.
     rough : bool
         Whether the noise at the end is the one near that of the last step.
     """

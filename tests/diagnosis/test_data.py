@@ -216,7 +216,7 @@ DEEP = {"length": 6000.0, "width": 90.0, "depth": 10.0, "discharge_range": (200.
 
 
 def test_a_simulation_has_forgotten_its_start_after_the_lead_of_its_pool():
-    """The waves of a false start are down to some percent: of two starts 0.1 m apart in their flow."""
+    """Of the waves that a pulse of the inflow makes, as much is left after the lead as friction leaves."""
     T_s, inflow = 60.0, np.full((1, 1), 400.0)
     config = Config.model_validate({"reach": DEEP | {"sample_time": T_s}})
     lead = lead_of(config, inflow, T_s)
@@ -225,7 +225,7 @@ def test_a_simulation_has_forgotten_its_start_after_the_lead_of_its_pool():
     flow = np.full(len(time), 400.0)
     still = simulate(pool, time, flow, flow, 10.0).level
     pulse = flow.copy()
-    pulse[0] = 900.0  # its volume stays
+    pulse[0] = 900.0  # its volume stays: the mean of the end is taken off
     swing = simulate(pool, time, pulse, flow, 10.0).level - still
     swing -= swing[-lead // 4 :].mean()
     first, last = np.abs(swing[:60]).max(), np.abs(swing[lead:]).max()

@@ -1,5 +1,6 @@
 """Responses of pools and rivers against their own truth, closed forms and slow transcriptions."""
 
+import datetime as dt
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import invgauss
 
+from rivid.diagnosis.data import as_record
 from rivid.diagnosis.explanation import fitted
 from rivid.diagnosis.fit import Model
 from rivid.diagnosis.response.base import (
@@ -529,3 +531,14 @@ def test_a_river_refuses_what_needs_a_level():
     ):
         with pytest.raises(RividError, match=f"{what} in a river reach, which has no level"):
             response.baseline(record, changes)
+
+
+def test_an_fir_is_no_longer_than_the_lead_where_a_day_has_few_samples():
+    n, T_s = 8, 10_800.0
+    rng = np.random.default_rng(0)
+    dates = [dt.date(2024, 5, day) for day in range(1, 7)]
+    u, o, h = 300.0 + rng.normal(size=(3, len(dates), n))
+    record = as_record(dates, T_s * np.arange(n), u, o, h, sample_time=T_s, lead=n)
+    pool = LinearPool.nominal(record, "fir", surface_area=6e5, delay=950.0)
+    assert max(pool.lags) == record.lead == n
+    assert np.isfinite(pool.baseline(record)).all()

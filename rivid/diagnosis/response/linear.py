@@ -111,7 +111,8 @@ class LinearPool:
         alpha = record.sample_time / surface_area
         lags: tuple[int, ...] = ()
         if fronts == "fir":
-            lags = _lags(math.ceil(delay / record.sample_time))
+            first = math.ceil(delay / record.sample_time)
+            lags = _lags(first, min(first + START_UP, record.lead))
             sd, limit = COEFFICIENT_SD * alpha, COEFFICIENT_LIMIT * alpha
             for what, share in (("", 1.0), ("_by_flow", 0.5)):
                 for side in ("inflow", "outflow"):
@@ -205,9 +206,9 @@ class LinearPool:
                     yield factor * lagged(flow, lag)
 
 
-def _lags(delay: int) -> tuple[int, ...]:
-    """Every lag to a little beyond the delay, then ever fewer, to the delay and :data:`START_UP` samples."""
-    lags, last = list(range(1, delay + DENSE + 1)), delay + START_UP
+def _lags(delay: int, last: int) -> tuple[int, ...]:
+    """Every lag to a little beyond the delay, then ever fewer, to the last one."""
+    lags = list(range(1, min(delay + DENSE, last) + 1))
     while lags[-1] < last:
         lags.append(min(max(lags[-1] + 2, round(lags[-1] * 8 / 7)), last))
     return tuple(lags)
