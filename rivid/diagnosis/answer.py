@@ -127,7 +127,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         if study.names:
             p = study.chance_of(study.names[0])
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
-        if study.unknown < UNKNOWN and nothing <= 1.0 - TOGETHER:
+        if study.unknown < UNKNOWN and nothing < UNKNOWN:
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
                 f"enough{first}."

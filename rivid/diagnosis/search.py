@@ -172,14 +172,10 @@ def _windows(
     """A trial in the whole season and in its best window of dates (and hours), or in those of an effect."""
     days = s.shape[1]
     if trial.hourly:
-        return _hourly(trial, columns, s, q, record, open_days, np.zeros(len(sd)))
+        return _hourly(trial, columns, s, q, c, G, sd, record, open_days)
     first, end, prior = _spans(trial.dates, days)
 
-    def up_to(a: Floats) -> Floats:
-        sums = np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(a, axis=-1)], axis=-1)
-        return np.moveaxis(sums[..., end] - sums[..., first], -1, 0)
-
-    S, Q, C = up_to(s), up_to(q), up_to(c)
+    S, Q, C = (_summed(part, first, end) for part in (s, q, c))
     left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
     size = np.einsum("wkk->wk", Q)
     solid = np.einsum("wkk->wk", left) > LEAST_LEFT * size
@@ -207,6 +203,12 @@ def _windows(
         shift = -G @ (C[i] @ b[i]) * sd
         found.append(_candidate(trial, columns, b[i], window, float(gain[i]), float(prior[i]), shift))
     return found
+
+
+def _summed(a: Floats, first: Ints, end: Ints) -> Floats:
+    """Sums over windows of the last axis, shape (windows, ...)."""
+    sums = np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(a, axis=-1)], axis=-1)
+    return np.moveaxis(sums[..., end] - sums[..., first], -1, 0)
 
 
 def _candidate(
@@ -335,70 +337,87 @@ def windows_near(window: Window, record: Record, open_days: Ints) -> list[Window
 
 
 def _hourly(
-    trial: Trial, columns: Floats, s: Floats, q: Floats, record: Record, open_days: Ints, shift: Floats
-) -> list[Candidate]:
-    """A release in a run of hours: in the whole season, and in its best window of dates."""
+    trial: Trial, columns: Floats, s: Floats, q: Floats, c: Floats, G: Floats, sd: Floats, record: Record,
+    open_days: Ints,
+) -> list[Candidate]:  # fmt: skip
+    """A release in a run of hours: in the whole season, and in its best window of dates.
+
+    The hours are sought in windows between some dates, then the dates for these hours, and the hours for
+    these dates, until neither moves.
+    """
     days = s.shape[1]
-    found = []
     first, end, prior = _spans(trial.dates, days)
-    runs = HOURS_A_DAY * (HOURS_A_DAY - 1)
-    best: list[tuple[float, float, int, int, int, int, float]] = []
-    for windowed in (False, True):
-        a, b = 0, days
-        value: tuple[float, float, int, int, int, int, float] | None = None
-        for _ in range(6):  # the hours sharpen the dates, and the dates the hours
-            score, information = s[:, a:b].sum(axis=1), q[:, :, a:b].sum(axis=2)
-            start, length, *_ = _best_hours(score, information, trial.sign)
+    grid = np.linspace(0, days, GRID + 1).round()
+
+    def runs(rows: Ints) -> tuple[Floats, Ints, Ints]:
+        """Gain of the best run of hours of windows, prior included, its start and length."""
+        S, Q, C = (_summed(part, first[rows], end[rows]) for part in (s, q, c))
+        left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
+        gain, start, length = _best_hours(S, left, Q, trial.sign)
+        return gain + prior[rows], start, length
+
+    found = []
+    inside = np.flatnonzero(np.isin(first, grid) & np.isin(end, grid))
+    for rows in (inside[:1], inside[1:]):
+        if not len(rows):
+            continue
+        gains, starts, lengths = runs(rows)
+        i = int(np.argmax(gains))
+        total, row, start, length = gains[i], int(rows[i]), int(starts[i]), int(lengths[i])
+        while row > 0:  # each turn gains
             hours = (start + np.arange(length)) % HOURS_A_DAY
-            sums = np.concatenate([[0.0], np.cumsum(s[hours].sum(axis=0))])
-            info = np.concatenate([[0.0], np.cumsum(q[np.ix_(hours, hours)].sum(axis=(0, 1)))])
-            chosen = slice(1, None) if windowed else slice(0, 1)
-            S, Q = sums[end[chosen]] - sums[first[chosen]], info[end[chosen]] - info[first[chosen]]
-            if not len(S):
+            parts = s[hours].sum(axis=0), q[np.ix_(hours, hours)].sum(axis=(0, 1)), c[:, hours].sum(axis=1)
+            S, Q, C = (_summed(part, first[1:], end[1:]) for part in parts)
+            left = Q - np.einsum("wp,pr,wr->w", C, G, C, optimize=True)
+            near = 1 + int(np.argmax(_gain(S, left, Q, trial.sign) + prior[1:]))
+            gains, starts, lengths = runs(np.array([near]))
+            if gains[0] <= total + 1e-9:
                 break
-            gains = _gain(S, Q, trial.sign) + prior[chosen]
-            i = int(np.argmax(gains))
-            a, b = int(first[chosen][i]), int(end[chosen][i])
-            size = float(S[i] / max(Q[i], 1e-300))
-            now = float(gains[i]), float(prior[chosen][i]), start, length, a, b, size
-            if value is not None and now[0] <= value[0] + 1e-9:
-                break
-            value = now
-        if value is not None and value[3] < HOURS_A_DAY:
-            best.append(value)
-    for total, log_prior, start, length, a, b, size in best:
+            total, row, start, length = gains[0], near, int(starts[0]), int(lengths[0])
+        hours = (start + np.arange(length)) % HOURS_A_DAY
+        span = slice(first[row], end[row])
+        bent = G @ c[:, hours, span].sum(axis=(1, 2))
+        size = 2.0 * float((total - prior[row]) / max(s[hours, span].sum(), 1e-300))
         until = (start + length) % HOURS_A_DAY or HOURS_A_DAY
         window: dict[str, Any] = {"hours": (float(start), float(until))}
-        if (a, b) != (0, days):
-            window["dates"] = _dates(record, open_days, a, b)
-        hours = (start + np.arange(length)) % HOURS_A_DAY
-        whole, price = columns[hours].sum(axis=0)[None], float(np.log(runs))
-        found.append(
-            _candidate(trial, whole, np.array([size]), window, total - log_prior, log_prior - price, shift)
-        )
+        if row > 0:
+            window["dates"] = _dates(record, open_days, int(first[row]), int(end[row]))
+        price = float(prior[row] - np.log(HOURS_A_DAY * (HOURS_A_DAY - 1)))
+        whole = columns[hours].sum(axis=0)[None]
+        gain = float(total - prior[row])
+        found.append(_candidate(trial, whole, np.array([size]), window, gain, price, -bent * size * sd))
     return found
 
 
-def _best_hours(score: Floats, information: Floats, sign: int) -> tuple[int, int, float, float]:
-    """Start, length, gain and size of the best run of hours."""
-    n = len(score)
-    best = (0, n, -np.inf, 0.0)
-    twice = np.concatenate([np.arange(n), np.arange(n)])
-    for start in range(n):
-        order = twice[start : start + n - 1]
-        s = np.cumsum(score[order])
-        part = information[np.ix_(order, order)]
-        q = np.cumsum(np.cumsum(part, axis=0), axis=1).diagonal()
-        gains = _gain(s, q, sign)
-        i = int(np.argmax(gains))
-        if gains[i] > best[2]:
-            best = (start, i + 1, float(gains[i]), float(s[i] / max(q[i], 1e-300)))
-    return best
+GRID = 24
+"""Parts of a season between which a window of hours begins and ends at first: 300 windows, the same time for
+a month and a year."""
 
 
-def _gain(score: Floats, information: Floats, sign: int) -> Floats:
+def _best_hours(score: Floats, left: Floats, whole: Floats, sign: int) -> tuple[Floats, Ints, Ints]:
+    """Gain, start and length of the best run of hours of each window.
+
+    Scores (windows, 24), and information (windows, 24, 24) without and with what the response can do.
+    """
+    start, many = np.arange(HOURS_A_DAY)[:, None], np.arange(HOURS_A_DAY - 1)
+    twice = np.arange(2 * HOURS_A_DAY) % HOURS_A_DAY
+    hour = start + many
+
+    def over_runs(info: Floats) -> Floats:
+        up_to = np.cumsum(info[:, twice[:, None], twice], axis=1)
+        before = np.where(start > 0, up_to[:, start - 1, hour], 0.0)
+        own = info[:, twice[hour], twice[hour]]
+        return np.asarray(np.cumsum(2.0 * (up_to[:, hour, hour] - before) - own, axis=2))
+
+    sums = np.cumsum(score[:, twice[hour]], axis=2)
+    gains = _gain(sums, over_runs(left), over_runs(whole), sign).reshape(len(score), -1)
+    best = np.argmax(gains, axis=1)
+    return gains[np.arange(len(best)), best], best // len(many), best % len(many) + 1
+
+
+def _gain(score: Floats, left: Floats, whole: Floats, sign: int) -> Floats:
     s = np.maximum(sign * score, 0.0) if sign else score
-    safe = np.where(information > 0, information, np.inf)
+    safe = np.where(left > LEAST_LEFT * whole, left, np.inf)
     return np.asarray(0.5 * s * s / safe)
 
 
