@@ -8,7 +8,7 @@ import numpy as np
 from rivid.diagnosis.blocks import Split
 from rivid.diagnosis.closed_loop import closed_loop
 from rivid.diagnosis.data import Record
-from rivid.diagnosis.decision import ALONE, TOGETHER, UNKNOWN, Study
+from rivid.diagnosis.decision import ALONE, UNKNOWN, Study
 from rivid.diagnosis.events import Event
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.fit import HOURS, Model, day_errors
@@ -123,11 +123,10 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 "Check length, width and depth in the configuration."
             )
         nothing = study.chance(lambda names, unknown: not names and not unknown)
-        first = ""
-        if study.names:
-            p = study.chance_of(study.names[0])
+        p, first = max((study.chance_of(name) for name in study.names), default=0.0), ""
+        if p >= 1.0 - ALONE:
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
-        if study.unknown < UNKNOWN and nothing < UNKNOWN:
+        if study.unknown < UNKNOWN and nothing < max(p, study.unknown):
             return "unknown", (
                 f"Something is missing, with a probability of {1.0 - nothing:.2f}, and no name is probable "
                 f"enough{first}."
@@ -136,7 +135,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
             return "unknown", (
                 f"Something is missing that no known effect explains, with a probability of "
-                f"{study.unknown:.2f}{what}."
+                f"{study.unknown:.2f}{what}{first}."
             )
         if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
             return "unknown", (
@@ -408,6 +407,11 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
         found.append(place.text)
+    likeliest = next((one for one, _ in study.ranking if one.unknown), last)
+    for events in (e for e in likeliest.events if not e.kind.name):
+        size = float(np.median([e.size for e in events.events]))
+        many, hours = len(events.events), events.duration_s / HOUR
+        found.insert(0, f"{many} pulses of about {size:.3g} m3/s and {hours:.2g} h, at no fixed time")
     if not found:
         return None
     size = float(np.sqrt(np.mean(w[used] ** 2)))

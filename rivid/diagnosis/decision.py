@@ -441,12 +441,11 @@ class Study:
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether an unknown flow that returns makes a share of the error that counts."""
-        if len(one.model.effects) == len(parent.model.effects):
+        """Whether an unknown flow that returns or comes in pulses makes a share of the error that counts."""
+        before, now = ([e for e in o.effects if not e.name] for o in (parent, one))
+        if len(now) == len(before):
             return False
-        dates, record = one.model.effects[-1].dates, self.record
-        active = [dates is None or dates[0] <= day <= dates[1] for day in record.dates]
-        return self._material(one, parent, np.array(active))
+        return self._material(one, parent, one.active(self.record, now[-1]))
 
     def _moves(self, one: Explanation, parent: Explanation, made: Floats, active: Bools) -> bool:
         """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.

@@ -483,20 +483,23 @@ def _finer(now: _Found, which: int, grid: Sequence[float], best: Callable[..., _
 
 WITHIN = 1800.0
 """Two starts are at the same hour if they are no further apart by the clock [s]."""
+ASTRAY = 2 * HOUR
+"""Natural events have their time of the day to no less than this: thunderstorms come in the afternoon."""
 
 
 def timetable(events: Sequence[Event], *, draws: int = 999, seed: int = 0) -> tuple[float, float]:
     """Whether events start at the same hours of the day: p, and the share of starts at an hour of many.
 
-    p is that of as many pairs of starts at the same hour, were they uniform; 1 with events of one day only.
-    Events under way at the start of a row are left out.
+    p is that of as many pairs of starts at the same hour, were each up to :data:`ASTRAY` off; 1 with events
+    of one day only. Events under way at the start of a row are left out.
     """
     counted = [e for e in events if not e.under_way]
     starts = np.array([e.start_s % DAY for e in counted])
     if len({e.day for e in counted}) < 2:
         return 1.0, 0.0
     observed = _agreeing(starts[None])[0]
-    by_chance = np.random.default_rng(seed).uniform(0.0, DAY, (draws, len(starts)))
+    off = np.random.default_rng(seed).uniform(-ASTRAY, ASTRAY, (draws, len(starts)))
+    by_chance = np.mod(starts + off, DAY)
     p_value = float((1 + (_agreeing(by_chance) >= observed).sum()) / (1 + draws))
     left = np.ones(len(starts), bool)
     while left.any():
@@ -541,11 +544,14 @@ MOST_PULSE, MOST_RAIN = 3.0, 10.0
 
 
 def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
-    """Events of an effect: recessions along the reach, pulses at the lower dam, or jumps of the gauge."""
+    """Events of an effect: recessions along the reach, pulses at the lower dam, or jumps of the gauge; pulses
+    of an unknown flow along the reach."""
     if effect.found_as == "jump":
         return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":
         return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
+    if not effect.name:
+        return Kind("", "pulse", 1, kernels["middle"], PULSES)
     return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
 
 
@@ -568,7 +574,8 @@ def as_effect(effect: type[Effect], events: Events, record: Record) -> Effect:
     if effect.found_as == "jump":
         return effect.from_events(starts, [e.size for e in events.events], 0.0)
     sizes_ = np.array([abs(float(e.size)) for e in events.events])
-    most = (MOST_RAIN if effect.found_as == "recession" else MOST_PULSE) * float(np.median(sizes_))
+    alike = effect.found_as == "pulse" and effect.name
+    most = (MOST_PULSE if alike else MOST_RAIN) * float(np.median(sizes_))
     size = np.minimum(sizes_, most).tolist()
     lasts = tuple(e.duration_s / HOUR for e in events.events)
     made = effect.from_events(starts, size, lasts[0] if np.ptp(lasts) == 0.0 else lasts)
@@ -584,6 +591,6 @@ def plausible(found: Events) -> bool:
     if len(found.events) < FEWEST:
         return False
     if found.kind.shape == "pulse":
-        return not size_variation(found.events) > ALIKE
+        return not found.kind.name or not size_variation(found.events) > ALIKE
     p_value, share = timetable(_storms(found.events))
     return not (p_value <= SCHEDULED and share > 0.5)

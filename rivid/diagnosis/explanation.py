@@ -99,7 +99,8 @@ class Explanation:
     @property
     def count(self) -> tuple[int, int]:
         """Effects in the simulator and outside it."""
-        return sum(bool(effect.name) for effect in self.model.effects), len(self.others)
+        inside, outside = (sum(bool(e.name) for e in some) for some in (self.model.effects, self.others))
+        return inside, outside
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -520,7 +520,8 @@ def with_events(
             return None
     assert found is not None
     return fitted(
-        parent.model, record, opened, start=parent, parent=parent, unknown=parent.unknown,
+        parent.model, record, opened, start=parent, parent=parent,
+        unknown=parent.unknown if effect.name else "flow",
         log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),
         events=(*parent.events, found),
     )  # fmt: skip

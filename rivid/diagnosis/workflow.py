@@ -52,7 +52,7 @@ from rivid.diagnosis.search import (
 )
 from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
-from rivid.effects.flow import RecurringFlow
+from rivid.effects.flow import PassingFlow, RecurringFlow
 from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import DAY, HOUR, Floats
@@ -203,7 +203,12 @@ def find_effects(
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
-        if turn == most - 1 or lead.names == parent.names and lead.unknown in ("", parent.unknown):
+        if lead.names == parent.names and lead.unknown in ("", parent.unknown):
+            # What is likelier and immaterial stands before what is not: it is seen beside it only.
+            lead = search.ordered()[0]
+            if lead.added is None or len(lead.names) <= len(parent.names):
+                break
+        if turn == most - 1:
             break
         parent = lead
     report(1.0, "the sealed days")
@@ -447,6 +452,11 @@ class _Search:
                 events = partial(with_events, effect=effect, kernels=library.kernels, record=record)
                 wanted.append(Way(name, events))
         for way, made in zip(wanted, self._grow(parent, library, wanted), strict=True):
+            if made is not None and self.classes[way.name].found_as == "recession":
+                prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
+                pulses = with_events(parent, PassingFlow, library.kernels, record, prior)
+                if pulses is not None:
+                    self.pool.append(self._scored(self._inflated(pulses, library)))
             if made is not None and self.classes[way.name].found_as == "level noise":
                 # An unknown gauge that is hardly likelier errs as wind makes it err.
                 least = self.score(made) + LEAST

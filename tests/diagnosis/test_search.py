@@ -50,12 +50,13 @@ def test_windows_are_all_of_their_kind_and_their_priors_add_up(dates, days):
         assert np.exp(prior[1:][one]).sum() == pytest.approx(0.25)
 
 
-def base_of(seed, planted=None):
+def base_of(seed, planted=None, trial=None):
     """An explanation at the optimum of two parameters, and the two columns of a trial."""
     rng = np.random.default_rng(seed)
     shape = RECORD.time.shape
     used = RECORD.used
-    columns, trial = 6.0 * rng.standard_normal((2, *shape)), 4.0 * rng.standard_normal((2, *shape))
+    columns, own = 6.0 * rng.standard_normal((2, *shape)), 4.0 * rng.standard_normal((2, *shape))
+    trial = own if trial is None else np.stack([trial, own[1]])
     y = RIVER.simulate(*shape, rng)
     if planted is not None:
         a, b, size = planted
@@ -177,18 +178,45 @@ def test_what_the_parameters_can_do_as_well_is_no_candidate():
 @pytest.mark.parametrize("sign", [0, 1, -1])
 def test_the_best_run_of_hours_is_that_of_all_runs(sign):
     rng = np.random.default_rng(sign + 7)
-    for _ in range(3):
-        s, A = rng.standard_normal(24), rng.standard_normal((24, 40))
-        info = A @ A.T
-        start, length, gain, size = _best_hours(s, info, sign)
-        best = (-np.inf, 0, 0, 0.0)
+    s, A, X = rng.standard_normal((3, 24)), rng.standard_normal((3, 24, 40)), rng.standard_normal((3, 24, 2))
+    whole = A @ A.swapaxes(1, 2)
+    left = whole - 0.2 * X @ X.swapaxes(1, 2)
+    left[2, :, :] = 0.01 * whole[2]  # nothing that the response cannot do
+    gains, starts, lengths = _best_hours(s, left, whole, sign)
+    for i in range(2):
+        best = (-np.inf, 0, 0)
         for a in range(24):
             for many in range(1, 24):
                 hours = (a + np.arange(many)) % 24
-                S, Q = s[hours].sum(), info[np.ix_(hours, hours)].sum()
-                if not sign or sign * S > 0.0:
-                    best = max(best, (0.5 * S * S / Q, a, many, S / Q))
-        assert (gain, start, length, size) == pytest.approx(best)
+                S, Q = s[i, hours].sum(), left[i][np.ix_(hours, hours)].sum()
+                if (not sign or sign * S > 0.0) and Q > 0.02 * whole[i][np.ix_(hours, hours)].sum():
+                    best = max(best, (0.5 * S * S / Q, a, many))
+        assert (gains[i], starts[i], lengths[i]) == pytest.approx(best)
+    assert gains[2] == 0.0
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_hours_and_dates_of_a_release_are_those_of_all_refits(seed):
+    columns = np.repeat(4.0 * np.random.default_rng(seed).standard_normal((8, *RECORD.time.shape)), 3, axis=0)
+    base, _, X, r, w, at = base_of(seed, (3, 9, 1.0), trial=columns[:9].sum(axis=0))
+    whitened = RIVER.whiten(columns, like=np.where(RECORD.used, base.residual, np.nan))[:, OPEN]
+    whitened *= np.sqrt(base.weights[OPEN])[:, None]
+    effect = CATALOGUE["unlogged_upstream_release"]
+    found = screened(base, Library((effect.hourly_trial("up"),), (columns,), {}), RECORD)
+    best = {season: (-np.inf, 0.0) for season in (True, False)}
+    spans = list(zip(*_spans("between", DAYS), strict=True))
+    for start in range(24):
+        for many in range(1, 24):
+            one = whitened[(start + np.arange(many)) % 24].sum(axis=0)[None]
+            for a, b, prior in spans:
+                gain, c, _ = refit(base, X, r, one, at, a, b, 1)
+                if c[0] > 0.0:
+                    best[b - a == DAYS] = max(best[b - a == DAYS], (gain + prior, c[0]))
+    assert len(found) == 2
+    for one in found:
+        worth, size = best[one.effect.dates is None]
+        assert one.worth + np.log(24 * 23) == pytest.approx(worth, rel=1e-4)
+        assert one.effect.size == pytest.approx(size, rel=1e-4)
 
 
 def test_columns_of_hours_are_convolutions_with_the_step_response():
