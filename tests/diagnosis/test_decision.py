@@ -29,6 +29,7 @@ from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.result import Unknown, Where
 from rivid.diagnosis.search import with_events
 from rivid.effects import CATALOGUE, changes_of
+from rivid.effects.flow import PassingFlow
 from tests import examples
 from tests.diagnosis import pools
 from tests.diagnosis.answers import evidence_of, gap_of
@@ -237,6 +238,22 @@ def test_events_pay_for_those_of_the_impossible_sign():
     assert gained > 100.0 and cost < 0.1 * gained  # by chance
     gained, cost = paid(range(2, 25, 3))
     assert cost > 0.5 * gained > 0.0
+
+
+@pytest.mark.parametrize("recedes", [True, False])
+def test_rain_is_likelier_than_pulses_of_an_unknown_flow_where_it_recedes(recedes):
+    starts = tuple(24.0 * d + 5.0 * d % 19.0 for d in range(1, 25, 3))
+    rain = RAIN(starts=starts, peak=20.0, rise=0.1, recession=6.0)
+    pulses = PassingFlow(starts=starts, size=20.0, duration=2.0)
+    record = pools.season(6, days=25, effects=(rain if recedes else pulses,))
+    parent, kernels = pools.explained(record), kernels_of(pools.nominal(record), record)
+    block, tails = split(record.dates).block, tails_of(parent, record)
+    found = [with_events(parent, effect, kernels, record, 0.0) for effect in (RAIN, PassingFlow)]
+    one, other = (scored(each, record, block, tails) for each in found)
+    assert (one.names, one.unknown, other.names, other.unknown) == (("rain_inflow",), "", (), "flow")
+    assert other.added is None and other.count == parent.count
+    ahead = float((one.density - other.density)[pools.opened(record)].sum())
+    assert ahead > 20.0 if recedes else ahead < -20.0
 
 
 @pytest.mark.parametrize("first,last", [(1, 13), (2, 14), (3, 12), (0, 14)])

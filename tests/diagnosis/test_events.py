@@ -340,6 +340,15 @@ def test_starts_at_fixed_hours_are_a_timetable():
     assert timetable(events_at(hours, days)) == (0.001, 1.0)
 
 
+@sizes("seasons", 20, 200)
+def test_storms_of_the_afternoon_are_no_timetable(seasons):
+    p = []
+    for seed in range(seasons):
+        hours = np.random.default_rng(seed).normal(16.5, 1.5, 13) % 24.0
+        p.append(timetable(events_at(hours, np.arange(13)), seed=seed)[0])
+    assert np.mean(np.array(p) <= 0.002) <= 0.05
+
+
 @sizes("seasons", 50, 200)
 def test_starts_at_random_are_a_timetable_no_more_often_than_the_level(seasons):
     level = 0.05

@@ -11,6 +11,7 @@ from rivid.effects.flow import (
     LateralInflow,
     Leakage,
     OutflowGainError,
+    PassingFlow,
     RecurringFlow,
     SideStorage,
     StorageAreaSlope,
@@ -95,6 +96,18 @@ def test_windows_and_values_that_do_not_fit_are_refused():
             LateralInflow(inflow=given)
     with pytest.raises(ConfigError, match="storage_area_slope: dates and hours are given"):
         StorageAreaSlope(dates=DATES)
+
+
+def test_an_unknown_flow_in_pulses_is_their_sum_and_has_no_name():
+    here = world(days=2)
+    starts, sizes, lasts = (3.0, 3.5, 30.0), (5.0, 2.0, 7.0), (2.0, 4.0, 0.1)
+    (one,) = PassingFlow.from_events(starts, sizes, lasts).changes(here).added
+    T = here.sample_time / 3600.0  # means over a sample, in small steps
+    at = here.time[..., None] / 3600.0 + (np.arange(1000) + 0.5) / 1000.0 * T
+    fine = sum(q * ((at >= a) & (at < a + d)) for a, q, d in zip(starts, sizes, lasts, strict=True))
+    assert one.flow == pytest.approx(fine.mean(axis=-1), abs=0.02)
+    assert one.flow.max() == pytest.approx(7.0) and one.place == 0.5
+    assert PassingFlow.name == "" and PassingFlow not in effect_classes().values()
 
 
 @pytest.mark.parametrize("hours", [24.0, 7.3])
