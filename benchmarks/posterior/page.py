@@ -132,8 +132,7 @@ def random_section(exam: ByFactor, rough: ByFactor) -> str:
     return (
         "## Random worlds, by factor\n\nPools of the exam with nothing hidden ([exam.md](exam.md)): box scheme, Saint-Venant or "
         "linear store; operators by hand, automatic\nor on a schedule; a stilling well in half of them. Eight days each, the delays that "
-        "`rivid bounds` proposes from a geometry known to some percent,\nseeds that took no part. The box scheme has boxes that a "
-        "wave passes in one time step, since in the exam's 24 its short waves run ahead\nof the front; the true travel time is that "
+        "`rivid bounds` proposes from a geometry known to some percent,\nseeds that took no part. The true travel time of the box scheme is that "
         "of the boxes' own sections [%]:\n\n" + table(head, rows + worst) + "\n"
     )
 

@@ -5,14 +5,14 @@ so that the delays cover the range and their fractions are even.
 """
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exam.worlds import WIDEST, BoxWater, draw, wave_travel
+from benchmarks.exam.worlds import WIDEST, BoxWater, draw
 from rivid.core.hydraulics import propose_delays
 from rivid.core.settings import PosteriorSettings
 from rivid.errors import ConfigError, RividError
@@ -268,18 +268,6 @@ def worlds(kind: str, seed: int, days: int) -> list[World]:
     return list(_worlds(kind, seed, days))
 
 
-class FineBox(BoxWater):
-    """The exam's third water in as many boxes as time steps of some 30 s need."""
-
-    theta = 0.51
-
-    @cached_property
-    def boxes(self) -> int:  # type: ignore[override]
-        """Number of boxes."""
-        T_s = self.scenario.reach.sample_time
-        return max(6, round(wave_travel(self.scenario) / (T_s / np.ceil(T_s / 30.0))))
-
-
 def random_worlds(
     seeds: range, days: int, rough: bool = False
 ) -> list[tuple[World, PosteriorSettings, dict[str, Any]]]:
@@ -309,7 +297,7 @@ def random_worlds(
                 }
             )
             try:
-                season = simulate(s, seed, water=FineBox if world.kind == "box" else Water)
+                season = simulate(s, seed, water=BoxWater if world.kind == "box" else Water)
             except RividError:
                 continue
             r, T_s, off = s.reach, season.sample_time, {k: 1.0 + v for k, v in world.off.items()}

@@ -193,9 +193,10 @@ def slow_below(edges, x, store, s):
         return [expit((edge - x) / s.store_error) for edge in edges]
     first, last = s.d_min - GUARD, s.d_max + GUARD
     travel = np.arange(first + 0.025, last + 1, 0.05)
-    likely = np.zeros(len(travel))
+    likely = s.wave_store * logistic.pdf(travel, x, s.wave_error)
     for gate in np.arange(1, 16, 2) / 16 * s.wave_gate:
-        likely += logistic.pdf([slow_wave_place(t, gate, s) for t in travel], x, s.wave_error)
+        place = [slow_wave_place(t, gate, s) for t in travel]
+        likely += (1 - s.wave_store) / 8 * logistic.pdf(place, x, s.wave_error)
     return [likely[travel < edge].sum() / likely.sum() for edge in edges]
 
 

@@ -8,7 +8,8 @@ In a store the place of the front is the travel time. A wave moves the level as 
 time of the gate's motion and longer the further friction has flattened it. Where it has passed before the
 next sample, that sample holds it whole, and the place is the sampling instant before the arrival; else the
 place follows the part of it that has yet to pass. No day shows how long its wave takes: the probability of a
-travel time is averaged over the times that a gate may need.
+travel time is averaged over the times that a gate may need. A store behind a stilling well follows the
+equations of a wave too, with the place of a store.
 """
 
 from collections.abc import Callable
@@ -112,9 +113,10 @@ def _kernel(s: PosteriorSettings) -> Floats:
     store[:, edges <= first], store[:, edges >= last + 1] = 0.0, 1.0  # what lies outside counts there
     travel = first + (np.arange((len(steps) - 1) * FINE) + 0.5) / (STEPS * FINE)
     likely = np.zeros((len(x), len(travel)))
-    for gate in s.wave_gate * GATES:
-        below = _logistic((wave_place(travel, gate, s) - x) / s.wave_error)
-        likely += below * (1.0 - below)
+    seen = [((1.0 - s.wave_store) / len(GATES), wave_place(travel, g, s)) for g in s.wave_gate * GATES]
+    for share, place in [(s.wave_store, travel), *seen]:
+        below = _logistic((place - x) / s.wave_error)
+        likely += share * below * (1.0 - below)
     up_to = np.cumsum(likely, axis=1)[:, FINE - 1 :: FINE]
     wave = np.pad(up_to / up_to[:, -1:], [(0, 0), (1, 0)])  # from an even prior, by Bayes
     at = np.rint((edges - first) * STEPS).astype(int)

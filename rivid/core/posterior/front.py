@@ -45,9 +45,9 @@ error."""
 LAG_TAPS = 4
 """Lags of its response; what comes later is put on the last."""
 
-LAGGED = 0.1
-"""Prior share of days with a lag: of 0.1, 0.25 and 0.5 that of the highest log score of the true delay on
-worlds of development with and without a stilling well (`benchmarks/posterior`)."""
+LAGGED = 0.5
+"""Prior share of days with a lag: of the highest log score of the true travel time, together with the values
+of :class:`rivid.core.settings.PosteriorSettings`."""
 
 LEAST_LAGGED = 2
 """Smallest delay of a wave behind a lag: below, it is reflected within the time of the lag, and the lag and
