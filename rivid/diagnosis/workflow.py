@@ -186,6 +186,8 @@ def find_effects(
     responses = tuple(response) if isinstance(response, Sequence) else (response,)
     search = _Search(record, responses, classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
+    extended: list[tuple[tuple[str, ...], str]] = []
+    small = False
     for turn in range(most):
         search.begin_round(turn, most)
         for other in promising if turn == 0 else ():
@@ -195,19 +197,21 @@ def find_effects(
         if again is not parent:  # its extensions begin at a better response
             parent = again
             search.extend(parent)
+        extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
-        if lead.names != parent.names:  # that one was fitted on in the round before
+        if (lead.names, "") not in extended:
             search.add_rivals(lead)
             lead = search.shifted(search.polished(search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
-        if lead.names == parent.names and lead.unknown in ("", parent.unknown):
-            # What is likelier and immaterial stands before what is not: it is seen beside it only.
+        if (lead.names, lead.unknown) in extended:
+            # An immaterial effect that is likelier hides what is material: beside it, that shows.
             lead = search.ordered()[0]
-            if lead.added is None or len(lead.names) <= len(parent.names):
+            if small or (lead.names, lead.unknown) in extended or lead.added is None:
                 break
+            small = True
         if turn == most - 1:
             break
         parent = lead
