@@ -18,7 +18,7 @@ Divisions and roots would take most of the time. They are computed at each sampl
 on; the steps between correct them by short series in the relative change of the areas since, cut where they
 are right to 1e-9. A step after which an area has changed by more computes all anew. The arrays of the loops
 lie in one buffer at constant distances: the compiler then needs no test for overlap, which costs as much as
-the arithmetic of a reach of 24 cells.
+the arithmetic of a reach of some 30 cells.
 """
 
 import numpy as np
