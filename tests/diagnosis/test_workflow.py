@@ -260,6 +260,41 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is nothing
 
 
+@pytest.mark.parametrize("found", [True, False])
+def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatch, found):
+    """The likeliest effect is immaterial; beside it, not alone, another one matters, or none does."""
+    first = explained()
+    small = explained("wave_attenuation", 50.0, parent=first)
+    both = explained("leakage", 60.0, parent=small)
+    extended = []
+
+    class Search:
+        pool = (first, small, both)
+        score = staticmethod(lambda one: 0.0)
+        begun = staticmethod(lambda: [first])
+        ordered = staticmethod(lambda: [small])
+        study = staticmethod(lambda: extended)
+
+        def __init__(self, *given):
+            pass
+
+        def extend(self, parent):
+            extended.append(parent.names)
+
+        def again(self, parent):
+            return parent
+
+        def lead(self):
+            return both if found and small.names in extended else first
+
+        def __getattr__(self, name):  # what fits the lead on
+            return lambda one, *more: one
+
+    monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
+    find_effects(pools.season(6, DAYS, (), T_S), (), {}, most=4)
+    assert extended == [first.names, small.names] + found * [both.names]
+
+
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     """The gauge's errors gave the lead 30 nats, and its twin none."""
     nothing = explained()
