@@ -196,31 +196,6 @@ class RecurringFlow(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PassingFlow(Effect):
-    """An unknown flow in pulses, at no fixed time.
-
-    It has no name: the diagnosis holds it against rain, which recedes.
-    """
-
-    name = ""
-    family = "flow"
-    found_as = "pulse"
-    sentence = "A flow that comes and goes."
-    looks = "Now and then the level rises and falls again within hours, without a cause in the logs."
-
-    starts: tuple[float, ...] = quantity((), "h", LOW, HIGH, START, many=True)
-    size: Sizes = quantity(10.0, "m3/s", 0.0, 1e5, "the flow, of each start or of all", many=True)
-    duration: Sizes = quantity(0.5, "h", 0.001, 2400.0, "how long a pulse lasts", many=True)
-
-    @classmethod
-    def from_events(cls, starts: Sequence[float], sizes: Sequence[float], duration: Sizes) -> "PassingFlow":
-        return cls(starts=tuple(starts), size=tuple(sizes), duration=duration)
-
-    def changes(self, world: World) -> Changes:
-        return Changes(added=(AddedFlow(0.5, pulses(*_pulses(self, 0.0, world), world)),))
-
-
-@dataclass(frozen=True, kw_only=True)
 class RainInflow(Effect):
     """``flow at the place += peak x shape``: a straight rise, then ``exp(-t / recession)``.
 
@@ -366,35 +341,42 @@ class UnloggedDownstreamRelease(Effect):
 
     def events(self, world: World) -> list[dict[str, float]]:
         """The pulses in order: beginning [h since the first day's midnight], size [m3/s], length [h]."""
-        start, size, length = _pulses(self, self.per_day, world)
+        start, size, length = self._events(world)
         return as_rows(start_h=start / HOUR, size_m3s=size, duration_h=length / HOUR)
 
     def changes(self, world: World) -> Changes:
         flow = np.zeros(world.time.shape)
         if not self.starts and self.per_day == 0.0:
             flow += np.ravel(self.size)[0] * self.active(world)
-        flow += pulses(*_pulses(self, self.per_day, world), world)
+        start, size, length = self._events(world)
+        if len(start):  # all pulses at once: their volume is straight between their beginnings and ends
+            knots = np.concatenate([start, start + length])
+            order = np.argsort(knots)
+            knots, slope = knots[order], np.cumsum(np.concatenate([size, -size])[order])
+            passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
+            flow += world.mean_of(lambda t: np.interp(t, knots, passed))
         return Changes(added=(AddedFlow(1.0, -flow),))
 
-
-def _pulses(
-    effect: PassingFlow | UnloggedDownstreamRelease, per_day: float, world: World
-) -> tuple[Floats, Floats, Floats]:
-    """Beginning [s], size [m3/s] and length [s] of each pulse."""
-    start, _, size, duration = events_of(effect, per_day, world, effect.size, effect.duration)
-    return start, size, HOUR * duration
+    def _events(self, world: World) -> tuple[Floats, Floats, Floats]:
+        """Beginning [s], size [m3/s] and length [s] of each pulse."""
+        start, _, size, duration = events_of(self, self.per_day, world, self.size, self.duration)
+        return start, size, HOUR * duration
 
 
-def pulses(start: Floats, size: Floats, length: Floats, world: World) -> Floats:
-    """Mean flow of pulses over each sample, shape (days, n) [m3/s]."""
-    if not len(start):
-        return np.zeros(world.time.shape)
-    # all at once: their volume is straight between their beginnings and ends
-    knots = np.concatenate([start, start + length])
-    order = np.argsort(knots)
-    knots, slope = knots[order], np.cumsum(np.concatenate([size, -size])[order])
-    passed = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(knots))])
-    return world.mean_of(lambda t: np.interp(t, knots, passed))
+@dataclass(frozen=True, kw_only=True)
+class PassingFlow(UnloggedDownstreamRelease):
+    """An unknown flow into the reach in pulses, at no fixed time.
+
+    It has no name: the diagnosis holds it against rain, which recedes.
+    """
+
+    name = ""
+    sentence = "A flow that comes and goes."
+    looks = "Now and then the level rises and falls again within hours, without a cause in the logs."
+
+    def changes(self, world: World) -> Changes:
+        (taken,) = super().changes(world).added
+        return Changes(added=(AddedFlow(0.5, -taken.flow),))
 
 
 @dataclass(frozen=True, kw_only=True)
