@@ -407,7 +407,7 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
         found.append(f"a swing with a period of {period / 60:.0f} min")
     if place is not None and place.p_value <= LEAST_P and abs(place.size) > 0.5 * last.noise.inflow_sd:
         found.append(place.text)
-    likeliest = next((one for one, _ in study.ranking if one.unknown), last)
+    likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
     for events in (e for e in likeliest.events if not e.kind.name):
         size = float(np.median([e.size for e in events.events]))
         many, hours = len(events.events), events.duration_s / HOUR

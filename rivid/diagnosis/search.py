@@ -374,6 +374,8 @@ def _hourly(
             if gains[0] <= total + 1e-9:
                 break
             total, row, start, length = gains[0], near, int(starts[0]), int(lengths[0])
+        if total <= prior[row]:
+            continue
         hours = (start + np.arange(length)) % HOURS_A_DAY
         span = slice(first[row], end[row])
         bent = G @ c[:, hours, span].sum(axis=(1, 2))
