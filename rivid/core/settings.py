@@ -296,8 +296,8 @@ class PosteriorSettings(_Delays):
     wave_lag : float
         By how much longer a wave takes to pass with each sample of its travel [samples].
     wave_store : float
-        Share of waves whose place is the travel time itself, as in a store: a stilling well makes a store
-        follow the wave equations.
+        Share of waves with the travel time itself as their place, as in a store: behind a stilling well a
+        store follows the wave equations.
     store_error, wave_error : float
         Scale of the logistic error of a front's place [samples].
     answer_above : float

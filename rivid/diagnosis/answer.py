@@ -123,7 +123,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
                 "Check length, width and depth in the configuration."
             )
         nothing = study.chance(lambda names, unknown: not names and not unknown)
-        p, first = max((study.chance_of(name) for name in study.names), default=0.0), ""
+        p, first = study.chance_of(study.names[0]) if study.names else 0.0, ""
         if p >= 1.0 - ALONE:
             first = f"; the most probable effect, {_words(study.names[0])}, has {p:.2f}"
         if study.unknown < UNKNOWN and nothing < max(p, study.unknown):

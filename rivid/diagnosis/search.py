@@ -174,7 +174,6 @@ def _windows(
     if trial.hourly:
         return _hourly(trial, columns, s, q, c, G, sd, record, open_days)
     first, end, prior = _spans(trial.dates, days)
-
     S, Q, C = (_summed(part, first, end) for part in (s, q, c))
     left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
     size = np.einsum("wkk->wk", Q)
@@ -378,15 +377,14 @@ def _hourly(
             continue
         hours = (start + np.arange(length)) % HOURS_A_DAY
         span = slice(first[row], end[row])
-        bent = G @ c[:, hours, span].sum(axis=(1, 2))
-        size = 2.0 * float((total - prior[row]) / max(s[hours, span].sum(), 1e-300))
+        bent, gain = G @ c[:, hours, span].sum(axis=(1, 2)), float(total - prior[row])
+        size = 2.0 * gain / float(s[hours, span].sum())
         until = (start + length) % HOURS_A_DAY or HOURS_A_DAY
         window: dict[str, Any] = {"hours": (float(start), float(until))}
         if row > 0:
             window["dates"] = _dates(record, open_days, int(first[row]), int(end[row]))
         price = float(prior[row] - np.log(HOURS_A_DAY * (HOURS_A_DAY - 1)))
         whole = columns[hours].sum(axis=0)[None]
-        gain = float(total - prior[row])
         found.append(_candidate(trial, whole, np.array([size]), window, gain, price, -bent * size * sd))
     return found
 
