@@ -309,13 +309,17 @@ def _moved(model: Model, move: Floats) -> Model:
 def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
     """Least and greatest step of each parameter, in prior standard deviations.
 
-    Those of the response stay within their limits and within :data:`LONGEST`; effects know theirs themselves.
+    All stay within their limits, those of the response within :data:`LONGEST` too; an hour of the day has none.
     """
-    free, at = model.reach.parameters, vector_of(model.reach)
+    free, at = model.reach.parameters, _values(model)
     low, high = np.full(len(sd), -np.inf), np.full(len(sd), np.inf)
     for i, one in enumerate(free):
         low[i] = max((one.low - at[i]) / sd[i], -LONGEST)
         high[i] = min((one.high - at[i]) / sd[i], LONGEST)
+    for i, (effect, (name, _), value) in enumerate(model.slots(), len(free)):
+        limits = model.effects[effect].parameters()[name]
+        if name != "hour":
+            low[i], high[i] = (limits.low - value) / sd[i], (limits.high - value) / sd[i]
     return low, high
 
 
@@ -434,7 +438,8 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     seen = np.where(record.used, one.residual, np.nan)
     r = noise.whiten(seen, activity=record.activity)
     found = _information(noise, seen, one.columns, record)
-    squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights)
+    step = _to_optimum(one, found[1], found[2])
+    squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights, step)
     plain = noise.log_likelihood(seen, record.activity) + 0.5 * (r * r).sum(axis=1)
     density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)
@@ -443,6 +448,16 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
         if one.added.found_as == "swing":  # no filter here forecasts it: the errors are those without it
             return replace(one, errors=one.parent.errors)
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
+
+
+def _to_optimum(one: Explanation, g_day: Floats, G_day: Floats) -> Floats:
+    """Step of all free parameters from where a fit ended to its optimum near by, within limits, (p + q,)."""
+    reach, sd = one.model.reach, one.sd
+    off = np.zeros(len(sd))
+    off[: len(reach.parameters)] = vector_of(reach) - [f.mean for f in reach.parameters]
+    g, G = (np.tensordot(one.weights, part, 1) for part in (g_day, G_day))
+    g, G = g * sd - off / sd, G * (sd[:, None] * sd) + np.eye(len(sd))
+    return sd * step_within(G, g, *_room(one.model, sd))
 
 
 TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)

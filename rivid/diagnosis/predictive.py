@@ -1,11 +1,13 @@
 """How well an explanation predicts days that it was not fitted to, and the probability that this gives it.
 
 Near the fit of an explanation the whitened residual of day d is r_d - X_d x, x the change of its parameters.
-At the fit, the sum of X'r over days balances the prior, of the diagonal precision P. Without block b, x has
-the precision G - G_b, G = X'X + P summed over days, and the mean -(G - G_b)^-1 g_b, g_b = X'r of the block:
-one Gauss-Newton step from the full fit. The days of b are then predicted with innovations r_d - X_d x and the
-covariance I + X_d V X_d'. A day may be noisier than the others as a whole: its innovations are a multivariate
-t.
+A fit ends near its optimum, a step s from it: G s = sum of X'r over days less what the prior and limits hold
+back, G = X'X + P summed over days, P the diagonal precision of the prior. Without block b, x has the precision
+G - G_b and the mean (G - G_b)^-1 (G s - g_b), g_b = X'r of the block: one Gauss-Newton step from the full fit.
+With s taken for 0, a number that one block determines to a hundredth of its prior standard deviation, and that
+is a nat from its optimum, would go 141 of these away without the block. The days of b are then predicted with innovations
+r_d - X_d x and the covariance I + X_d V X_d'. A day may be noisier than the others as a whole: its innovations
+are a multivariate t.
 
 The score of an explanation is the sum over blocks of these log densities. Blocks are resampled (Bayesian
 bootstrap), so that a score that rests on a few of them is not sure: pseudo-BMA+ of Yao, Vehtari, Simpson and
@@ -37,7 +39,8 @@ def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def held_out(
-    r_day: Floats, g_day: Floats, G_day: Floats, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike
+    r_day: Floats, g_day: Floats, G_day: Floats, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike,
+    step: ArrayLike = 0.0,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Squared innovations and log-determinant of each day, predicted by the fit without its block.
 
@@ -50,6 +53,8 @@ def held_out(
     blocks : array_like of int, shape (days,)
     weights : array_like, shape (days,)
         Of the days in the fit; a day with the weight 0 is predicted by all others.
+    step : array_like, shape (p,)
+        From the fit to its optimum.
 
     Returns
     -------
@@ -65,12 +70,13 @@ def held_out(
     scale = np.sqrt(np.asarray(precision, float))  # one unit is a prior standard deviation
     g_day, G_day, p = g_day / scale, G_day / (scale[:, None] * scale), len(scale)
     G = np.tensordot(w, G_day, 1) + np.eye(p)
+    g = G @ np.broadcast_to(step * scale, p)
     squares, log_det, change = np.empty(len(w)), np.empty(len(w)), np.empty((len(w), p))
     jackknife = []
     for b in np.unique(label):
         days = np.flatnonzero(label == b)
         rest = G - np.tensordot(w[days], G_day[days], 1)
-        x = -np.linalg.solve(rest, w[days] @ g_day[days])
+        x = np.linalg.solve(rest, g - w[days] @ g_day[days])
         size = np.linalg.slogdet(rest)[1]
         if w[days].any():
             jackknife.append(x)
