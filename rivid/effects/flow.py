@@ -128,7 +128,9 @@ class LateralInflow(Effect):
 
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
-        return [cls.linear_trial("inflow", 1.0, dates="between", also=("place",))]
+        return [
+            cls.linear_trial("inflow", 1.0, dates="between", also=("place",), place=at) for at in QUARTERS
+        ]
 
     def changes(self, world: World) -> Changes:
         flow = over_dates(self, self.inflow, world) * self.active(world)
