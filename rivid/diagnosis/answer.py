@@ -409,9 +409,11 @@ def _unknown(study: Study, evidence: Evidence) -> Unknown | None:
         found.append(place.text)
     likeliest = next((one for one, p in study.ranking if one.unknown and p >= UNKNOWN), last)
     for events in (e for e in likeliest.events if not e.kind.name):
-        size = float(np.median([e.size for e in events.events]))
-        many, hours = len(events.events), events.duration_s / HOUR
-        found.insert(0, f"{many} pulses of about {size:.3g} m3/s and {hours:.2g} h, at no fixed time")
+        sizes = np.abs([e.size for e in events.events])
+        what = f"pulses of about {np.median(sizes):.3g} m3/s and {events.duration_s / HOUR:.2g} h"
+        if events.kind.shape == "jump":
+            what = f"jumps of the reading, of {sizes.max():.2g} m at most"
+        found.insert(0, f"{len(sizes)} {what}, at no fixed time")
     if not found:
         return None
     size = float(np.sqrt(np.mean(w[used] ** 2)))

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.pursuit import Steps, pursue, receding, squares, steps_of
 from rivid.effects import Effect
+from rivid.effects.flow import PassingFlow
 from rivid.errors import RividError
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
@@ -550,8 +551,8 @@ def kind_of(effect: type[Effect], kernels: dict[str, Floats]) -> Kind:
         return Kind(effect.name, "jump", 0, np.ones_like(kernels["down"]))
     if effect.found_as == "recession":
         return Kind(effect.name, "recession", 1, kernels["middle"], RECESSIONS)
-    if not effect.name:
-        return Kind("", "pulse", 1, kernels["middle"], PULSES)
+    if issubclass(effect, PassingFlow):
+        return Kind(effect.name, "pulse", 1, kernels["middle"], PULSES)
     return Kind(effect.name, "pulse", -1, -kernels["down"], PULSES)
 
 

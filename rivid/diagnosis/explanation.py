@@ -17,7 +17,7 @@ from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events
 from rivid.diagnosis.fit import ENOUGH, HOURS, NEAR, TRIES, WIDE, DayErrors, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel, day_weights
-from rivid.diagnosis.predictive import day_densities, held_out, information
+from rivid.diagnosis.predictive import day_densities, held_out, information, step_within
 from rivid.diagnosis.response.base import vector_of
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.errors import RividError
@@ -309,7 +309,7 @@ def _moved(model: Model, move: Floats) -> Model:
 def _room(model: Model, sd: Floats) -> tuple[Floats, Floats]:
     """Least and greatest step of each parameter, in prior standard deviations.
 
-    All stay within their limits, those of the response within :data:`LONGEST` too; an hour of the day has none.
+    All stay within their limits, those of the response within :data:`LONGEST` too; an hour has no limit.
     """
     free, at = model.reach.parameters, _values(model)
     low, high = np.full(len(sd), -np.inf), np.full(len(sd), np.inf)
@@ -334,22 +334,6 @@ def _secant(J: Floats, x: Floats, sd: Floats, change: Floats) -> Floats:
     """
     missed = change - np.tensordot(x * sd, J, 1)
     return J + np.multiply.outer(x / (sd * max(float(x @ x), 1e-12)), missed)
-
-
-def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
-    """The step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
-
-    Cut off at the limits afterwards, the step of all other parameters would be wrong.
-    """
-    from scipy.optimize import lsq_linear
-
-    x = np.linalg.solve(G, g)
-    if ((x >= low) & (x <= high)).all():
-        return np.asarray(x)
-    root = np.linalg.cholesky(G)
-    wide = np.maximum(high, low + 1e-9)  # the library asks for some room
-    found = lsq_linear(root.T, np.linalg.solve(root, g), (low, wide), method="bvls")
-    return np.asarray(found.x)
 
 
 def _noise(
@@ -438,8 +422,13 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     seen = np.where(record.used, one.residual, np.nan)
     r = noise.whiten(seen, activity=record.activity)
     found = _information(noise, seen, one.columns, record)
-    step = _to_optimum(one, found[1], found[2])
-    squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights, step)
+    low, high = _room(one.model, one.sd)
+    p, far = len(one.shared), 1.0 / WIDE  # columns of an effect hold no farther than its own size
+    low[p:], high[p:] = np.maximum(low[p:], -far), np.minimum(high[p:], far)
+    off = np.zeros(len(one.sd))
+    off[:p] = vector_of(one.model.reach) - [f.mean for f in one.model.reach.parameters]
+    within = one.sd * low, one.sd * high
+    squares, log_det, change, errors = held_out(*found, one.sd**-2.0, blocks, one.weights, off, within)
     plain = noise.log_likelihood(seen, record.activity) + 0.5 * (r * r).sum(axis=1)
     density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)
@@ -448,16 +437,6 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
         if one.added.found_as == "swing":  # no filter here forecasts it: the errors are those without it
             return replace(one, errors=one.parent.errors)
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
-
-
-def _to_optimum(one: Explanation, g_day: Floats, G_day: Floats) -> Floats:
-    """Step of all free parameters from where a fit ended to its optimum near by, within limits, (p + q,)."""
-    reach, sd = one.model.reach, one.sd
-    off = np.zeros(len(sd))
-    off[: len(reach.parameters)] = vector_of(reach) - [f.mean for f in reach.parameters]
-    g, G = (np.tensordot(one.weights, part, 1) for part in (g_day, G_day))
-    g, G = g * sd - off / sd, G * (sd[:, None] * sd) + np.eye(len(sd))
-    return sd * step_within(G, g, *_room(one.model, sd))
 
 
 TAILS = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 1000.0)

@@ -1,13 +1,13 @@
 """How well an explanation predicts days that it was not fitted to, and the probability that this gives it.
 
 Near the fit of an explanation the whitened residual of day d is r_d - X_d x, x the change of its parameters.
-A fit ends near its optimum, a step s from it: G s = sum of X'r over days less what the prior and limits hold
-back, G = X'X + P summed over days, P the diagonal precision of the prior. Without block b, x has the precision
-G - G_b and the mean (G - G_b)^-1 (G s - g_b), g_b = X'r of the block: one Gauss-Newton step from the full fit.
-With s taken for 0, a number that one block determines to a hundredth of its prior standard deviation, and that
-is a nat from its optimum, would go 141 of these away without the block. The days of b are then predicted with innovations
-r_d - X_d x and the covariance I + X_d V X_d'. A day may be noisier than the others as a whole: its innovations
-are a multivariate t.
+A fit ends near its optimum, a step s from it: G s is the sum of X'r over days less what the prior and limits
+hold back, G = X'X + P summed over days, P the diagonal precision of the prior. Without block b, x has the
+precision G - G_b and the mean (G - G_b)^-1 (G s - g_b), g_b = X'r of the block: one Gauss-Newton step from
+the full fit. With 0 for s, a number that one block determines to a hundredth of its prior standard
+deviation, and that is a nat from its optimum, would go 141 of these away without the block. The days of b
+are then predicted with innovations r_d - X_d x and the covariance I + X_d V X_d'. A day may be noisier than
+the others as a whole: its innovations are a multivariate t.
 
 The score of an explanation is the sum over blocks of these log densities. Blocks are resampled (Bayesian
 bootstrap), so that a score that rests on a few of them is not sure: pseudo-BMA+ of Yao, Vehtari, Simpson and
@@ -39,8 +39,14 @@ def information(r: Floats, X: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def held_out(
-    r_day: Floats, g_day: Floats, G_day: Floats, precision: ArrayLike, blocks: ArrayLike, weights: ArrayLike,
-    step: ArrayLike = 0.0,
+    r_day: Floats,
+    g_day: Floats,
+    G_day: Floats,
+    precision: ArrayLike,
+    blocks: ArrayLike,
+    weights: ArrayLike,
+    off: ArrayLike = 0.0,
+    within: tuple[ArrayLike, ArrayLike] = (-np.inf, np.inf),
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Squared innovations and log-determinant of each day, predicted by the fit without its block.
 
@@ -53,8 +59,10 @@ def held_out(
     blocks : array_like of int, shape (days,)
     weights : array_like, shape (days,)
         Of the days in the fit; a day with the weight 0 is predicted by all others.
-    step : array_like, shape (p,)
-        From the fit to its optimum.
+    off : array_like, shape (p,)
+        Where the fit ended, from the middle of the prior.
+    within : (array_like, array_like), shape (p,)
+        Least and greatest change of each parameter.
 
     Returns
     -------
@@ -70,13 +78,15 @@ def held_out(
     scale = np.sqrt(np.asarray(precision, float))  # one unit is a prior standard deviation
     g_day, G_day, p = g_day / scale, G_day / (scale[:, None] * scale), len(scale)
     G = np.tensordot(w, G_day, 1) + np.eye(p)
-    g = G @ np.broadcast_to(step * scale, p)
+    low, high = (np.broadcast_to(end * scale, p) for end in within)
+    # what the prior and limits hold back is no step to the optimum
+    g = G @ step_within(G, np.tensordot(w, g_day, 1) - off * scale, low, high)
     squares, log_det, change = np.empty(len(w)), np.empty(len(w)), np.empty((len(w), p))
     jackknife = []
     for b in np.unique(label):
         days = np.flatnonzero(label == b)
         rest = G - np.tensordot(w[days], G_day[days], 1)
-        x = np.linalg.solve(rest, g - w[days] @ g_day[days])
+        x = step_within(rest, g - w[days] @ g_day[days], low, high)
         size = np.linalg.slogdet(rest)[1]
         if w[days].any():
             jackknife.append(x)
@@ -90,6 +100,22 @@ def held_out(
     scatter = np.var(jackknife, axis=0) * (many - 1) if many > 1 else np.zeros(p)
     errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(G)), scatter)) / scale
     return squares, log_det, change, errors
+
+
+def step_within(G: Floats, g: Floats, low: Floats, high: Floats) -> Floats:
+    """The step x of least 0.5 x'Gx - g'x with each parameter within its limits, shape (k,).
+
+    Cut off at the limits afterwards, the step of all other parameters would be wrong.
+    """
+    from scipy.optimize import lsq_linear
+
+    x = np.linalg.solve(G, g)
+    if ((x >= low) & (x <= high)).all():
+        return np.asarray(x)
+    root = np.linalg.cholesky(G)
+    wide = np.maximum(high, low + 1e-9)  # the library asks for some room
+    found = lsq_linear(root.T, np.linalg.solve(root, g), (low, wide), method="bvls")
+    return np.asarray(found.x)
 
 
 def day_densities(squares: Floats, log_det: Floats, scale: Floats, counts: Floats, tails: float) -> Floats:

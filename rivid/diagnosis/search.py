@@ -19,7 +19,7 @@ import numpy as np
 
 from rivid.diagnosis.data import Record
 from rivid.diagnosis.events import Events, as_effect, find_events, kind_of, plausible
-from rivid.diagnosis.explanation import Explanation, fitted
+from rivid.diagnosis.explanation import Explanation, Unknown, fitted
 from rivid.diagnosis.fit import WIND, Model, residual_of
 from rivid.diagnosis.noise.model import KEPT, KEPT_MEAN
 from rivid.diagnosis.response.base import kernels_of, vector_of
@@ -519,9 +519,10 @@ def with_events(
         if found.gain < LEAST_EVENTS or not plausible(found):  # no refinement makes them so
             return None
     assert found is not None
+    unknown: Unknown = "gauge" if effect.family == "level" else "flow"
     return fitted(
         parent.model, record, opened, start=parent, parent=parent,
-        unknown=parent.unknown if effect.name else "flow",
+        unknown=parent.unknown if effect.name else unknown,
         log_prior=log_prior, others=(*parent.others, as_effect(effect, found, record)),
         events=(*parent.events, found),
     )  # fmt: skip

@@ -52,7 +52,8 @@ from rivid.diagnosis.search import (
 )
 from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
-from rivid.effects.flow import PassingFlow, RecurringFlow
+from rivid.effects.flow import LeavingFlow, PassingFlow, RecurringFlow
+from rivid.effects.level import UnsteadyGauge
 from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import DAY, HOUR, Floats
@@ -89,6 +90,8 @@ left: of six diagnoses 3 to 31 % and 50 to 96 %. How many rounds come is not kno
 Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
+STRANGERS: tuple[type[Effect], ...] = (LeavingFlow, UnsteadyGauge)
+"""Events of an unknown cause, sought where no effect of the library comes as such."""
 Grow = Callable[..., Explanation | None]
 Latent = Literal["flow", "gauge"]
 
@@ -457,14 +460,23 @@ class _Search:
                 wanted.append(Way(name, events))
         for way, made in zip(wanted, self._grow(parent, library, wanted), strict=True):
             if made is not None and self.classes[way.name].found_as == "recession":
-                prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
-                pulses = with_events(parent, PassingFlow, library.kernels, record, prior)
-                if pulses is not None:
-                    self.pool.append(self._scored(self._inflated(pulses, library)))
+                self._with_unknown_events(parent, library, PassingFlow)
             if made is not None and self.classes[way.name].found_as == "level noise":
                 # An unknown gauge that is hardly likelier errs as wind makes it err.
                 least = self.score(made) + LEAST
                 self.pool = [one for one in self.pool if one not in gauge or self.score(one) > least]
+
+        there = {effect.found_as for effect in self.classes.values()}
+        for stranger in STRANGERS:
+            if stranger.found_as not in there and stranger.acts_on(record.kind):
+                self._with_unknown_events(parent, library, stranger)
+
+    def _with_unknown_events(self, parent: Explanation, library: Library, effect: type[Effect]) -> None:
+        """Add events of an unknown cause, if there are any."""
+        prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
+        events = with_events(parent, effect, library.kernels, self.record, prior)
+        if events is not None:
+            self.pool.append(self._scored(self._inflated(events, library)))
 
     def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
         """The effects that were dated, each as likely as with any other dates."""

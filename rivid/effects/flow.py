@@ -366,13 +366,21 @@ class UnloggedDownstreamRelease(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PassingFlow(UnloggedDownstreamRelease):
-    """An unknown flow into the reach in pulses, at no fixed time.
+class LeavingFlow(UnloggedDownstreamRelease):
+    """An unknown flow out of the reach in pulses, at no fixed time.
 
-    It has no name: the diagnosis holds it against rain, which recedes.
+    It has no name: it stands for what is unknown where no effect of the library comes in pulses.
     """
 
     name = ""
+    sentence = "A flow that leaves now and then."
+    looks = "Now and then the level falls for a while, without a cause in the logs."
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassingFlow(LeavingFlow):
+    """An unknown flow into the reach in pulses, at no fixed time: rain recedes, this does not."""
+
     sentence = "A flow that comes and goes."
     looks = "Now and then the level rises and falls again within hours, without a cause in the logs."
 

@@ -115,6 +115,13 @@ class SensorStep(Effect):
         return Changes(gauge=np.append(0.0, offset)[started] * self.active(world))
 
 
+@dataclass(frozen=True, kw_only=True)
+class UnsteadyGauge(SensorStep):
+    """Jumps of an unknown cause, where no effect of the library jumps. It has no name."""
+
+    name = ""
+
+
 _GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flow, and compare its rating."
 
 

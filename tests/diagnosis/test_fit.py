@@ -9,9 +9,10 @@ import pytest
 from rivid.diagnosis.blocks import split
 from rivid.diagnosis.data import as_record
 from rivid.diagnosis.decision import errors_without, made_alone
-from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fitted, scored, step_within
+from rivid.diagnosis.explanation import HORIZONS, LEAST_STEP, _secant, fitted, scored
 from rivid.diagnosis.fit import MEMORY, WEATHER, Model, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.predictive import step_within
 from rivid.diagnosis.response.base import FreeParameter, placed
 from rivid.effects import CATALOGUE
 from rivid.errors import RividError

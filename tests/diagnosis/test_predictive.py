@@ -27,8 +27,13 @@ class Problem:
         truth = self.sd * rng.standard_normal(P) + misfit * rng.standard_normal((5, P))[BLOCKS]
         noise = RIVER.simulate(DAYS, N, rng)
         self.y = np.einsum("dp,pdn->dn", np.broadcast_to(truth, (DAYS, P)), self.columns) + noise
+        self.again()
+
+    def again(self):
+        """Fitted to all days."""
         self.at, _ = self.refit(self.weights)
         self.left = self.y - np.tensordot(self.at, self.columns, 1)
+        return self
 
     def refit(self, weights):
         """Posterior mean and covariance, by dense matrices."""
@@ -39,9 +44,11 @@ class Problem:
             A, b = A + weight * X @ W @ X.T, b + weight * X @ W @ self.y[day]
         return np.linalg.solve(A, b), np.linalg.inv(A)
 
-    def held_out(self):
-        r, X = RIVER.whiten(self.left), RIVER.whiten(self.columns, like=self.left)
-        return held_out(*information(r, X), self.sd**-2.0, BLOCKS, self.weights)
+    def held_out(self, off=0.0):
+        """Of a fit that ended `off` from its optimum."""
+        left = self.left - np.tensordot(np.broadcast_to(off, P), self.columns, 1)
+        r, X = RIVER.whiten(left), RIVER.whiten(self.columns, like=left)
+        return held_out(*information(r, X), self.sd**-2.0, BLOCKS, self.weights, self.at + off)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -59,6 +66,18 @@ def test_a_day_is_predicted_by_the_real_refit_without_its_block(seed):
         y = problem.y[day]
         assert density[day] == pytest.approx(multivariate_normal(expected, C).logpdf(y), abs=1e-7)
         assert tailed[day] == pytest.approx(multivariate_t(expected, C, 7.0).logpdf(y), abs=1e-7)
+
+
+def test_a_fit_that_ended_beside_its_optimum_predicts_as_one_that_reached_it():
+    problem = Problem(5)
+    inside = BLOCKS == BLOCKS[3]
+    problem.columns[2, ~inside] = 0.0  # one block alone determines the last one
+    problem = problem.again()
+    reached, beside = problem.held_out(), problem.held_out(np.array([0.01, -0.02, 0.5]))
+    for found, expected in zip(beside[:2], reached[:2], strict=True):
+        assert found == pytest.approx(expected, rel=1e-9)
+    assert beside[2] == pytest.approx(reached[2] - [0.01, -0.02, 0.5], abs=1e-9)
+    assert np.abs(problem.at[2] + reached[2][inside, 2]).max() < 1e-9  # the prior alone is left of it
 
 
 @pytest.mark.parametrize("misfit", [0.0, 3.0])
