@@ -142,6 +142,19 @@ def test_a_flow_that_returns_with_a_period_of_its_own_is_unknown_with_that_perio
     assert result.ranking[0].unknown == "flow" and result.ranking[0].probability > 0.9
 
 
+@pytest.mark.parametrize(
+    "hidden, left",
+    [
+        (CATALOGUE["unlogged_downstream_release"](size=60.0, per_day=2.0, duration=1.0), "pulses of about"),
+        (CATALOGUE["sensor_step"](step=(0.2, -0.2, 0.15), start=(105.0, 230.0, 371.0)), "jumps of the reading"),
+    ],
+)  # fmt: skip
+def test_events_that_no_effect_of_the_library_makes_are_unknown(hidden, left):
+    result, _ = answer(season(hidden), "lateral_inflow", "storage_area_slope", "leakage")
+    assert result.verdict == "unknown" and not result.effects, result.reason
+    assert any(left in driver for driver in result.unknown.drivers), result.unknown.drivers
+
+
 def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
     hidden = CATALOGUE["outflow_gain_error"](error=0.04)
     record = season(hidden)
