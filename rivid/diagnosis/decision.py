@@ -79,9 +79,10 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
         """Number of its effects; what is unknown beside some is a rival of one more, and counts as it."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
-    doubt: dict[int, float] = {}  # of the likeliest, by level
+    doubt: dict[int, float] = {}  # of the likeliest with names alone, by level
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        doubt[level(one)] = one.inflation
+        if not one.unknown:
+            doubt[level(one)] = one.inflation
 
     def worth(one: Explanation) -> Floats:
         """Scores of the blocks, what each effect gains divided."""
@@ -93,8 +94,8 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
             parent = block_sums(_density(before), chosen, blocks)
             if parent.sum() > least.sum():
                 known, reduced = parent, worth(before)
-        gain = score - known
-        return np.asarray(reduced + (gain / doubt[count] if gain.sum() > 0.0 else gain))
+        gain, by = score - known, one.inflation if one.unknown else doubt[count]
+        return np.asarray(reduced + (gain / by if gain.sum() > 0.0 else gain))
 
     return probabilities(
         np.stack([worth(one) for one in pool]), [one.log_prior for one in pool],

@@ -18,6 +18,7 @@ from rivid.diagnosis.decision import (
     block_sums,
     is_material,
     leading,
+    ranked,
     shares,
     without_mirrored,
     worse_on,
@@ -384,6 +385,17 @@ def test_a_name_that_makes_forecasts_worse_does_not_compete():
     for removes, competes in ((-0.5 * MATERIAL, True), (-2.0 * MATERIAL, False)):
         one = explained("leakage", 9.0, [MUCH, MUCH, removes, MUCH], parent=nothing)
         assert ([e for e, _ in study_of(nothing, one).ranking] == [one, nothing]) == competes
+
+
+def test_an_effect_gains_no_more_beside_another_where_something_unknown_is_likeliest():
+    """A lag counted in full after a leak, and in part alone, where it was likeliest with an unknown gauge."""
+    nothing = explained()
+    lag = explained("outflow_lag", 20.0, MUCH, parent=nothing, inflation=5.0)
+    gauge = explained("", 4.0, MUCH, parent=lag, unknown="gauge")
+    leak = explained("leakage", 2.0, MUCH, parent=nothing, inflation=5.0)
+    both = explained("outflow_lag", 19.0, MUCH, parent=leak, inflation=5.0)
+    chances = ranked([nothing, lag, gauge, leak, both], OPEN, BLOCK)
+    assert chances[2] > 0.9 > 0.1 > chances[4]
 
 
 def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effects():

@@ -142,13 +142,11 @@ def test_a_flow_that_returns_with_a_period_of_its_own_is_unknown_with_that_perio
     assert result.ranking[0].unknown == "flow" and result.ranking[0].probability > 0.9
 
 
-@pytest.mark.parametrize(
-    "hidden, left",
-    [
-        (CATALOGUE["unlogged_downstream_release"](size=60.0, per_day=2.0, duration=1.0), "pulses of about"),
-        (CATALOGUE["sensor_step"](step=(0.2, -0.2, 0.15), start=(105.0, 230.0, 371.0)), "jumps of the reading"),
-    ],
-)  # fmt: skip
+LOCK = CATALOGUE["unlogged_downstream_release"](size=60.0, per_day=2.0, duration=1.0)
+KNOCKED = CATALOGUE["sensor_step"](step=(0.2, -0.2, 0.1), start=(105.0, 230.0, 371.0))
+
+
+@pytest.mark.parametrize("hidden, left", [(LOCK, "pulses of about"), (KNOCKED, "jumps of the reading")])
 def test_events_that_no_effect_of_the_library_makes_are_unknown(hidden, left):
     result, _ = answer(season(hidden), "lateral_inflow", "storage_area_slope", "leakage")
     assert result.verdict == "unknown" and not result.effects, result.reason
@@ -271,6 +269,17 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is gain
     search.ordered = lambda: [pond, nothing, gain]
     assert _Search.lead(search) is nothing
+
+
+def test_something_unknown_is_not_extended_but_the_most_probable_name():
+    nothing = explained()
+    unknown = explained("", 90.0, 0.8, parent=nothing, unknown="flow")
+    gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
+    search = SimpleNamespace(
+        cores={}, first=nothing, ordered=lambda: [unknown, gain, nothing],
+        study=lambda: study_of(nothing, unknown, gain),
+    )  # fmt: skip
+    assert _Search.lead(search) is gain
 
 
 @pytest.mark.parametrize("found", [True, False])
