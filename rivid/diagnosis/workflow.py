@@ -189,7 +189,7 @@ def find_effects(
     responses = tuple(response) if isinstance(response, Sequence) else (response,)
     search = _Search(record, responses, classes, gauge_floor, tuple(start), report, tuple(dated))
     parent, *promising = search.begun()
-    extended: list[tuple[str, ...]] = []
+    extended: list[tuple[tuple[str, ...], str]] = []
     small = False
     for turn in range(most):
         search.begin_round(turn, most)
@@ -200,19 +200,19 @@ def find_effects(
         if again is not parent:  # its extensions begin at a better response
             parent = again
             search.extend(parent)
-        extended.append(parent.names)
+        extended += [(parent.names, parent.unknown), (parent.names, "")]
         lead = search.lead()
-        if lead.names not in extended:
+        if (lead.names, "") not in extended:
             search.add_rivals(lead)
             lead = search.shifted(search.polished(search.lead()))
         for one in {id(one): one for one in (lead, search.ordered()[0])}.values():
             search.level_rivals(one)
         search.varied(max(search.pool, key=search.score))
         lead = search.varied(lead)
-        if lead.names in extended:
+        if (lead.names, lead.unknown) in extended:
             # An immaterial effect that is likelier hides what is material: beside it, that shows.
             lead = search.ordered()[0]
-            if small or lead.unknown or lead.names in extended:
+            if small or (lead.names, lead.unknown) in extended or lead.added is None:
                 break
             small = True
         if turn == most - 1:
@@ -422,16 +422,17 @@ class _Search:
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """The most probable explanation with a material last effect, and nothing unknown.
+        """The most probable explanation with a material last effect or, beside names, unknown.
 
         Others gain likelihood, many nats where the response misses fronts, and none of the error: they would
-        take the place of what acts. Something unknown fits roughly: an effect beside it would stand for the
-        rest of what it fits.
+        take the place of what acts. Something unknown alone fits roughly: an effect beside it would stand for
+        the rest of what it fits.
         """
         study = self.study()
-        known = (one for one in self.ordered() if not one.unknown)
         counts = (
-            one for one in known if one.parent is None or study.core(one) != study.core(one.parent)
+            one for one in self.ordered()
+            if one.parent is None
+            or study.core(one) != study.core(one.parent) and (not one.unknown or study.core(one)[0])
         )  # fmt: skip
         return next(counts, self.first)
 
