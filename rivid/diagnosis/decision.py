@@ -79,23 +79,28 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
         """Number of its effects; what is unknown beside some is a rival of one more, and counts as it."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
-    doubt: dict[int, float] = {}  # of the likeliest with names alone, by level
+    doubt: dict[int, float] = {}  # of the likeliest, by level
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        if not one.unknown:
-            doubt[level(one)] = one.inflation
+        doubt[level(one)] = one.inflation
+
+    def less(one: Explanation) -> list[Explanation]:
+        """What it extends, and all by some of its effects: an effect gains the same in any order."""
+        names, found, before = Counter(one.names), [], one.parent
+        while before is not None:
+            found.append(before)
+            before = before.parent
+        found += [o for o in pool if Counter(o.names) <= names and o.unknown in ("", one.unknown)]
+        return [o for o in found if bare < level(o) < level(one)]
 
     def worth(one: Explanation) -> Floats:
         """Scores of the blocks, what each effect gains divided."""
-        score, count, before = block_sums(_density(one), chosen, blocks), level(one), one.parent
-        while before is not None and level(before) >= count:
-            before = before.parent
-        known, reduced = least, least
-        if before is not None and level(before) > bare:
+        score, known, reduced = block_sums(_density(one), chosen, blocks), least, least
+        for before in less(one):
             parent = block_sums(_density(before), chosen, blocks)
-            if parent.sum() > least.sum():
+            if parent.sum() > known.sum():
                 known, reduced = parent, worth(before)
-        gain, by = score - known, one.inflation if one.unknown else doubt[count]
-        return np.asarray(reduced + (gain / by if gain.sum() > 0.0 else gain))
+        gain = score - known
+        return np.asarray(reduced + (gain / doubt[level(one)] if gain.sum() > 0.0 else gain))
 
     return probabilities(
         np.stack([worth(one) for one in pool]), [one.log_prior for one in pool],

@@ -215,7 +215,8 @@ def find_effects(
             if small or (lead.names, lead.unknown) in extended or lead.added is None:
                 break
             small = True
-        if turn == most - 1:
+        # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
+        if turn == most - 1 or lead.effects and not lead.names:
             break
         parent = lead
     report(1.0, "the sealed days")
@@ -422,18 +423,15 @@ class _Search:
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
-        """The most probable explanation with a material last effect or, beside names, unknown.
+        """The most probable explanation with a material last effect or unknown.
 
         Others gain likelihood, many nats where the response misses fronts, and none of the error: they would
-        take the place of what acts. Something unknown alone fits roughly: an effect beside it would stand for
-        the rest of what it fits.
+        take the place of what acts.
         """
         study = self.study()
         counts = (
-            one for one in self.ordered()
-            if one.parent is None
-            or study.core(one) != study.core(one.parent) and (not one.unknown or study.core(one)[0])
-        )  # fmt: skip
+            one for one in self.ordered() if one.parent is None or study.core(one) != study.core(one.parent)
+        )
         return next(counts, self.first)
 
     def extend(self, parent: Explanation) -> None:

@@ -271,20 +271,6 @@ def test_the_lead_takes_a_share_of_the_error():
     assert _Search.lead(search) is nothing
 
 
-def test_something_unknown_is_extended_beside_a_name_and_not_alone():
-    nothing = explained()
-    unknown = explained("", 90.0, 0.8, parent=nothing, unknown="flow")
-    gain = explained("outflow_gain_error", 9.0, 0.5, parent=nothing)
-    both = explained("", 9.0, 0.5, parent=gain, unknown="flow")
-    search = SimpleNamespace(
-        cores={}, first=nothing, ordered=lambda: [unknown, gain, both, nothing],
-        study=lambda: study_of(nothing, unknown, gain, both),
-    )  # fmt: skip
-    assert _Search.lead(search) is gain
-    search.ordered = lambda: [unknown, both, gain, nothing]
-    assert _Search.lead(search) is both
-
-
 @pytest.mark.parametrize("found", [True, False])
 def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatch, found):
     """The likeliest effect is immaterial; beside it, not alone, another one matters, or none does."""
