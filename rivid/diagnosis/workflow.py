@@ -216,7 +216,7 @@ def find_effects(
                 break
             small = True
         # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
-        if turn == most - 1 or lead.effects and not lead.names:
+        if turn == most - 1 or len(lead.effects) > len(lead.names) == len(start):
             break
         parent = lead
     report(1.0, "the sealed days")

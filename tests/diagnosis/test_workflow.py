@@ -306,6 +306,35 @@ def test_an_immaterial_lead_is_extended_once_and_no_explanation_twice(monkeypatc
     assert extended == [first.names, small.names] + found * [both.names]
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_unknown_waves_that_lead_are_extended_beside_a_name_only(monkeypatch, named):
+    first = explained()
+    parent = explained("leakage", 9.0, parent=first) if named else first
+    waves = SimpleNamespace(
+        names=parent.names, effects=(*parent.effects, RecurringFlow(waves=(1.0,) * 6)), unknown="flow",
+    )  # fmt: skip
+    extended = []
+
+    class Search:
+        pool = (first, waves)
+        score = staticmethod(lambda one: 0.0)
+        begun = staticmethod(lambda: [first])
+        ordered = staticmethod(lambda: [first])
+        study = staticmethod(lambda: extended)
+        lead = staticmethod(lambda: first if len(extended) > 1 else waves)
+        extend = staticmethod(lambda one: extended.append(one.names))
+
+        def __init__(self, *given):
+            pass
+
+        def __getattr__(self, name):
+            return lambda one, *more: one
+
+    monkeypatch.setattr("rivid.diagnosis.workflow._Search", Search)
+    find_effects(pools.season(6, DAYS, (), T_S), (), {})
+    assert extended == [first.names] + named * [waves.names]
+
+
 def test_rivals_of_a_lead_with_something_unknown_get_it_too():
     """The gauge's errors gave the lead 30 nats, and its twin none."""
     nothing = explained()
