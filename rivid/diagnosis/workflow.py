@@ -212,7 +212,7 @@ def find_effects(
         if (lead.names, lead.unknown) in extended:
             # An immaterial effect that is likelier hides what is material: beside it, that shows.
             lead = search.ordered()[0]
-            if small or (lead.names, lead.unknown) in extended or lead.added is None:
+            if small or (lead.names, lead.unknown) in extended or lead.added is None or lead.unknown:
                 break
             small = True
         # Unknown events or waves fit roughly: an effect beside them would stand for the rest of these.
