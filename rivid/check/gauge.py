@@ -114,7 +114,7 @@ def _moved(record: Record, fits: Fits, date: dt.date, first: int, last: int) -> 
     moved = np.roll(day["u_Qi"], max(late, 0)) - day["u_Qo"]
     moved[: max(late, 0)] = moved[max(late, 0)] if late < len(moved) else 0.0
     volume = np.cumsum(moved - moved.mean())[first:last] * step
-    gain = 0.5 * (fit.gain_in - fit.gain_out) if fit.explained >= BELIEVED else 1 / record.reach.surface_area
+    gain = 0.5 * (fit.gain_in - fit.gain_out) if fit.explained >= BELIEVED else 1 / record.area[0]
     return float(np.ptp(volume)) * gain > STEPS * max(record.resolution, 1e-3)
 
 

@@ -101,6 +101,13 @@ class Record:
         """Return whether a key of [reach] is configured rather than taken from Table I."""
         return key in self.reach.model_fields_set
 
+    @property
+    def area(self) -> tuple[float, str]:
+        """Surface of the water [m2] and the keys of [reach] it is from; "" where none is configured."""
+        if not self.declared("surface_area") and self.declared("length") and self.declared("width"):
+            return self.reach.length * self.reach.width, "length x width"
+        return self.reach.surface_area, "surface_area" if self.declared("surface_area") else ""
+
     @cached_property
     def resolution(self) -> float:
         """Smallest step of the output on the median day; 0 if it never moves."""

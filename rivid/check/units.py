@@ -30,7 +30,7 @@ OUTSIDE = 0.25
 AREA_MARGIN, AREA_MARGIN_OF_FEW, FEW = 1.5, 1.25, 5
 """Tolerance of a unit's factor in the level [ratio], as areas are uncertain; smaller below FEW days."""
 FAR = 4.0
-"""Smallest ratio between the area of the balance and the declared one that is reported."""
+"""Smallest ratio between two areas, of the balance, of length and width or declared, that is reported."""
 HEIGHT_MARGIN = 1.1
 """Tolerance of a unit's factor between the heights of days [ratio]."""
 LEVEL_SPAN = 20.0
@@ -132,11 +132,11 @@ class Flows:
 
     def _is_sound(self, name: str) -> bool:
         """Return whether a flow moves the level as it should, or else lies in the usual range."""
-        reach = self.record.reach
-        if self.record.balanced and self.record.declared("surface_area") and self.fit.explained >= BELIEVED:
+        area, declared = self.record.area
+        if self.record.balanced and declared and self.fit.explained >= BELIEVED:
             gain = self.fit.gain_in if name == "u_Qi" else -self.fit.gain_out
-            return 1 / FAR < gain * reach.surface_area < FAR
-        low, high = reach.discharge_range
+            return 1 / FAR < gain * area < FAR
+        low, high = self.record.reach.discharge_range
         return low / 2 <= self.median[name] <= 2 * high
 
     def _is_open(self, large: str, small: str, dates: list[dt.date], stored: dict[dt.date, float]) -> bool:
@@ -150,7 +150,7 @@ class Flows:
         """Return the mean flow into the pool's storage, day by day [m3/s]."""
         if self.record.reach.kind != "pool":
             return {}
-        area = self.record.reach.surface_area
+        area, _ = self.record.area
         if self.record.balanced and self.fit.explained >= BELIEVED:
             area = 2.0 / (self.fit.gain_in - self.fit.gain_out)
         stored = {}
@@ -203,7 +203,7 @@ def _level(
     """Find a wrong unit of the level, on all days or on some."""
     if some := _level_of_some_days(record, config):
         return some
-    found = []
+    found = _against_itself(record)
     if record.balanced and not flows_odd and 2 * len(doubtful) <= len(record.days):
         found += _against_volume(record, fits, config, doubtful)
     # percentiles: spikes are findings of the gauge
@@ -236,6 +236,15 @@ def _level_of_some_days(record: Record, config: Config) -> list[Finding]:
     return [Finding("unit.level_days", values, days)]
 
 
+def _against_itself(record: Record) -> list[Finding]:
+    """Find a length, a width and a surface that are not of one reach."""
+    area, product = record.reach.surface_area, record.reach.length * record.reach.width
+    declared = all(record.declared(key) for key in ("surface_area", "length", "width"))
+    if not declared or 1 / FAR < area / product < FAR:
+        return []
+    return [Finding("reach.area", {"area": area, "product": product})]
+
+
 def _against_bed(record: Record, config: Config) -> list[Finding]:
     """Find a level below the bed or too far above it."""
     bed = record.reach.bed_level
@@ -252,17 +261,19 @@ def _against_bed(record: Record, config: Config) -> list[Finding]:
 def _against_volume(
     record: Record, fits: Fits, config: Config, doubtful: Collection[dt.date]
 ) -> list[Finding]:
-    """Compare the level's moves with the volume that came in, by [reach] surface_area."""
+    """Compare the level's moves with the volume that came in, by the area that [reach] declares."""
     fit = fits.without(doubtful)
     if fit.explained < BELIEVED:
         return []
-    declared, area = record.declared("surface_area"), record.reach.surface_area
+    area, declared = record.area
     ratio = 0.5 * (fit.gain_in - fit.gain_out) * area
     margin = AREA_MARGIN if len(record.days) >= FEW else AREA_MARGIN_OF_FEW
     levels, flows = _factors(config, "h_L"), _factors(config, "u_Qi")
     if not declared:  # the area of Table I is another reach's: only large factors are significant
         levels, flows = ({u: f for u, f in of.items() if max(f, 1 / f) > 10} for of in (levels, flows))
-    values: dict[str, object] = {"ratio": ratio, "area": area, "is_declared": declared}
+    values: dict[str, object] = {
+        "ratio": ratio, "area": area, "area_of": declared or "surface_area", "is_declared": bool(declared)
+    }  # fmt: skip
     if unit := _nearest(ratio, levels, margin)[1]:
         return [Finding("unit.level", values | {"unit": unit, "declared": _unit(config, "h_L")})]
     if unit := _nearest(1 / ratio, flows, margin)[1]:

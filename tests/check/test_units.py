@@ -5,7 +5,7 @@ import pytest
 from pytest import approx
 
 from rivid.check import check_days
-from rivid.config import Config
+from rivid.config import Config, parse
 from tests.check.season import CFS, NAMES, scaled, sound, the_one
 
 FOOT = 0.3048
@@ -77,9 +77,18 @@ def test_without_a_declared_area_only_large_factors_are_found():
 
 def test_an_area_or_a_bed_level_that_does_not_fit():
     days, config = three_weeks()
-    area = configured(config, "reach", surface_area=6.7e6)
+    area = configured(config, "reach", surface_area=6.7e6, length=82_000)
     the_one(days, area, "balance.area", fitting_area=approx(6.7e5, rel=0.1))
     the_one(days, configured(config, "reach", bed_level=424.0), "unit.bed", bed=424)
+
+
+def test_a_length_ten_times_too_short_is_found_by_the_area():
+    days, config = sound(scenario="hydraulic")  # its lags are shorter than what a wave may take over 820 m
+    short = configured(config, "reach", length=820)
+    the_one(days, short, "reach.area", product=approx(820 * 81.6), area=approx(6.7e5))
+    keys = config.reach.model_dump(exclude={"surface_area"}, exclude_unset=True)
+    alone = parse({"reach": keys | {"length": 820}}, Config)
+    the_one(days, alone, "balance.area", area_of="length x width", fitting_area=approx(6.0e5, rel=0.2))
 
 
 def test_a_missing_part_of_the_outflow_is_found_over_weeks_and_not_on_a_single_day():
@@ -97,7 +106,7 @@ def test_a_reservoir_that_fills_closes_its_balance():
         kept = np.cumsum(day.inflow - day.outflow / 2) * 133 / area
         filled.append(type(day)(day.date, day.inflow, day.outflow / 2, level + kept, 0, ""))
         level += kept[-1]
-    assert check_days(filled, configured(config, "reach", surface_area=area)) == []
+    assert check_days(filled, configured(config, "reach", surface_area=area, width=area / 8200)) == []
 
 
 def test_flows_outside_the_discharge_range_are_a_remark():
