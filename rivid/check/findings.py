@@ -24,8 +24,7 @@ _STAMPED = "{column} is stamped {off_s:span} too {sense} against {reference}"
 _TIMES = "{large} is {ratio:times} times {small}"
 _RANGE = "[reach] discharge_range, {low:g} to {high:g}{is_declared:default}"
 _VOLUME = (
-    "h_L moves {ratio:multiple} u_Qi and u_Qo imply on [reach] {area_of} = {area:g} "
-    "m2{is_declared:default}"
+    "h_L moves {ratio:multiple} u_Qi and u_Qo imply on [reach] {area_of} = {area:g} m2{is_declared:default}"
 )
 _BED = "the median of h_L is {median:.4g} m where [reach] bed_level is {bed:g} m: check [input.units] h_L"
 _ROWS = "{columns} every {spacing_s:g} s"
@@ -67,7 +66,7 @@ TEXTS = {
     "unit.level": f'{_VOLUME}: is h_L in {{unit}}, not in {{declared}}? [input.units] h_L = "{{unit}}"',
     "unit.flows": f"{_VOLUME}: are both flows in {{unit}}? Set [input.units], or check the area",
     "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, and the units",
-    "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check all three",
+    "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check them",
     "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
     "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "
     "travel-time bounds do not cover these flows",
