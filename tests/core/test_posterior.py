@@ -1,5 +1,7 @@
 """What p(d | y) answers, what it refuses and why; what it must not depend on."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,15 @@ def test_what_does_not_move_is_unidentifiable_and_has_no_numbers():
     found = posterior(u[[0, 3]], y[[0, 3]], o[[0, 3]])
     assert (found.status == "unidentifiable").all() and np.isnan(found.probability).all()
     assert set(found.message) == {"the inflow moves too little"}
+
+
+def test_a_resting_outflow_is_no_reason_for_a_warning():
+    u, y, o, places = linear_days(2, 3)
+    o[1] = 260.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = posterior(u, y, o)
+    assert np.isfinite(found.fir[0]).all() and np.isfinite(found.probability).any()
 
 
 @pytest.mark.parametrize("seed", range(examples(4, 1)))

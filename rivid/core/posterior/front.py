@@ -315,6 +315,8 @@ MODELS = 4
 
 RIDGE = 1e-11
 """Added to the diagonal of the scaled normal equations: equal columns share their coefficient."""
+RESTS = 1e-24
+"""Square of a column over that of the largest below which it is rounding: 1 mm beside 1e6 m3/s is 1e-18."""
 
 
 Fronts = tuple[Floats, int, list[Floats], bool]
@@ -412,7 +414,9 @@ def _responses(
     half = np.matmul(X, G)
     Z, z = np.matmul(half, X.swapaxes(1, 2)), np.matmul(half, response[:, None])[..., 0]
     P = Z.shape[1]
-    size = np.sqrt(np.maximum(np.diagonal(Z, axis1=1, axis2=2), 1e-300))
+    square = np.diagonal(Z, axis1=1, axis2=2)
+    moves = square > RESTS * square.max(axis=1, keepdims=True)
+    size = np.sqrt(np.where(moves, square, np.inf))  # what rests has the coefficient 0
     scaled = Z / size[:, None] / size[..., None] + RIDGE * np.eye(P)
     inverse = np.linalg.inv(scaled) / size[:, None] / size[..., None]
     theta = np.matmul(inverse, z[..., None])[..., 0]
