@@ -1,5 +1,6 @@
 """The result of a study: verdict, named effects, gap, its regimes, and the arrays behind them."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -145,7 +146,8 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         return "no_gap", (
             f"Nothing that matters is missing, as far as these data show (probability {nothing:.2f}{first})."
         )
-    names = ", ".join(_words(name) for name in named).capitalize()
+    counted = Counter(named)
+    names = ", ".join(_words(name) + TIMES.get(k, "") for name, k in counted.items()).capitalize()
     if study.contradicted:
         return "did_not_hold", f"{names} fits, but on the days kept apart the error goes from {shown}."
     if not study.sure:
@@ -156,9 +158,20 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     if study.unknown >= UNKNOWN:
         what = f" Left: {remainder.drivers[0]}." if remainder is not None else ""
         return "partly_explained", f"Named: {names}.{what} The error: {shown}."
-    p = min(study.chance_of(name) for name in named)
+    more = study.chance(lambda names, _: Counter(names) > counted)
+    if more >= UNKNOWN:
+        others = [_words(n) for n in study.names if study.chance_of(n, counted[n] + 1) >= 1.0 - ALONE]
+        return "partly_explained", (
+            f"Named: {names}. One more is missing with a probability of {more:.2f}, perhaps "
+            f"{' or '.join(others)}. The error: {shown}."
+        )
+    p = min(study.chance_of(name, k) for name, k in counted.items())
     sure = "above 0.99" if p > 0.99 else f"of {p:.2f}"
     return "explained", f"{names} has a probability {sure}; on days kept apart the error goes from {shown}."
+
+
+TIMES = {2: " (twice)", 3: " (three times)", 4: " (four times)"}
+"""How often a name is sure, in words."""
 
 
 def _words(name: str) -> str:
@@ -250,13 +263,14 @@ def _named(study: Study, classes: dict[str, type[Effect]]) -> tuple[NamedEffect,
     found: list[NamedEffect] = []
     for step in study.steps:
         effect = step.added
-        if effect is None or effect.name not in (study.sure or study.group[:1]):
+        times = 1 + sum(one.name == effect.name for one in found) if effect is not None else 0
+        if effect is None or times > (study.sure or study.group[:1]).count(effect.name):
             continue
         same = [i for i, e in enumerate(last.effects) if e.name == effect.name]
-        index = same[min(sum(one.name == effect.name for one in found), len(same) - 1)]
+        index = same[min(times, len(same)) - 1]
         effect = last.effects[index]
         events = next((e.events for e in last.events if e.kind.name == effect.name), ())
-        p = study.chance_of(effect.name)
+        p = study.chance_of(effect.name, times)
         found.append(
             NamedEffect(
                 name=effect.name, family=effect.family, p_value=study.p_value(step), tied_with=tied,

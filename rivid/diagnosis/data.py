@@ -48,8 +48,8 @@ class Record:
     output : ndarray, shape (days, n)
         Level [m] or, for a river reach, discharge [m3/s]; NaN where it is missing.
     used : ndarray of bool, shape (days, n)
-        Samples that count: of the day itself, with an output, and not in the start-up of a day without a
-        predecessor.
+        Samples that count: of the day itself and the last one before it, with an output, and not in the
+        start-up of a day without a predecessor.
     lead : int
         Samples before each day.
     sample_time : float
@@ -188,8 +188,7 @@ def as_record(
     lead = min(lead, len(clock))
     number = np.array([(date - dates[0]).days for date in dates])
     follows = np.append(False, np.diff(number) == 1)
-    before = clock[len(clock) - lead :] - DAY
-    time = number[:, None] * DAY + np.concatenate([before, clock])
+    time = number[:, None] * DAY + np.concatenate([clock[len(clock) - lead :] - DAY, clock])
     rows = np.arange(len(dates))
     previous = np.maximum(rows - 1, 0)
 
@@ -199,10 +198,12 @@ def as_record(
 
     used = np.isfinite(y)
     used[~follows, :lead] = False
+    before = np.zeros((len(dates), lead), bool)
+    before[follows, lead - 1 :] = used[previous[follows], -1:]  # what comes over midnight counts, too
     return Record(
         dates=tuple(dates), time=time, inflow=led(u, u[:, :1]), outflow=led(o, o[:, :1]),
         output=led(y, np.full((len(dates), 1), np.nan)), lead=lead, sample_time=sample_time, kind=kind,
-        used=np.concatenate([np.zeros((len(dates), lead), bool), used], axis=1),
+        used=np.concatenate([before, used], axis=1),
     )  # fmt: skip
 
 

@@ -43,6 +43,9 @@ DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
 """Of the bootstrap: a chance of 5 % to half a percent."""
+ACTS = 0.1
+"""Share of the effect's whitened squares on its largest day from which a day is one on which it acts: a gate
+that is too slow in floods makes no error in a drought, in which it cannot be missed."""
 SEASONS = 24
 """Seasons drawn from a noise: their variance to 30 %."""
 
@@ -137,12 +140,13 @@ def is_material(one: Explanation, other: Explanation, chosen: Bools, blocks: Int
     """Whether an explanation removes enough of another one's error, and makes no horizon worse.
 
     Enough is :data:`MATERIAL` at one horizon, and more than nothing there in all but :data:`DOUBT` of the
-    draws; worse is an error of an hour or more ahead that grows in all but as many. A single block has no
-    scatter: what grows there may be the weather of its days.
+    draws; worse is an error of an hour or more ahead that grows by as much in all but as many: where
+    operators answer the weather, a response that has bent to a missing effect forecasts a day ahead better
+    than the true one. A single block has no scatter: what grows there may be the weather of its days.
     """
     share, draws = shares(one, other, chosen, blocks)
     sure = np.quantile(draws, DOUBT, axis=0) > 0.0
-    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < 0.0
+    worse = np.quantile(draws, 1.0 - DOUBT, axis=0)[1:] < -MATERIAL
     several = len(np.unique(blocks[chosen])) > 1
     return bool(((share >= MATERIAL) & sure).any() and not (several and worse.any()))
 
@@ -436,6 +440,8 @@ class Study:
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
             return False
+        if made is not None:
+            active = active & self._acts(one, made, active)
         if made is not None and one.errors is not None:
             # The errors of a run without it may be less all the same: operators answer what the weather
             # does, and the logged outflow foretells the level.
@@ -445,6 +451,13 @@ class Study:
         if not self._material(as_volume(one, less), less, active):
             return False
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
+
+    def _acts(self, one: Explanation, made: Floats, days: Bools) -> Bools:
+        """Days on which what an effect makes of the output shows, by that of the largest of some days."""
+        seen = np.where(self.record.used & np.isfinite(one.residual), made, np.nan)
+        white = one.noise.whiten(seen, activity=self.record.activity)
+        squares = np.nansum(white * white, axis=1)
+        return np.asarray(squares >= ACTS * squares[days & self.opened].max(initial=0.0))
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Whether an unknown flow that returns or comes in pulses makes a share of the error that counts."""
@@ -524,9 +537,9 @@ class Study:
                 total += p
         return min(total, 1.0)
 
-    def chance_of(self, name: str) -> float:
-        """Probability that an effect acts and is material."""
-        return self.chance(lambda names, _: name in names)
+    def chance_of(self, name: str, times: int = 1) -> float:
+        """Probability that so many effects of a name act and are material."""
+        return self.chance(lambda names, _: names.count(name) >= times)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -545,10 +558,12 @@ class Study:
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Names that are probable enough alone; none where no response describes the reach."""
+        """Names that are probable enough alone, each as often as that holds; none where no response describes
+        the reach."""
         if self.unfit:
             return ()
-        return tuple(name for name in self.names if self.chance_of(name) >= ALONE)
+        times = range(1, 1 + max(map(len, (names for names, _ in self._cores.values()))))
+        return tuple(name for name in self.names for k in times if self.chance_of(name, k) >= ALONE)
 
     @cached_property
     def group(self) -> tuple[str, ...]:
@@ -566,14 +581,14 @@ class Study:
 
         Its dates end on sealed days where these are likeliest; see :func:`aligned`.
         """
-        wanted = set(self.sure or self.group[:1])
+        wanted = Counter(self.sure or self.group[:1])
         if not wanted:
             return self.first
         for one, _ in self.ranking:
             names, unknown = self._cores[id(one)]
-            if set(names) == wanted and not unknown:
+            if Counter(names) == wanted and not unknown:
                 return aligned(one, self.record, self.opened, self.split.block)
-        able = [one for one, _ in self.ranking if wanted <= set(self._cores[id(one)][0])]
+        able = [one for one, _ in self.ranking if wanted <= Counter(self._cores[id(one)][0])]
         return aligned(able[0], self.record, self.opened, self.split.block)
 
     @cached_property

@@ -123,7 +123,7 @@ def test_the_interval_of_a_dead_band_holds_all_bands_between_two_commands(band):
     last = SimpleNamespace(effects=(effect,), events=(), errors_of=lambda index: {("band", None): 0.05})
     study = SimpleNamespace(
         record=record, last=last, sure=("gate_deadband",), group=(), names=("gate_deadband",),
-        steps=(SimpleNamespace(added=effect, events=()),), chance_of=lambda name: 0.99,
+        steps=(SimpleNamespace(added=effect, events=()),), chance_of=lambda name, times: 0.99,
         p_value=lambda step: 0.01, split=split(record.dates), opened=~split(record.dates).sealed,
     )  # fmt: skip
     (found,) = _named(study, {})
