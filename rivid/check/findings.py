@@ -85,7 +85,7 @@ TEXTS = {
     "negative.some": "{column} is negative, down to {lowest:.4g} m3/s: a sign, a sentinel, or pumping?",
     "negative.mean": "{column} is negative on average, down to {lowest:.4g} m3/s: is its sign reversed?",
     "moment": "{column} is far off for a moment, and returns: a lost digit? On {example}",
-    "interval.finer": f"{_ROWS}; {_PERIOD}: rows between samples are not used",
+    "interval.finer": f"{_ROWS}; {_PERIOD}: flows are averaged, of a level other rows are not used",
     "interval.sample_time": f"{_ROWS}; {_PERIOD}: set sample_time = {{spacing_s:g}}",
     "interval.column": f"{_ROWS}; {_PERIOD}: {_COLUMN}",
     "interval.declared": f"{_ROWS}; [input.interval] declares {{expected_s:g}} s: {_COLUMN}",

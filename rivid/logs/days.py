@@ -315,7 +315,9 @@ def sampled(
 def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec) -> tuple[Floats, Bools]:
     """Samples (N,) of ascending times [us UTC] and values, and where a gap was bridged.
 
-    Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at the end.
+    Held values that come more often than samples are averaged over each sample: one of them would not be the
+    volume that flowed. Raises DataError for a gap longer than `[input] max_gap`; TrailingGap where it is at
+    the end.
     """
     late = spec.tolerance
     if len(times) == len(grid.times) and np.abs(times - grid.times).max() <= late:
@@ -325,7 +327,12 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     _refuse_gaps(times, grid, signal, spec)
     after = times.searchsorted(grid.times + late, side="right")
     before = np.maximum(after - 1, 0)  # ahead of the first value, that one
-    samples = values[before] if signal.held else np.interp(grid.times, times, values)
+    if not signal.held:
+        samples = np.interp(grid.times, times, values)
+    elif len(times) > 1 and np.median(np.diff(times)) + late < spec.period * MICRO:
+        samples = _held_means(times, values, np.append(grid.times, grid.end))
+    else:
+        samples = values[before]
     # where a value is missing, what comes later than one interval after the last is not measured but bridged
     bounded = np.append(times, max(grid.end, int(times[-1])))
     missed = np.diff(bounded) > MISSED * signal.spacing
@@ -336,6 +343,13 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
         filled |= missed[before] & (age > late)
         filled &= ~exact | (age < -late)
     return samples, filled
+
+
+def _held_means(times: Ints, values: Floats, edges: Ints) -> Floats:
+    """Means of held values between each two edges (N + 1,) [us UTC]; the first value holds before it, too."""
+    volume = np.append(0.0, np.cumsum(values[:-1] * np.diff(times)))
+    last = np.maximum(times.searchsorted(edges, side="right") - 1, 0)
+    return np.asarray(np.diff(volume[last] + values[last] * (edges - times[last])) / np.diff(edges))
 
 
 def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:
