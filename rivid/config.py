@@ -140,7 +140,7 @@ class ReachConfig(Section):
     sample_time: Annotated[
         float,
         Field(ge=0.01, le=86_400, allow_inf_nan=False),
-        Means("s", "T_s: logs are put on a grid of this step"),
+        Means("s", "T_s: logs are put on a grid of this step; flows that come more often are averaged"),
     ] = 133.0
 
     @model_validator(mode="after")

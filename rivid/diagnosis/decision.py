@@ -43,9 +43,6 @@ DOUBT = 0.05
 """Chance at which the scatter of blocks is no longer an excuse."""
 DRAWS = 2000
 """Of the bootstrap: a chance of 5 % to half a percent."""
-ACTS = 0.1
-"""Share of the effect's whitened squares on its largest day from which a day is one on which it acts: a gate
-that is too slow in floods makes no error in a drought, in which it cannot be missed."""
 SEASONS = 24
 """Seasons drawn from a noise: their variance to 30 %."""
 
@@ -440,8 +437,6 @@ class Study:
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
             return False
-        if made is not None:
-            active = active & self._acts(one, made, active)
         if made is not None and one.errors is not None:
             # The errors of a run without it may be less all the same: operators answer what the weather
             # does, and the logged outflow foretells the level.
@@ -451,13 +446,6 @@ class Study:
         if not self._material(as_volume(one, less), less, active):
             return False
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
-
-    def _acts(self, one: Explanation, made: Floats, days: Bools) -> Bools:
-        """Days on which what an effect makes of the output shows, by that of the largest of some days."""
-        seen = np.where(self.record.used & np.isfinite(one.residual), made, np.nan)
-        white = one.noise.whiten(seen, activity=self.record.activity)
-        squares = np.nansum(white * white, axis=1)
-        return np.asarray(squares >= ACTS * squares[days & self.opened].max(initial=0.0))
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Whether an unknown flow that returns or comes in pulses makes a share of the error that counts."""
