@@ -108,7 +108,10 @@ class Console:
                 (since, at), (now, _) = began[0], began[-1]
                 if done > at:
                     left = (now - since) * (1.0 - done) / (done - at)
-                    end = f", about {left:.0f} s left" if left < 90 else f", about {left / 60:.0f} min left"
+                    # how many rounds come is not known: long ones make it more
+                    end = (
+                        f", {left:.0f} s left or more" if left < 90 else f", {left / 60:.0f} min left or more"
+                    )
             if self.verbose and text != current:
                 self.phase(current)
             elif on_terminal and not self.quiet:

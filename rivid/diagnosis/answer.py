@@ -113,9 +113,11 @@ def conclude(
 
 def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict, str]:
     """Verdict and its reason in a sentence."""
-    base, end = gap.rmse_baseline[1], (gap.rmse_described or gap.rmse_augmented)[1]
+    base, end = gap.rmse_baseline[1], gap.rmse_augmented[1]
     factor, unit = shown_in(gap.unit)
     shown = f"{factor * base:.3g} {unit} to {factor * end:.3g} {unit} after 4 h"
+    if gap.rmse_described is not None:
+        shown += f" ({factor * gap.rmse_described[1]:.3g} {unit} with the events of these days)"
     named = study.sure or study.group
     if not named:
         if study.unfit:

@@ -33,6 +33,19 @@ def choices(proposal, key):
     return [tomllib.loads(line)[key] for line in lines]
 
 
+@pytest.mark.parametrize(
+    ("inflow", "outflow", "level"),
+    [
+        ("Vazão afluente (m3/s)", "Vazão defluente (m3/s)", "Cota montante (m)"),
+        ("Caudal afluente", "Caudal efluente", "Nível da albufeira"),
+        ("Débit des apports", "Débit sortant", "Cote du plan d'eau"),
+    ],
+)
+def test_the_words_of_other_languages_are_known(proposed, inflow, outflow, level):
+    found = given(proposed(outflow, level, inflow))
+    assert (found["u_Qi"], found["u_Qo"], found["h_L"]) == (inflow, outflow, level)
+
+
 PLANTS = ("LR.U1.FLOW", "LR.U2.FLOW", "LR.SPILL", "MD.TOTAL.RELEASE", "MD.FOREBAY.ELEV")
 
 

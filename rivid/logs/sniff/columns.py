@@ -37,28 +37,29 @@ TIDE = r"(?<![a-z])(tid(e|es|al)|mar[ée]es?|gezeiten|tide?n|mareas?|maree)(?![a
 _ROLES = (
     (
         "h_L",
-        r"level|stage|niveau|cote|pegel|wasserstand|elev|height|forebay|hauteur|livello|nivel|^h(_l)?$|^z$"
+        r"level|stage|niveau|cot[ea]|pegel|wasserstand|elev|height|forebay|hauteur|livello|n[ií]vel|^h(_l)?$|^z$"
         rf"|{TIDE}"
         r"|[._ -][hw]$|_(00065|00062|62614|62615)\b",
     ),
     (
         "u_Qo",
         r"out|u_qo|aval|sortie|downstream|tailrace|abfluss|turbin|spill|vanne|gate|unit[ _]?\d|groupe|salien"
-        r"|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
+        r"|deflu|efluent|vertid|jusante|sortan|aguas?[ _]abajo|unterwasser|unterlieger|(?<![a-z])uw(?![a-z])",
     ),
     (
         "u_Qi",
         r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|amont|entr|upstream|zufluss|release|q_?i$|incoming|entrante"
-        r"|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])",
+        r"|aff?lu|apport|montante|aguas?[ _]arriba|oberwasser|oberlieger|(?<![a-z])ow(?![a-z])",
     ),
-    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
+    ("flow", r"flow|discharge|d[ée]bit|durchfluss|caudal|vaz[ãa]o|portata|^q|cfs|cms|[._ -]q$|_00060\b"),
 )
 _SURE = {
-    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|incoming",
-    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|outgoing|salien",
+    "u_Qi": r"inflow|u_qi|q_?in\b|(?<![a-z])in(?![a-z])|entr|zufluss|incoming|aff?lu|apport",
+    "u_Qo": r"outflow|u_qo|q_?out\b|(?<![a-z])out(?![a-z])|sortie|sortan|abfluss|outgoing|salien"
+    r"|deflu|efluent",
     "flow": r"^q_l$",
 }
-_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo"
+_PLACE = r"wasser|lieger|(?<![a-z])[ou]w(?![a-z])|amont|aval|stream|arriba|abajo|montante|jusante"
 """Names of a side of the reach; other names are of a place or a device on one side or the other."""
 
 _QUALITY = "qual|calidad|flag|status|stato|estado|valid|state|etat|état|güte"
