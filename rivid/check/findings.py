@@ -65,7 +65,8 @@ TEXTS = {
     "unit.bed_unit": f'{_BED} and the datum ("{{unit}}" would give {{converted:.4g}} m)',
     "unit.level": f'{_VOLUME}: is h_L in {{unit}}, not in {{declared}}? [input.units] h_L = "{{unit}}"',
     "unit.flows": f"{_VOLUME}: are both flows in {{unit}}? Set [input.units], or check the area",
-    "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, the units, and that no part of a flow is missing",
+    "balance.area": f"{_VOLUME}: {{fitting_area:.2g}} m2 would fit. Check it, the units, and that no part of "
+    "a flow is missing",
     "reach.area": "[reach] length x width = {product:g} m2, where surface_area = {area:g} m2: check them",
     "balance.flows": f"{_TIMES}: the water balance does not close; is a part of {{small}} missing?",
     "range": f"{{share:.0%}} of {{column}} ({{lowest:.4g}} to {{highest:.4g}} m3/s) is outside {_RANGE}: the "
