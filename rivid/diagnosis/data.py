@@ -21,6 +21,7 @@ from rivid.effects.base import World
 from rivid.effects.timing import ClockOffset
 from rivid.errors import DataError, NoDataError, RividError
 from rivid.logs.days import DataSet, find_days, read_window
+from rivid.text import count
 from rivid.types import DAY, Floats
 
 Kind = Literal["pool", "river"]
@@ -264,8 +265,10 @@ def read_record(
     )  # fmt: skip
     if failed:
         day, why = failed[0]
-        which = f"{len(failed)} days or files could not be used; the first, {day or 'a file'}: {why}"
-        known = known._replace(notes=(*known.notes, which))
+        which = count(len(failed), "day or file", "days or files")
+        known = known._replace(
+            notes=(*known.notes, f"{which} could not be used; the first, {day or 'a file'}: {why}")
+        )
     return record, known
 
 
