@@ -161,10 +161,10 @@ def test_an_effect_that_is_known_from_the_start_leaves_no_gap():
     assert all(row.names[:1] == ("outflow_gain_error",) for row in result.ranking)
 
 
-def test_a_clock_of_three_days_is_named_where_its_dates_are_known():
-    """Three days are fewer than any window of the search, and an hour is more than any of its trials."""
+def test_a_clock_of_two_days_is_named_where_its_dates_are_known():
+    """Two days are fewer than any window of the search, and an hour is more than any of its trials."""
     first = season().dates[15]
-    hidden = CATALOGUE["clock_offset"](offset=-3600.0, dates=(first, first + dt.timedelta(days=2)))
+    hidden = CATALOGUE["clock_offset"](offset=-3600.0, dates=(first, first + dt.timedelta(days=1)))
     record = season(hidden)
     rough = hidden.with_values(offset=-3300.0)
     (effect,) = answer(record, "clock_offset", "sensor_step", dated=(rough,))[0].effects
