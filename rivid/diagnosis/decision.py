@@ -546,12 +546,15 @@ class Study:
 
     @cached_property
     def sure(self) -> tuple[str, ...]:
-        """Names that are probable enough alone, each as often as that holds; none where no response describes
-        the reach."""
+        """Names that are probable enough alone; none where no response describes the reach.
+
+        Again for each further stretch of the same effect that is more probable than not: no further name.
+        """
         if self.unfit:
             return ()
-        times = range(1, 1 + max(map(len, (names for names, _ in self._cores.values()))))
-        return tuple(name for name in self.names for k in times if self.chance_of(name, k) >= ALONE)
+        found = [name for name in self.names if self.chance_of(name) >= ALONE]
+        times = range(2, 1 + max(map(len, (names for names, _ in self._cores.values()))))
+        return (*found, *(name for name in found for k in times if self.chance_of(name, k) >= UNKNOWN))
 
     @cached_property
     def group(self) -> tuple[str, ...]:
