@@ -303,7 +303,7 @@ def is_whole(out: Path, record: dict[str, Any], figures: bool) -> bool:
         return False
 
 
-METHOD_VERSION = 4
+METHOD_VERSION = 5
 """Increased whenever the same input and settings give another row: older rows are then computed again."""
 
 SHARD_PATIENCE = 20.0
