@@ -347,9 +347,13 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
 
 def _held_means(times: Ints, values: Floats, edges: Ints) -> Floats:
     """Means of held values between each two edges (N + 1,) [us UTC]; the first value holds before it, too."""
-    volume = np.append(0.0, np.cumsum(values[:-1] * np.diff(times)))
-    last = np.maximum(times.searchsorted(edges, side="right") - 1, 0)
-    return np.asarray(np.diff(volume[last] + values[last] * (edges - times[last])) / np.diff(edges))
+    every = np.union1d(times, edges)
+    every = every[every.searchsorted(edges[0]) : every.searchsorted(edges[-1]) + 1]
+    held = values[np.maximum(times.searchsorted(every[:-1], side="right") - 1, 0)]
+    first = every.searchsorted(edges[:-1])
+    means = np.add.reduceat(held * np.diff(every), first) / np.diff(edges)
+    low, high = np.minimum.reduceat(held, first), np.maximum.reduceat(held, first)
+    return np.where(low == high, low, means)  # what rests, rests to the last bit
 
 
 def _refuse_gaps(times: Ints, grid: Grid, signal: Signal, spec: Spec) -> None:

@@ -53,6 +53,12 @@ def test_held_and_interpolated_values(steps, period, held, seed):
     assert len(samples) == int(np.ceil(DAY / period))
 
 
+def test_the_means_of_a_flow_that_rests_are_equal():
+    spec, grid = spec_of(config({"sample_time": 300.0})), make_grid(0, DAY * 10**6, 300.0, dt.UTC)
+    samples, _ = on_grid(np.arange(0, DAY, 120) * 10**6, np.full(720, 260.3), grid, spec.signals[0], spec)
+    assert (samples == 260.3).all()
+
+
 @settings(max_examples=examples(100), deadline=None)
 @given(lost=st.lists(st.integers(1, 648), max_size=60, unique=True), held=st.booleans())
 def test_filled_samples_are_the_lost_ones(lost, held):
