@@ -163,9 +163,10 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
     more = study.chance(lambda names, _: Counter(names) > counted)
     if more >= UNKNOWN:
         others = [_words(n) for n in study.names if study.chance_of(n, counted[n] + 1) >= 1.0 - ALONE]
+        which = f", perhaps {' or '.join(others)}" if others else ""
         return "partly_explained", (
-            f"Named: {names}. One more is missing with a probability of {more:.2f}, perhaps "
-            f"{' or '.join(others)}. The error: {shown}."
+            f"Named: {names}. One more is missing with a probability of {more:.2f}{which}. The error: "
+            f"{shown}."
         )
     p = min(study.chance_of(name, k) for name, k in counted.items())
     sure = "above 0.99" if p > 0.99 else f"of {p:.2f}"

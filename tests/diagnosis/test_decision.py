@@ -221,7 +221,12 @@ def test_a_second_effect_of_a_name_is_as_probable_as_what_holds_two():
     assert study.chance_of("leakage") > 0.99
     assert study.chance_of("leakage", 2) == pytest.approx(1.0 / 3.0, abs=0.05)
     assert study.sure == ("leakage",)
-    assert study_of(nothing, one, again).sure == ("leakage", "leakage")
+    verdict, reason = _verdict(study, gap_of(evidence_of(RECORD)), None)
+    assert verdict == "partly_explained" and "perhaps leakage or" in reason and "clock offset" in reason
+    twice = study_of(nothing, one, again)
+    assert twice.sure == ("leakage", "leakage")
+    verdict, reason = _verdict(twice, gap_of(evidence_of(RECORD)), None)
+    assert verdict == "explained" and reason.startswith("Leakage (twice) has a probability")
 
 
 RAIN, LATERAL = CATALOGUE["rain_inflow"], CATALOGUE["lateral_inflow"]
