@@ -6,6 +6,7 @@ day weights are refitted between steps. The score of a day is the log density of
 the fit without the day's block (:mod:`rivid.diagnosis.predictive`), less the price of its events.
 """
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -122,7 +123,8 @@ class Explanation:
                 return np.asarray(found.coded.any(axis=1))
         if effect.dates is None:
             return np.ones(record.days, bool)
-        return np.array([effect.dates[0] <= day <= effect.dates[1] for day in record.dates])
+        last = effect.dates[1] + dt.timedelta(days=int(effect.set_right))  # the midnight shows what has grown
+        return np.array([effect.dates[0] <= day <= last for day in record.dates])
 
     @property
     def coded(self) -> Floats:

@@ -138,18 +138,27 @@ def screened(
     X *= base.sd[:, None, None]
     flat = X.reshape(len(X), -1)
     G = np.linalg.inv(flat @ flat.T + np.eye(len(X)))
+    before = np.zeros(few.time.shape)
+    before[:, : few.lead] = 1.0  # a metre until the midnight before each day
     found: list[Candidate] = []
+
+    def products(w: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of whitened columns with what is left, with each other and with the parameters' columns."""
+        s = np.einsum("kdn,dn->kd", w, r)
+        q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
+        return s, q, np.einsum("pdn,kdn->pkd", X, w, optimize=True)
+
     for trial, columns in zip(library.trials, library.columns, strict=True):
         if beside is not None and not _mistaken(trial, beside):
             continue
         w = white(columns[:, open_days])
         if not w.any():
             continue
-        s = np.einsum("kdn,dn->kd", w, r)
-        q = np.einsum("kdn,ldn->kld", w, w, optimize=True)
-        c = np.einsum("pdn,kdn->pkd", X, w, optimize=True)
         inverse = np.asarray(G, float)
-        found += _windows(trial, columns, s, q, c, inverse, base.sd, record, open_days, beside)
+        reset = products(white(before[None])) if any(one.set_right for one in trial.effects) else None
+        found += _windows(
+            trial, columns, *products(w), inverse, base.sd, record, open_days, beside, reset
+        )  # fmt: skip
     by_name: dict[str, list[Candidate]] = {}
     for one in sorted(found, key=lambda one: -one.worth):
         kept = by_name.setdefault(one.effect.name, [])
@@ -167,7 +176,7 @@ def _mistaken(trial: Trial, other: Effect) -> bool:
 
 def _windows(
     trial: Trial, columns: Floats, s: Floats, q: Floats, c: Floats, G: Floats, sd: Floats, record: Record,
-    open_days: Ints, beside: Effect | None,
+    open_days: Ints, beside: Effect | None, reset: tuple[Floats, Floats, Floats] | None,
 ) -> list[Candidate]:  # fmt: skip
     """A trial in the whole season and in its best window of dates (and hours), or in those of an effect."""
     days = s.shape[1]
@@ -175,6 +184,14 @@ def _windows(
         return _hourly(trial, columns, s, q, c, G, sd, record, open_days)
     first, end, prior = _spans(trial.dates, days)
     S, Q, C = (_summed(part, first, end) for part in (s, q, c))
+    if reset is not None:  # the midnight after the window shows what has grown in it
+        number = record.day_number[open_days]
+        grown = np.append(number, number[-1] + 1)[end] - number[first]
+        grown = np.where(end < days, grown, 0) * np.append(np.diff(number) == 1, False)[end - 1]
+        after = np.minimum(end, days - 1)
+        S += grown[:, None] * np.moveaxis(reset[0][..., after], -1, 0)
+        Q += grown[:, None, None] ** 2 * np.moveaxis(reset[1][..., after], -1, 0)
+        C += grown[:, None, None] * np.moveaxis(reset[2][..., after], -1, 0)
     left = Q - np.einsum("wpk,pr,wrl->wkl", C, G, C, optimize=True)
     size = np.einsum("wkk->wk", Q)
     solid = np.einsum("wkk->wk", left) > LEAST_LEFT * size

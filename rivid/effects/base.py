@@ -169,6 +169,9 @@ class Effect(ABC):
         computes its column.
     sized_trials : dict of str to tuple of float
         Other parameters, and the sizes at which the diagnosis tries each.
+    set_right : bool
+        Whether its linear trial is an error of the gauge that grows with the days, and is gone at the
+        midnight after its last date.
     trial_dates, trial_sign : str, int
         Windows that these trials scan, and sign of the coefficient of linear ones.
     confounded_with : dict of str to str
@@ -198,6 +201,7 @@ class Effect(ABC):
     twins: ClassVar[tuple[str, ...]] = ()
     linear_trials: ClassVar[dict[str, float]] = {}
     sized_trials: ClassVar[dict[str, tuple[float, ...]]] = {}
+    set_right: ClassVar[bool] = False
     trial_dates: ClassVar[Dates] = "all"
     trial_sign: ClassVar[int] = 0
     confounded_with: ClassVar[dict[str, str]] = {}

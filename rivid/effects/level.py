@@ -63,6 +63,7 @@ class SensorDrift(Effect):
     twins = ("lateral_inflow",)
     linear_trials = {"drift": 0.005}
     trial_dates = "between"
+    set_right = True
     sentence = "The gauge drifts away from the water, until it is set right."
     looks = (
         "The level creeps the same way every day whatever flows, and the operators follow it. Within a few "

@@ -121,6 +121,33 @@ def test_the_best_window_is_that_of_all_refits(seed, k, sign):
     assert dates == (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
 
 
+def test_an_error_of_the_gauge_that_is_set_right_shows_on_the_day_after_its_window():
+    base, columns, X, r, w, at = base_of(1)
+    drift = CATALOGUE["sensor_drift"]
+    trial = Trial(
+        "sensor_drift", "", (drift(),), (1.0,), lambda c: drift(drift=float(c[0])), ("drift",), "between"
+    )
+    before = np.zeros(RECORD.time.shape)
+    before[:, : RECORD.lead] = 1.0
+    root = np.sqrt(base.weights[OPEN])[:, None]
+    jump = RIVER.whiten(before, like=np.where(RECORD.used, base.residual, np.nan))[OPEN] * root
+    assert jump.any()  # the last sample before midnight counts
+    first, end, prior = _spans("between", DAYS)
+    every = []
+    for a, b, log_prior in zip(first[1:], end[1:], prior[1:], strict=True):
+        shown = np.zeros_like(w[:1])
+        shown[:, a:b] = w[:1, a:b]
+        if b < DAYS and OPEN[b] == OPEN[b - 1] + 1:
+            shown[:, b] = (OPEN[b] - OPEN[a]) * jump[b]
+        gain, c, _ = refit(base, X, r, shown, at, 0, DAYS, 1)
+        every.append((gain + log_prior, gain, c[0], a, b))
+    found = [one for one in screened(base, Library((trial,), (columns[:1],), {}), RECORD) if one.effect.dates]
+    _, gain, size, a, b = max(every)
+    assert found[0].gain == pytest.approx(gain, rel=1e-5)
+    assert found[0].effect.drift == pytest.approx(np.clip(size, -1.0, 1.0), rel=1e-5)
+    assert found[0].effect.dates[0] == RECORD.dates[0 if a == 0 else (OPEN[a - 1] + OPEN[a] + 1) // 2]
+
+
 def test_beside_an_effect_only_those_mistaken_for_it_are_candidates_in_its_dates():
     base, columns, X, r, w, at = base_of(2, (5, 11, 3.0))  # another window
     dates = (RECORD.dates[OPEN[3]], RECORD.dates[OPEN[8]])
