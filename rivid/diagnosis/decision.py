@@ -34,6 +34,8 @@ TEMPER = 0.5
 """Exponent of the scores, over their inflation. Over 93 development seasons of 30 to 120 days the log loss of
 names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2 an
 earlier search lost two of three stretches of the bypass of Glen Canyon."""
+IMPROBABLE = 1e-3
+"""Chance below which events are not compared with those of noise, which lowers it: fifty are one name's doubt."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""
@@ -324,8 +326,14 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        paid = [without_mirrored(one, self.record, self.opened, self.split.block) for one in pool]
-        lead = paid[int(np.argmax(ranked(paid, self.opened, self.split.block)))]
+        paid, open_ = list(pool), {i for i, one in enumerate(pool) if one.events}
+        chances = ranked(paid, self.opened, self.split.block)
+        while counts := {i for i in open_ if chances[i] > IMPROBABLE}:  # a search each: not for the others
+            for i in counts:
+                paid[i] = without_mirrored(paid[i], self.record, self.opened, self.split.block)
+            open_ -= counts
+            chances = ranked(paid, self.opened, self.split.block)
+        lead = paid[int(np.argmax(chances))]
         levelled = [self._levelled(one, lead) for one in paid]
         chances = ranked(levelled, self.opened, self.split.block).tolist()
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
@@ -433,7 +441,7 @@ class Study:
     def _adds(self, one: Explanation, effect: Effect, less: Explanation) -> bool:
         """Whether an effect of an explanation is material, beside one without it."""
         if effect.found_as == "swing":
-            return self._swings(one)
+            return self._swings(effect)
         made, active = made_alone(one, effect, self.record), one.active(self.record, effect)
         if made is None and len(less.names) < len(one.names) - 1:  # what others make is not its own
             return False
@@ -448,10 +456,12 @@ class Study:
         return made is None or not _shifts(effect) or self._moves(one, less, made, active)
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
-        """Whether an unknown flow that returns or comes in pulses makes a share of the error that counts."""
+        """Whether an unknown flow that returns, pulses or waves make a share of the error that counts."""
         before, now = ([e for e in o.effects if not e.name] for o in (parent, one))
         if len(now) == len(before):
             return False
+        if now[-1].found_as == "swing":
+            return self._swings(now[-1])
         return self._material(one, parent, one.active(self.record, now[-1]))
 
     def _moves(self, one: Explanation, parent: Explanation, made: Floats, active: Bools) -> bool:
@@ -470,13 +480,12 @@ class Study:
             return moved > 0.0 and left <= MATERIAL * before
         return moved > BEYOND**2 * left
 
-    def _swings(self, one: Explanation) -> bool:
+    def _swings(self, effect: Effect) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
 
         What it extends may forecast worse than needed: the filter takes the swing for weather.
         """
-        assert one.added is not None
-        amplitude = float(getattr(one.added, "amplitude"))  # noqa: B009 - every seiche has one
+        amplitude = float(getattr(effect, "amplitude"))  # noqa: B009 - every seiche has one
         rmse = np.min([o.errors.rmse(self.opened) for o in self.pool if o.errors is not None], axis=0)
         return bool((0.5 * amplitude**2 >= MATERIAL * rmse**2).any())
 

@@ -435,9 +435,8 @@ def scored(one: Explanation, record: Record, blocks: Ints, tails: float) -> Expl
     density = day_densities(squares, log_det, plain, (r != 0.0).sum(axis=1), tails)
     density = density - one.price + (0.0 if one.bonus is None else one.bonus)
     one = replace(one, density=density, change=change, standard_errors=errors)
-    if one.parent is not None and one.bonus is not None and one.added is not None:
-        if one.added.found_as == "swing":  # no filter here forecasts it: the errors are those without it
-            return replace(one, errors=one.parent.errors)
+    if one.parent is not None and one.bonus is not None and one.parent.bonus is None:
+        return replace(one, errors=one.parent.errors)  # no filter here forecasts a swing
     return replace(one, errors=day_errors(record, one.predicted, noise, HORIZONS))
 
 

@@ -53,7 +53,7 @@ from rivid.diagnosis.search import (
 from rivid.diagnosis.spectrum import rhythm
 from rivid.effects import LEVEL_NOISES, Effect
 from rivid.effects.flow import LeavingFlow, PassingFlow, RecurringFlow
-from rivid.effects.level import UnsteadyGauge
+from rivid.effects.level import UnknownSwing, UnsteadyGauge
 from rivid.errors import RividError
 from rivid.reach.saint_venant.flow import side_by_side
 from rivid.types import DAY, HOUR, Floats
@@ -90,8 +90,8 @@ left: of six diagnoses 3 to 31 % and 50 to 96 %. How many rounds come is not kno
 Report = Callable[[float, str], None]
 DAYS_A_KNOT, MOST_KNOTS = (7, 21), 20
 """Days between the values of a size that varies with the date, and most values."""
-STRANGERS: tuple[type[Effect], ...] = (LeavingFlow, UnsteadyGauge)
-"""Events of an unknown cause, sought where no effect of the library comes as such."""
+STRANGERS: tuple[type[Effect], ...] = (LeavingFlow, UnsteadyGauge, UnknownSwing)
+"""Events and waves of an unknown cause, sought where no effect of the library comes as such."""
 Grow = Callable[..., Explanation | None]
 Latent = Literal["flow", "gauge"]
 
@@ -470,14 +470,19 @@ class _Search:
         there = {effect.found_as for effect in self.classes.values()}
         for stranger in STRANGERS:
             if stranger.found_as not in there and stranger.acts_on(record.kind):
-                self._with_unknown_events(parent, library, stranger)
+                self._with_unknown_events(parent, library, stranger, gauge)
 
-    def _with_unknown_events(self, parent: Explanation, library: Library, effect: type[Effect]) -> None:
-        """Add events of an unknown cause, if there are any."""
+    def _with_unknown_events(
+        self, parent: Explanation, library: Library, effect: type[Effect], latent: Sequence[Explanation] = ()
+    ) -> None:
+        """Add events or waves of an unknown cause, if there are any."""
         prior = parent.log_prior + self.log_prior(1) - self.log_prior(0)
-        events = with_events(parent, effect, library.kernels, self.record, prior)
-        if events is not None:
-            self.pool.append(self._scored(self._inflated(events, library)))
+        if effect.found_as in LEVEL_NOISES:
+            made = with_noise(parent, effect, self.record, prior, latent) if parent.bonus is None else None
+        else:
+            made = with_events(parent, effect, library.kernels, self.record, prior)
+        if made is not None:
+            self.pool.append(self._scored(self._inflated(made, library)))
 
     def _dated(self, parent: Explanation, library: Library) -> list[Candidate]:
         """The effects that were dated, each as likely as with any other dates."""

@@ -296,3 +296,10 @@ class Seiche(Effect):
 
     def changes(self, world: World) -> Changes:
         return Changes(gauge=draw(self.autoregression(world.sample_time), world) * self.active(world))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnknownSwing(Seiche):
+    """Waves of an unknown cause, where no effect of the library swings. It has no name."""
+
+    name = ""
