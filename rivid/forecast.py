@@ -24,7 +24,7 @@ from rivid.diagnosis.calibrated import ReachModel
 from rivid.diagnosis.data import Record, activity
 from rivid.diagnosis.response.hydraulic import as_far_as_it_goes
 from rivid.errors import ConfigError, NoDataError
-from rivid.logs.days import find_days, read_series
+from rivid.logs.days import find_days, held_means, read_series
 from rivid.logs.spec import MICRO, spec_of
 from rivid.types import DAY, HOUR, Bools, Floats, Ints
 
@@ -107,7 +107,8 @@ def read_logs(
     kind of reach or sample time than the model.
     """
     reach = config.reach
-    if (reach.kind, reach.sample_time) != (model.kind, model.sample_time):
+    many = model.sample_time / reach.sample_time  # a diagnosis joins short samples
+    if reach.kind != model.kind or many < 1.0 or abs(many - round(many)) > 1e-9:
         raise ConfigError(
             f"the model is of a {model.kind} at {model.sample_time:g} s, the configuration of a {reach.kind} "
             f"at {reach.sample_time:g} s: expected the configuration of the diagnosis"
@@ -155,10 +156,13 @@ def read_logs(
 
 
 def _held(column: tuple[Ints, Floats], grid: Ints, late: int, gap: Ints) -> Floats:
-    """A command at each time: the last one, for no longer than a gap (n,)."""
+    """A command at each time, its mean where it is logged more often: for no longer than a gap (n,)."""
     times, values = column
     before = times.searchsorted(grid + late, side="right") - 1
     known = (before >= 0) & (grid - times[before] < gap)
+    step = int(grid[1] - grid[0])
+    if len(times) > 1 and np.median(np.diff(times)) + late < step:
+        return np.where(known, held_means(times, values, np.append(grid, grid[-1] + step)), np.nan)
     return np.where(known, values[before], np.nan)
 
 

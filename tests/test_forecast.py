@@ -204,6 +204,24 @@ def test_from_an_earlier_time_it_does_not_use_later_outputs(place):
     assert command(*words, "--at", at, "--out", place / "b")[1] == before
 
 
+def test_logs_finer_than_the_model_give_means_of_their_flows(place):
+    words = ["forecast", place / "logs", "-c", place / "c.toml", "--model", place, "--no-figures", "--json"]
+    _, expected = command(*words, "--out", place / "a")
+    (place / "c.toml").write_text(CONFIG.replace("900", "300"))
+    for path in (place / "logs").glob("*.csv"):
+        head, *lines = path.read_text().splitlines()
+        finer = [head]
+        for line in lines:
+            time, flow, output = line.split(",")
+            for k in (-1, 0, 1):  # off by as much before and after: the mean is the flow
+                at = dt.datetime.fromisoformat(time) + dt.timedelta(seconds=300 * (k + 1))
+                finer.append(f"{at.isoformat()},{float(flow) + 9 * k:.3f},{output if k < 0 else ''}")
+        path.write_text("\n".join(finer) + "\n")
+    _, found = command(*words, "--out", place / "b")
+    for one, other in zip(expected.splitlines(), found.splitlines(), strict=True):
+        assert json.loads(other)["median"] == pytest.approx(json.loads(one)["median"], abs=1e-3)
+
+
 def test_what_does_not_fit_is_refused(place):
     words = ["forecast", place / "logs", "--model", place, "--out", place / "out"]
     code, said = command(*words)

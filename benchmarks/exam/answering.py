@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rivid.config import Config, parse
-from rivid.diagnosis.data import Record, as_record, lead_of
+from rivid.diagnosis.data import Record, as_record, joined, lead_of
 from rivid.effects import build, effect_classes
 from rivid.errors import RividError
 from rivid.types import Floats
@@ -51,9 +51,10 @@ def record_of(logs: Logs) -> Record:
     """Days in rows, with the lead time that `rivid diagnose` gives them."""
     settings = logs.settings
     T_s, kind = settings.reach.sample_time, settings.reach.kind
+    every = joined(settings, T_s)
     return as_record(
         logs.dates, logs.seconds, logs.inflow, logs.outflow, logs.output, sample_time=T_s,
-        lead=lead_of(settings, logs.inflow, T_s), kind=kind,
+        lead=lead_of(settings, logs.inflow, every * T_s), kind=kind, every=every,
     )  # fmt: skip
 
 

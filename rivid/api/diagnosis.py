@@ -10,7 +10,7 @@ from rivid.api.inputs import GivenConfig, GivenDate, Result, as_config, as_date
 from rivid.api.season import SimulatedSeason
 from rivid.config import Config
 from rivid.diagnosis.answer import Evidence
-from rivid.diagnosis.data import Known, Record, as_record, lead_of
+from rivid.diagnosis.data import Known, Record, as_record, joined, lead_of
 from rivid.diagnosis.result import Diagnosis, Gap, NamedEffect, Ranked, Unknown, Verdict
 from rivid.effects import Effect
 from rivid.errors import NoDataError
@@ -226,7 +226,8 @@ def _record_of(
     if not rows:
         raise NoDataError(f"no simulated day from {first} to {last}: expected days of {season.dates[0]} on")
     inflow, T_s = season.inflow[rows], season.sample_time
+    every = joined(config, T_s)
     return as_record(
         [season.dates[i] for i in rows], season.seconds, inflow, season.outflow[rows], season.level[rows],
-        sample_time=T_s, lead=lead_of(config, inflow, T_s),
+        sample_time=T_s, lead=lead_of(config, inflow, every * T_s), every=every,
     )  # fmt: skip

@@ -171,7 +171,7 @@ def write_model(
     daily = record.inflow[:, record.lead :].mean(axis=1)
     level = record.usual_output
     tables: dict[str, dict[str, Any]] = {}
-    tables["reach"] = {"name": reach.name, "kind": reach.kind, "sample_time": reach.sample_time}
+    tables["reach"] = {"name": reach.name, "kind": reach.kind, "sample_time": record.sample_time}
     tables["reach"]["length"] = found.get("length", reach.length)
     tables["reach"]["width"] = found.get("width", reach.width)
     if record.kind == "pool" and "surface_area" in found:  # a pool without hydraulics

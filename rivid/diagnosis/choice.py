@@ -65,7 +65,7 @@ def response_of(config: Config, record: Record) -> Response:
                 "more than half of the fall of the bed ([diagnose] slope times the length)"
             )
     return HydraulicResponse.nominal(
-        reach.length, reach.width, depth, level, sample_time=reach.sample_time, flow=flow,
+        reach.length, reach.width, depth, level, sample_time=record.sample_time, flow=flow,
         slope=settings.slope, manning=settings.manning,
     )  # fmt: skip
 

@@ -145,6 +145,18 @@ def activity(record: Record, up: Floats, down: Floats) -> Floats:
     return np.asarray(np.maximum(sums[:, 2 * half + 1 :] - sums[:, : -2 * half - 1], 0.0) / (2 * half + 1))
 
 
+LONGEST = 150.0
+"""Longest samples that shorter ones are joined to [s]: six in the 15 minutes of the nearest forecast."""
+A_FRONT = 4
+"""Fewest samples of a usual delay after that: the arrival of a front is fitted between samples."""
+
+
+def joined(config: Config, sample_time: float) -> int:
+    """How many samples a diagnosis takes together: time and memory grow with the square of their number."""
+    delay = sample_time * (config.reach.proposal(sample_time).delay_scale + 1.0)
+    return max(int(min(LONGEST, delay / A_FRONT) / sample_time), 1)
+
+
 def lead_of(config: Config, inflow: Floats, sample_time: float) -> int:
     """Samples in which a simulation of a reach forgets its start: a delay, and until its waves have faded."""
     reach = config.reach
@@ -167,11 +179,14 @@ def as_record(
     sample_time: float,
     lead: int,
     kind: Kind = "pool",
+    every: int = 1,
 ) -> Record:
     """Put days, in order, in rows and give each the end of the day before it, `lead` samples.
 
     Samples are `seconds` (N,) after local midnight. The logs (days, N) are u_Qi [m3/s], u_Qo [m3/s] (None for
-    a river reach) and level [m] or discharge [m3/s], NaN where missing.
+    a river reach) and level [m] or discharge [m3/s], NaN where missing. `every` samples of `sample_time` [s]
+    are joined to one: the mean of a flow, which is held, and that of the readings about the first of them.
+    `lead` counts joined samples.
     """
     clock, u, y = (np.asarray(x, float) for x in (seconds, inflow, output))
     o = np.zeros_like(u) if outflow is None else np.asarray(outflow, float)
@@ -186,6 +201,14 @@ def as_record(
             )
     if not dates or any(a >= b for a, b in zip(dates, dates[1:], strict=False)):
         raise RividError("dates are empty or out of order: expected days in order, none twice")
+    if every > 1:
+        first = np.arange(0, len(clock), every)
+        many = np.diff(np.append(first, len(clock)))
+        u, o = (np.add.reduceat(flow, first, axis=1) / many for flow in (u, o))
+        around = first + np.arange(-((every - 1) // 2), (every - 1) // 2 + 1)[:, None]
+        within = (around >= 0) & (around < len(clock))
+        about = np.ma.masked_invalid(np.where(within, y[:, np.where(within, around, 0)], np.nan))
+        clock, y, sample_time = clock[first], about.mean(axis=1).filled(np.nan), sample_time * every
     lead = min(lead, len(clock))
     number = np.array([(date - dates[0]).days for date in dates])
     follows = np.append(False, np.diff(number) == 1)
@@ -259,9 +282,11 @@ def read_record(
             )
         outflow = np.array([day.outflow for day in whole])
     inflow = np.array([day.inflow for day in whole])
+    every = joined(config, reach.sample_time)
     record = as_record(
         [day.date for day in whole], seconds, inflow, outflow, np.array([day.output for day in whole]),
-        sample_time=reach.sample_time, lead=lead_of(config, inflow, reach.sample_time), kind=reach.kind,
+        sample_time=reach.sample_time, lead=lead_of(config, inflow, every * reach.sample_time),
+        kind=reach.kind, every=every,
     )  # fmt: skip
     if failed:
         day, why = failed[0]

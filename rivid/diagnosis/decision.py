@@ -35,7 +35,8 @@ TEMPER = 0.5
 names is 0.94 at 0.05, 0.92 at 0.1 and 0.2, 0.93 at 0.5 and 0.96 at 1: too flat to choose by. At 0.2 an
 earlier search lost two of three stretches of the bypass of Glen Canyon."""
 IMPROBABLE = 1e-3
-"""Chance below which events are not compared with those of noise, which lowers it: fifty are one name's doubt."""
+"""Chance below which events are not compared with those of noise, which lowers it: fifty of these together
+are the doubt that a name may have."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""

@@ -330,7 +330,7 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     if not signal.held:
         samples = np.interp(grid.times, times, values)
     elif len(times) > 1 and np.median(np.diff(times)) + late < spec.period * MICRO:
-        samples = _held_means(times, values, np.append(grid.times, grid.end))
+        samples = held_means(times, values, np.append(grid.times, grid.end))
     else:
         samples = values[before]
     # where a value is missing, what comes later than one interval after the last is not measured but bridged
@@ -345,7 +345,7 @@ def on_grid(times: Ints, values: Floats, grid: Grid, signal: Signal, spec: Spec)
     return samples, filled
 
 
-def _held_means(times: Ints, values: Floats, edges: Ints) -> Floats:
+def held_means(times: Ints, values: Floats, edges: Ints) -> Floats:
     """Means of held values between each two edges (N + 1,) [us UTC]; the first value holds before it, too."""
     every = np.union1d(times, edges)
     every = every[every.searchsorted(edges[0]) : every.searchsorted(edges[-1]) + 1]

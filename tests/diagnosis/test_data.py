@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rivid.config import Config
-from rivid.diagnosis.data import FADED, NEAR, START_UP, activity, as_record, checked, lead_of
+from rivid.diagnosis.data import FADED, NEAR, START_UP, activity, as_record, checked, joined, lead_of
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects.timing import ClockOffset
@@ -23,8 +23,8 @@ LEAD = 34
 def record(**changes):
     rng = np.random.default_rng(0)
     u = np.cumsum(rng.standard_normal((5, 96)), axis=1)
-    kept = {"inflow": 300 + u, "outflow": 300 + u, "output": 130 + 0.01 * u} | changes
-    return as_record(DATES, SECONDS, **kept, sample_time=900.0, lead=LEAD)
+    kept = {"inflow": 300 + u, "outflow": 300 + u, "output": 130 + 0.01 * u, "lead": LEAD} | changes
+    return as_record(DATES, SECONDS, **kept, sample_time=900.0)
 
 
 def test_a_row_begins_with_the_end_of_the_day_before_it():
@@ -43,6 +43,34 @@ def test_a_day_that_nothing_precedes_has_a_held_start_that_does_not_count():
     assert (r.inflow[3, : r.lead] == r.inflow[3, r.lead]).all()
     assert not r.used[0, : 2 * r.lead].any() and r.used[0, 2 * r.lead :].all()
     assert r.used[1, r.lead - 1 :].all() and not r.used[1, : r.lead - 1].any()  # the last one before midnight
+
+
+@pytest.mark.parametrize("every", [2, 3, 7])
+def test_joined_samples_hold_the_mean_of_a_flow_and_of_the_readings_about_them(every):
+    rng = np.random.default_rng(1)
+    level = 130 + 0.01 * rng.standard_normal((5, 96))
+    level[1, 40:50] = np.nan
+    one, r = record(output=level), record(output=level, every=every)
+    n = -(-96 // every)
+    assert r.sample_time == every * 900.0 and r.lead == min(LEAD, n)
+    assert r.time.shape == (5, n + min(LEAD, n)) and r.time[0, r.lead + 1] == every * 900.0
+    half = (every - 1) // 2
+    for day in range(5):
+        for k in range(n):
+            flow = one.inflow[day, LEAD + k * every : LEAD + min((k + 1) * every, 96)].mean()
+            assert r.inflow[day, r.lead + k] == pytest.approx(flow)
+            about = level[day, max(k * every - half, 0) : k * every + half + 1]
+            mean = about[np.isfinite(about)].mean() if np.isfinite(about).any() else np.nan
+            assert r.output[day, r.lead + k] == pytest.approx(mean, nan_ok=True)
+
+
+@pytest.mark.parametrize(("sample_time", "every"), [(1.0, 150), (10.0, 15), (60.0, 2), (133.0, 1), (900.0, 1)])
+def test_short_samples_are_joined_and_the_delay_keeps_some_of_them(sample_time, every):
+    far = Config.model_validate({"reach": DEEP | {"sample_time": sample_time, "length": 9000.0}})
+    assert joined(far, sample_time) == every
+    near = Config.model_validate({"reach": DEEP | {"sample_time": sample_time, "length": 1500.0}})
+    delay = near.reach.proposal().delay_scale + 1.0
+    assert 1 <= joined(near, sample_time) <= max(1, delay / 4)
 
 
 def test_some_days_keep_their_times():
