@@ -64,7 +64,9 @@ def test_joined_samples_hold_the_mean_of_a_flow_and_of_the_readings_about_them(e
             assert r.output[day, r.lead + k] == pytest.approx(mean, nan_ok=True)
 
 
-@pytest.mark.parametrize(("sample_time", "every"), [(1.0, 150), (10.0, 15), (60.0, 2), (133.0, 1), (900.0, 1)])
+@pytest.mark.parametrize(
+    ("sample_time", "every"), [(1.0, 150), (10.0, 15), (60.0, 2), (133.0, 1), (900.0, 1)]
+)
 def test_short_samples_are_joined_and_the_delay_keeps_some_of_them(sample_time, every):
     far = Config.model_validate({"reach": DEEP | {"sample_time": sample_time, "length": 9000.0}})
     assert joined(far, sample_time) == every
