@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rivid.diagnosis.data import activity
 from rivid.diagnosis.explanation import Explanation
 from rivid.diagnosis.noise.model import NoiseModel
+from rivid.diagnosis.response.base import kernels_of
 from rivid.diagnosis.search import (
     FEWEST,
     Candidate,
@@ -23,6 +25,7 @@ from rivid.diagnosis.search import (
     with_noise,
 )
 from rivid.effects import CATALOGUE, Trial
+from rivid.effects.level import UnknownSwing
 from tests.diagnosis import pools
 from tests.diagnosis.answers import record_of
 
@@ -346,3 +349,16 @@ def test_wind_is_a_noise_of_the_level_and_quiet_water_has_no_seiche():
     assert with_noise(parent, CATALOGUE["wind_setup"], quick, 0.0) is None
     quiet = pools.explained(pools.season(3, days=10))
     assert with_noise(quiet, CATALOGUE["seiche"], pools.season(3, days=10), 0.0) is None
+
+
+def test_waves_that_no_effect_makes_are_an_unknown_gauge():
+    made = CATALOGUE["seiche"](amplitude=0.02, period=2400.0, damping=1e-4)
+    record = pools.season(4, days=15, effects=(made,))
+    kernels = kernels_of(pools.nominal(record), record)
+    record = replace(record, activity=activity(record, kernels["up"], kernels["down"]))
+    parent = pools.explained(record)
+    known, unknown = (with_noise(parent, one, record, -2.0) for one in (CATALOGUE["seiche"], UnknownSwing))
+    assert known.unknown == "" and known.names == ("seiche",)
+    assert unknown.unknown == "gauge" and unknown.names == () and unknown.added is None
+    np.testing.assert_allclose(unknown.bonus, known.bonus)
+    assert unknown.bonus.sum() > 100.0 and unknown.others[0].period == pytest.approx(2400.0, rel=0.05)
