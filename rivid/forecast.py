@@ -104,7 +104,7 @@ def read_logs(
     `root` is DATA_DIR, or one file; `hours` is the longest horizon [h]; `at` is the origin, by default the
     last measured output. Later outputs are not used, later flows are announced. NoDataError where no output
     is logged in the :data:`HISTORY` days before the origin; ConfigError where the configuration is of another
-    kind of reach or sample time than the model.
+    kind of reach than the model, or the model's sample time is no multiple of its.
     """
     reach = config.reach
     many = model.sample_time / reach.sample_time  # a diagnosis joins short samples

@@ -152,7 +152,7 @@ A_FRONT = 4
 
 
 def joined(config: Config, sample_time: float) -> int:
-    """How many samples a diagnosis takes together: time and memory grow with the square of their number."""
+    """How many samples a diagnosis takes together: events are sought in matrices of the samples of a day."""
     delay = sample_time * (config.reach.proposal(sample_time).delay_scale + 1.0)
     return max(int(min(LONGEST, delay / A_FRONT) / sample_time), 1)
 
@@ -288,6 +288,9 @@ def read_record(
         sample_time=reach.sample_time, lead=lead_of(config, inflow, every * reach.sample_time),
         kind=reach.kind, every=every,
     )  # fmt: skip
+    if every > 1:
+        note = f"{every} samples of {reach.sample_time:g} s were joined to one of {record.sample_time:g} s"
+        known = known._replace(notes=(*known.notes, note))
     if failed:
         day, why = failed[0]
         which = count(len(failed), "day or file", "days or files")

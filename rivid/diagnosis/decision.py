@@ -327,12 +327,12 @@ class Study:
     def ranking(self) -> tuple[tuple[Explanation, float], ...]:
         """Explanations that count, the best of each kind, and their probabilities, most probable first."""
         pool = leading(self._counting, self.opened)
-        paid, open_ = list(pool), {i for i, one in enumerate(pool) if one.events}
+        paid, unpaid = list(pool), {i for i, one in enumerate(pool) if one.events}
         chances = ranked(paid, self.opened, self.split.block)
-        while counts := {i for i in open_ if chances[i] > IMPROBABLE}:  # a search each: not for the others
-            for i in counts:
+        while probable := {i for i in unpaid if chances[i] > IMPROBABLE}:
+            for i in probable:  # a search each
                 paid[i] = without_mirrored(paid[i], self.record, self.opened, self.split.block)
-            open_ -= counts
+            unpaid -= probable
             chances = ranked(paid, self.opened, self.split.block)
         lead = paid[int(np.argmax(chances))]
         levelled = [self._levelled(one, lead) for one in paid]

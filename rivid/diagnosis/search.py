@@ -590,9 +590,8 @@ def with_noise(
         one, (made, gains, tried) = max(found, key=likelihood)
         bonus = gains if parent.bonus is None else gains + parent.bonus
         return replace(
-            one, unknown=parent.unknown if made.name else "gauge", parent=parent,
-            others=(*parent.others, made), bonus=bonus,
-            log_prior=log_prior - float(np.log(tried)),
+            one, unknown=parent.unknown if made.name else "gauge", parent=parent, bonus=bonus,
+            others=(*parent.others, made), log_prior=log_prior - float(np.log(tried)),
         )  # fmt: skip
     if model.noise_kind != "plain":
         return None

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from rivid.config import Config
-from rivid.diagnosis.data import FADED, NEAR, START_UP, activity, as_record, checked, joined, lead_of
+from rivid.diagnosis.data import (
+    FADED,
+    NEAR,
+    START_UP,
+    activity,
+    as_record,
+    checked,
+    joined,
+    lead_of,
+    read_record,
+)
 from rivid.diagnosis.fit import DayErrors, day_errors, residual_of
 from rivid.diagnosis.noise.model import NoiseModel
 from rivid.effects.timing import ClockOffset
@@ -73,6 +83,22 @@ def test_short_samples_are_joined_and_the_delay_keeps_some_of_them(sample_time, 
     near = Config.model_validate({"reach": DEEP | {"sample_time": sample_time, "length": 1500.0}})
     delay = near.reach.proposal().delay_scale + 1.0
     assert 1 <= joined(near, sample_time) <= max(1, delay / 4)
+
+
+def test_a_record_of_short_samples_has_a_note_and_the_volumes_of_its_logs(tmp_path):
+    rng = np.random.default_rng(2)
+    flows = 300.0 + np.round(np.repeat(rng.standard_normal((2, 48)), 60, axis=1) * 9.0, 3)  # each for 30 min
+    for date, flow in zip(DATES[:2], flows, strict=True):
+        midnight = dt.datetime.combine(date, dt.time())
+        rows = (
+            f"{midnight + dt.timedelta(seconds=30 * k):%Y-%m-%dT%H:%M:%SZ},{u},{u},130.1"
+            for k, u in enumerate(flow)
+        )
+        (tmp_path / f"{date}.csv").write_text("\n".join(["time,u_Qi,u_Qo,h_L", *rows]) + "\n")
+    config = Config.model_validate({"reach": DEEP | {"sample_time": 30.0, "length": 9000.0}})
+    found, known = read_record(tmp_path, config)
+    assert found.sample_time == 150.0 and "5 samples of 30 s were joined to one of 150 s" in known.notes
+    np.testing.assert_allclose(found.inflow[:, found.lead :].mean(axis=1), flows.mean(axis=1))
 
 
 def test_some_days_keep_their_times():

@@ -149,6 +149,8 @@ def test_an_error_of_the_gauge_that_is_set_right_shows_on_the_day_after_its_wind
     assert found[0].gain == pytest.approx(gain, rel=1e-5)
     assert found[0].effect.drift == pytest.approx(np.clip(size, -1.0, 1.0), rel=1e-5)
     assert found[0].effect.dates[0] == RECORD.dates[0 if a == 0 else (OPEN[a - 1] + OPEN[a] + 1) // 2]
+    some = drift(dates=(RECORD.dates[3], RECORD.dates[8]))
+    assert np.flatnonzero(base.active(RECORD, some)).tolist() == [3, 4, 5, 6, 7, 8, 9]  # and that midnight
 
 
 def test_beside_an_effect_only_those_mistaken_for_it_are_candidates_in_its_dates():
