@@ -120,6 +120,7 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
     for kind, words in (
         ("failing", "fail"),
         ("left_band", "have a delay that has moved in the last week"),
+        ("unanswered", "have no answer in the last week"),
         ("silent", "are silent"),
         ("changed", "changed since the report before"),
     ):

@@ -21,6 +21,9 @@ SCHEMA_VERSION = 1
 SILENT_AFTER = 2
 """A reach is silent where its last log is so many days older than the fleet's latest, or more."""
 
+LISTS = ("failing", "left_band", "unanswered", "silent", "changed")
+"""Of fleet.json: names of the reaches to look at, by what happened."""
+
 FLEET, MEANINGS = described("""
 reach | text | | its name: that of its directory of logs
 code | whole | | exit code that its run alone would have
@@ -50,7 +53,7 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     """Write the files of the fleet of that name and return the content of fleet.json.
 
     It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
-    the last week), `silent`, `changed`. RividError where a file cannot be written.
+    the last week), `unanswered` (all data sets of the last week without an answer), `silent`, `changed`. RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = read_json(out / "fleet.json")
@@ -81,6 +84,7 @@ def summary(outcomes: Sequence[Outcome], before: dict[str, Any]) -> dict[str, An
         "latest": latest,
         "failing": [o.reach for o in outcomes if o.error or o.recent or o.code],
         "left_band": [o.reach for o in outcomes if o.moved],
+        "unanswered": [o.reach for o in outcomes if o.days_week and not o.answered_week],
         "silent": [o.reach for o in outcomes if o.last and behind(o) >= SILENT_AFTER],
         "changed": [
             o.reach for o in outcomes if contents and o.content and contents.get(o.reach) != o.content
@@ -112,7 +116,7 @@ def _context(
         return abs(o.change) / (1.0 if o.band is None else max(o.band["high"] - o.band["low"], 1.0))
 
     of = {o.reach: o for o in outcomes}
-    chosen = {k: [of[reach] for reach in found[k]] for k in ("failing", "left_band", "silent", "changed")}
+    chosen = {k: [of[reach] for reach in found[k]] for k in LISTS}
     return {
         "name": name,
         "found": found,
@@ -122,6 +126,7 @@ def _context(
         "moved": sorted(chosen["left_band"], key=widths, reverse=True),
         "tested": sum(o.moved is not None for o in outcomes),
         "level": LEVEL,
+        "unanswered": chosen["unanswered"],
         "silent": chosen["silent"],
         "changed": [(o, o.data_sets - had.get(o.reach, 0)) for o in chosen["changed"]],
         "all": outcomes,

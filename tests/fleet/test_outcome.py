@@ -95,5 +95,14 @@ def test_the_page_lists_what_moved_and_counts_what_was_tested(tmp_path):
     assert {link[1:] for link in links if link[0] == "#"} <= ids and "a/report.html" in links
 
 
+def test_the_page_lists_reaches_that_had_days_and_no_answer_in_the_last_week(tmp_path):
+    decided = outcome(simple(STEADY))
+    prior = Outcome("b", 0, content="x", first="2008-01-01", last="2008-03-03", days_week=7)
+    found = write_fleet(tmp_path, [decided, prior, Outcome("c", 10, "no log")], "fleet")
+    assert found["unanswered"] == ["b"]
+    words = Page((tmp_path / "fleet.html").read_text()).words
+    assert "1 reach has no answer in the last week" in words and "Every reach has new logs" in words
+
+
 def test_the_exit_code_of_a_fleet_is_the_worst():
     assert worst([0, 3, 10, 0]) == 10 and worst([]) == 0

@@ -141,6 +141,16 @@ def test_names_that_state_nothing_leave_questions(tmp_path):
     assert {"columns", "u_Qi"} <= set(sniff(path, "UTC").open_keys)
 
 
+def test_an_export_with_the_newest_row_first_has_its_sample_time(tmp_path):
+    path = tmp_path / "export.csv"
+    head, *rows = wide("time,inflow_m3s,outflow_m3s,level_m", UP, DOWN, LEVEL).splitlines()
+    path.write_text("\n".join([head, *reversed(rows)]))
+    raw = tomllib.loads(sniff(path, "UTC").toml)
+    assert raw["reach"]["sample_time"] == 900
+    outcome = ingest([path], tmp_path / "logs", parse(raw, Config))
+    assert outcome.exit_code == 0 and {day.status for day in outcome.days} == {"written"}
+
+
 def test_one_missing_value_an_hour_fails_no_day(tmp_path):
     path = tmp_path / "export.csv"
     times = [t for k in range(49) if k != 9 and (t := dt.datetime(2024, 5, 1) + dt.timedelta(hours=k))]

@@ -279,7 +279,8 @@ def _guess_format(layout: Layout, texts: list[str], formats: Sequence[str | None
             layout.doubt = f"{texts[0]!r} also reads as {others}: day or month first?"
     layout.time_format, times = fits[0]
     layout.zoned = all(offset is not None for _, offset in times)
-    layout.steps = _steps([t for t, _ in times])
+    ascending = times if times[0] <= times[-1] else times[::-1]  # some exports have the newest row first
+    layout.steps = _steps([t for t, _ in ascending])
     return True
 
 
