@@ -136,10 +136,10 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             )
         if study.unknown >= UNKNOWN:
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
-            return "unknown", (
-                f"Something is missing that no known effect explains, with a probability of "
-                f"{study.unknown:.2f}{what}{first}."
-            )
+            kind = "Something is missing that no known effect explains"
+            if _likeliest_unknown(study) == "dynamics":
+                kind = "The reach answers its flows as no length, width and depth near the configured ones can"
+            return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
         if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
             return "unknown", (
                 "Something is missing: most of the error of the simulation is beyond plausible weather, the "
@@ -205,17 +205,20 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
     """What to measure next."""
-    if verdict == "unknown" and study.unfit:
-        return "Measure the reach's length, width and depth, and time one wave between the dams."
     if verdict == "unknown":
-        kinds = {one.unknown: p for one, p in reversed(study.ranking) if one.unknown}
-        # The error may be too large while nothing unknown competes.
-        likeliest = max(kinds, key=lambda kind: kinds[kind], default="")
-        return USUAL["level" if likeliest == "gauge" else "flow"]
+        kind = _likeliest_unknown(study)
+        if study.unfit or kind == "dynamics":
+            return "Measure the reach's length, width and depth, and time one wave between the dams."
+        return USUAL["level" if kind == "gauge" else "flow"]
     if verdict == "cannot_tell":
         first, *rest = (classes[name] for name in study.group)
         return breaker(first, rest) or USUAL[first.family]
     return None
+
+
+def _likeliest_unknown(study: Study) -> str:
+    """Kind of the most probable explanation by something unknown; empty where none competes."""
+    return next((one.unknown for one, _ in study.ranking if one.unknown), "")
 
 
 def _small(study: Study) -> tuple[str, ...]:
