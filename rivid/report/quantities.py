@@ -55,8 +55,8 @@ def name(code: str) -> str:
 
 
 def tight(text: str) -> str:
-    """Return the text with no-break spaces between numbers and units."""
-    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text)
+    """Return the text with no-break spaces between numbers and units, and m³/s as pages write it."""
+    return re.sub(r"(?<=\d) (?=(?:%|m³/s|mm|min|h)(?!\w))", "\u00a0", text.replace("m3/s", "m³/s"))
 
 
 def _decimals(spread: float, value: float) -> int:
