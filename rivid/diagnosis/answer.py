@@ -138,7 +138,7 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
             kind = "Something is missing that no known effect explains"
             if _likeliest_unknown(study) == "dynamics":
-                kind = "The reach answers its flows as no length, width and depth near the configured ones can"
+                kind = "No geometry near the configured length, width and depth makes this response"
             return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
         if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
             return "unknown", (

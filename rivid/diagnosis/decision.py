@@ -40,6 +40,9 @@ are the doubt that a name may have."""
 BEYOND = 2.0
 """Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
 wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""
+THIRD = 1.3
+"""Half the chi-square of one degree of freedom that 2.5 of 24 exceed: of the 24 effects of a pool, were none
+there, the third gains so much for each unit of variance. Of the 11 of a river it gains 0.8."""
 HAIR = 1e-3
 """Score by which twins that cannot be separated differ, so that the likelier one is named first [nats]."""
 DOUBT = 0.05
@@ -70,7 +73,8 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     times the variance the gain of chance is c times as large. So what an effect gains over the best
     explanation by something unknown, or over what it extends, is divided by the inflation of the likeliest
     explanation with as many effects: those before it have a scatter of their own. An unknown has none, for
-    there the scatter is what is unknown: what predicts worse than it is compared with it as it is.
+    there the scatter is what is unknown: what predicts worse than it is compared with it as it is. What the
+    response has wrong in the same way on all days does not scatter: :func:`_gains_of_misfit` measures it.
     """
     scores = np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
     total = scores.sum(axis=1).tolist()
@@ -83,8 +87,9 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
     doubt: dict[int, float] = {}  # of the likeliest, by level
+    misfit = _gains_of_misfit(pool, total)
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        doubt[level(one)] = one.inflation
+        doubt[level(one)] = max(one.inflation, TEMPER * misfit.get(len(one.names), 0.0))
 
     def less(one: Explanation) -> list[Explanation]:
         """What it extends, and all by some of its effects: an effect gains the same in any order."""
@@ -109,6 +114,39 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
         np.stack([worth(one) for one in pool]), [one.log_prior for one in pool],
         parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
+
+
+def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float]) -> dict[int, float]:
+    """Variance of the gains of effects that are not there, by the number of effects of an explanation.
+
+    Beside all effects that act, others gain what the response misses along what they make. So what one more
+    gains beside the likeliest explanation of each number of effects, the third in size (two may act), is a
+    chi-square times this variance. With fewer effects some of those that act are missing: their variance is
+    the least of those with more. With the most none were tried beside all: it is that of one effect less.
+    What is easily mistaken for another is no further effect.
+    """
+    best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
+    for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
+        best[tuple(sorted(one.names)), one.unknown] = score, one
+    gains: dict[int, list[tuple[float, Explanation]]] = {}
+    for (names, unknown), (score, one) in best.items():
+        fewer = [key for key in best if key[1] == unknown and len(key[0]) == len(names) - 1]
+        less = [best[key][0] for key in fewer if Counter(key[0]) <= Counter(names)]
+        lead = max(fewer, key=lambda key: best[key][0], default=None)
+        if less and lead and (score > best[lead][0] or Counter(lead[0]) <= Counter(names)):
+            gains.setdefault(len(names), []).append((score - max(less), one))
+    variance: dict[int, float] = {}
+    for number, many in gains.items():
+        apart: list[tuple[float, Explanation]] = []
+        for gain, one in sorted(many, key=lambda pair: -pair[0]):
+            if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for _, o in apart):
+                apart.append((gain, one))
+        variance[number] = max(apart[2][0], 0.0) / THIRD if len(apart) > 2 else 0.0
+    first, last = min(gains, default=0), max(gains, default=0)
+    return {
+        number: min((v for n, v in variance.items() if n > max(first, min(number, last - 1))), default=0.0)
+        for number in variance
+    }
 
 
 def shares(one: Explanation, other: Explanation, chosen: Bools, blocks: Ints) -> tuple[Floats, Floats]:

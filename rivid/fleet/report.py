@@ -53,7 +53,8 @@ def write_fleet(out: Path, outcomes: Sequence[Outcome], name: str) -> dict[str, 
     """Write the files of the fleet of that name and return the content of fleet.json.
 
     It has the exit code, counts, and the names of the reaches to look at: `failing`, `left_band` (moved in
-    the last week), `unanswered` (all data sets of the last week without an answer), `silent`, `changed`. RividError where a file cannot be written.
+    the last week), `unanswered` (no data set of the last week has an answer), `silent`, `changed`.
+    RividError where a file cannot be written.
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.reach)
     before = read_json(out / "fleet.json")
