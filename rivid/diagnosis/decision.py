@@ -89,7 +89,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     doubt: dict[int, float] = {}  # of the likeliest, by level
     misfit = _gains_of_misfit(pool, total)
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        doubt[level(one)] = max(one.inflation, TEMPER * misfit.get(len(one.names), 0.0))
+        doubt[level(one)] = max(one.inflation, TEMPER * misfit.get(len(set(one.names)), 0.0))
 
     def less(one: Explanation) -> list[Explanation]:
         """What it extends, and all by some of its effects: an effect gains the same in any order."""
@@ -123,18 +123,18 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float]) -> dic
     gains beside the likeliest explanation of each number of effects, the third in size (two may act), is a
     chi-square times this variance. With fewer effects some of those that act are missing: their variance is
     the least of those with more. With the most none were tried beside all: it is that of one effect less.
-    What is easily mistaken for another is no further effect.
+    Neither what is easily mistaken for another nor a further stretch of one is a further effect.
     """
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
         best[tuple(sorted(one.names)), one.unknown] = score, one
     gains: dict[int, list[tuple[float, Explanation]]] = {}
     for (names, unknown), (score, one) in best.items():
-        fewer = [key for key in best if key[1] == unknown and len(key[0]) == len(names) - 1]
+        fewer = [key for key in best if key[1] == unknown and len(set(key[0])) == len(set(names)) - 1]
         less = [best[key][0] for key in fewer if Counter(key[0]) <= Counter(names)]
         lead = max(fewer, key=lambda key: best[key][0], default=None)
         if less and lead and (score > best[lead][0] or Counter(lead[0]) <= Counter(names)):
-            gains.setdefault(len(names), []).append((score - max(less), one))
+            gains.setdefault(len(set(names)), []).append((score - max(less), one))
     variance: dict[int, float] = {}
     for number, many in gains.items():
         apart: list[tuple[float, Explanation]] = []

@@ -453,6 +453,15 @@ def test_twins_beside_an_effect_are_one_gain_of_chance():
     assert chances == pytest.approx(softmax([0.0, 30.0, 50.0, 50.0, 50.0]))
 
 
+def test_a_further_stretch_is_the_same_effect_and_no_gain_of_chance():
+    nothing = explained()
+    release = explained("unlogged_upstream_release", 30.0, MUCH, parent=nothing)
+    again = explained("unlogged_upstream_release", 25.0, MUCH, parent=release)
+    rivals = [explained(name, 20.0, MUCH, parent=release) for name in ("seiche", "clock_offset", "leakage")]
+    chances = ranked([nothing, release, again, *rivals], OPEN, BLOCK)
+    assert chances == pytest.approx(softmax([0.0, 30.0, 55.0, 50.0, 50.0, 50.0]))
+
+
 def test_an_effect_of_some_days_is_judged_on_these():
     nothing = explained()
     days = np.arange(RECORD.days) < 9
