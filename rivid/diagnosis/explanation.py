@@ -167,6 +167,7 @@ def fitted(
     events: tuple[Events, ...] = (),
     steps: int = STEPS,
     fresh: int = 0,
+    enough: float = ENOUGH,
     rough: bool = False,
 ) -> Explanation:
     """Fit a model, from where it is, and its noise to the open days (days,); raises where it carries none.
@@ -186,8 +187,9 @@ def fitted(
         Most steps.
     fresh : int
         How often the columns are computed anew at most: after the first step, and where steps with those at
-        hand gain no more or less than :data:`RELIABLE` of what they promise. A fit ends where new columns
-        gain less than :data:`~rivid.diagnosis.fit.ENOUGH`.
+        hand gain less than `enough` or :data:`RELIABLE` of what they promise.
+    enough : float
+        A fit ends where new columns gain less [nats].
     rough : bool
         Whether the noise at the end is the one near that of the last step.
     """
@@ -236,11 +238,11 @@ def fitted(
                 break
             damping = max(8.0 * damping, 1e-2)
         damping = min(damping, 1.0)
-        least = max(ENOUGH, RELIABLE * promised if fresh > 0 else 0.0)
+        least = max(enough, RELIABLE * promised if fresh > 0 else 0.0)
         if same and step < FIXED or fell >= least and (step > 0 or fresh == 0):
             stale = True
             continue
-        if fresh == 0 or not stale and fell < ENOUGH:
+        if fresh == 0 or not stale and fell < enough:
             break
         del J
         J, shared, stale, fresh = model.jacobian(few, base), None, False, fresh - 1

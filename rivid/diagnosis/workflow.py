@@ -30,7 +30,7 @@ from rivid.diagnosis.explanation import (
     scored,
     tails_of,
 )
-from rivid.diagnosis.fit import Model, NoiseKind
+from rivid.diagnosis.fit import ENOUGH, Model, NoiseKind
 from rivid.diagnosis.response.base import Response, kernels_of, vector_of
 from rivid.diagnosis.response.hydraulic import HydraulicResponse
 from rivid.diagnosis.result import Diagnosis
@@ -646,9 +646,9 @@ class _Search:
         return found
 
     def _from(self, one: Candidate, model: Model, parent: Explanation, log_prior: float) -> Explanation:
-        """`parent` with a candidate, fitted to all open days from a model."""
+        """`parent` with a candidate, fitted to all open days from a model, to what may be worth a name."""
         return fitted(
-            model, self.record, self.opened, fresh=FRESH, parent=parent, unknown=parent.unknown,
+            model, self.record, self.opened, fresh=FRESH, parent=parent, unknown=parent.unknown, enough=LEAST,
             log_prior=log_prior + one.log_prior, others=parent.others, events=parent.events,
         )  # fmt: skip
 
@@ -684,7 +684,9 @@ class _Search:
                 found.append(replace(model, effects=(*model.effects[:-1], other)))
         return found
 
-    def _refitted(self, one: Explanation, near: Explanation, fresh: int = 2) -> Explanation | None:
+    def _refitted(
+        self, one: Explanation, near: Explanation, fresh: int = 2, enough: float = ENOUGH
+    ) -> Explanation | None:
         """An explanation fitted again from the response of one near by; None where it carries no flows.
 
         It is scored, and not yet in the pool.
@@ -692,7 +694,7 @@ class _Search:
         again = self._carrying(
             replace(one.model, reach=near.model.reach), start=near, unknown=one.unknown,
             log_prior=one.log_prior, parent=one.parent, inflation=one.inflation, others=one.others,
-            events=one.events, fresh=fresh,
+            events=one.events, fresh=fresh, enough=enough,
         )  # fmt: skip
         return None if again is None else self._scored(again)
 
@@ -739,14 +741,25 @@ class _Search:
 
     def _polished(self, many: Sequence[Explanation], near: Explanation | None = None) -> list[Explanation]:
         """Explanations fitted on from the response of one near by, or their own, where that is better."""
-        made = side_by_side(
-            lambda one: self._refitted(one, near or one, 2 if near in (None, one) else 1), many
-        )
+        made = side_by_side(partial(self._fitted_on, near=near), many)
         self.pool += [more for more in made if more is not None]
         return [
             one if more is None or self.score(more) <= self.score(one) else self._instead(one, more)
             for one, more in zip(many, made, strict=True)
         ]
+
+    def _fitted_on(self, one: Explanation, near: Explanation | None) -> Explanation | None:
+        """An explanation fitted on while that may make it the likeliest of all.
+
+        From the response of another one new columns are computed only where it is better with that.
+        """
+        if near in (None, one):
+            behind = max(map(self.score, self.pool)) - self.score(one)
+            return self._refitted(one, one, FRESH, max(behind / FRESH, ENOUGH))
+        assert near is not None
+        more = self._refitted(one, near, 0)
+        better = more is not None and self.score(more) > self.score(one)
+        return self._refitted(more, more, 1) if more is not None and better else more
 
     def _instead(self, one: Explanation, more: Explanation) -> Explanation:
         """A better fit of an explanation, which is extended as that one."""
