@@ -3,6 +3,7 @@
 import datetime as dt
 import json
 import os
+from types import SimpleNamespace
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rivid.cli import cli
+from rivid.cli.ingest import _print_days
 from rivid.config import Config, load_config, parse
 from rivid.errors import ConfigError, DataError, RividError
 from rivid.logs.days import find_days, read_window
@@ -442,6 +444,18 @@ class TestNames:
 
 
 class TestCommand:
+    def test_days_with_the_same_reason_are_one_line(self, capsys):
+        reasons = ["", "gap", "gap", "gap", "", "late", "gap"]
+        days = [
+            SimpleNamespace(date=dt.date(2008, 3, 1 + k), status="refused", reason=reason)
+            for k, reason in enumerate(reasons)
+        ]
+        _print_days(SimpleNamespace(days=days))
+        assert [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()] == [
+            "2008-03-02 to 2008-03-04, 3 days refused gap", "2008-03-06 refused late",
+            "2008-03-07 refused gap",
+        ]  # fmt: skip
+
     def invoke(self, tmp_path, *words, config=None):
         if not config:
             config = tmp_path / "c.toml"

@@ -1,6 +1,7 @@
 """``rivid ingest``."""
 
 import datetime as dt
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -83,10 +84,12 @@ def command(
 
 
 def _print_days(outcome: Any) -> None:
-    """The days that were not written, and why."""
-    for day in outcome.days:
-        if day.reason:
-            click.echo(wrap(f"{day.date}  {day.status:8s}  {day.reason}", 0, 22))
+    """The days that were not written, and why; days with the same reason in one line."""
+    given = (day for day in outcome.days if day.reason)
+    for (status, reason), same in groupby(given, key=lambda day: (day.status, day.reason)):
+        first, *more = (day.date for day in same)
+        when = f"{first} to {more[-1]}, {len(more) + 1} days" if more else first
+        click.echo(wrap(f"{when}  {status:8s}  {reason}", 0, 22))
 
 
 def _print(outcome: Any, out: Path, dry_run: bool) -> None:
