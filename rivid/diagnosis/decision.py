@@ -66,8 +66,8 @@ def _density(one: Explanation) -> Floats:
     return one.density
 
 
-def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
-    """Probability of each explanation, shape (explanations,).
+def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: bool = True) -> Floats:
+    """Probability of each explanation, shape (explanations,); `ended` where none will be extended any more.
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
     times the variance the gain of chance is c times as large. So what an effect gains over the best
@@ -87,7 +87,7 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
     doubt: dict[int, float] = {}  # of the likeliest, by level
-    misfit = _gains_of_misfit(pool, total)
+    misfit = _gains_of_misfit(pool, total, ended)
     for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
         doubt[level(one)] = max(one.inflation, TEMPER * misfit.get(len(set(one.names)), 0.0))
 
@@ -116,14 +116,15 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints) -> Floats:
     )  # fmt: skip
 
 
-def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float]) -> dict[int, float]:
+def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float], ended: bool) -> dict[int, float]:
     """Variance of the gains of effects that are not there, by the number of effects of an explanation.
 
     Beside all effects that act, others gain what the response misses along what they make. So what one more
     gains beside the likeliest explanation of each number of effects, the third in size (two may act), is a
     chi-square times this variance. With fewer effects some of those that act are missing: their variance is
-    the least of those with more. With the most none were tried beside all: it is that of one effect less.
-    Neither what is easily mistaken for another nor a further stretch of one is a further effect.
+    the least of those with more. Beside the most effects none were tried yet: none is known, or, where the
+    search has `ended`, that beside one effect less. Neither what is easily mistaken for another nor a further
+    stretch of one is a further effect.
     """
     best: dict[tuple[tuple[str, ...], Unknown], tuple[float, Explanation]] = {}
     for score, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
@@ -142,9 +143,9 @@ def _gains_of_misfit(pool: Sequence[Explanation], total: Sequence[float]) -> dic
             if not any(Counter(o.names) == Counter(one.names) or alike(o, one) for _, o in apart):
                 apart.append((gain, one))
         variance[number] = max(apart[2][0], 0.0) / THIRD if len(apart) > 2 else 0.0
-    first, last = min(gains, default=0), max(gains, default=0)
+    first, last = min(gains, default=0), max(gains, default=0) - ended
     return {
-        number: min((v for n, v in variance.items() if n > max(first, min(number, last - 1))), default=0.0)
+        number: min((v for n, v in variance.items() if n > max(first, min(number, last))), default=0.0)
         for number in variance
     }
 

@@ -419,7 +419,7 @@ class _Search:
         first, opened, block = self.first, self.opened, self.dealt.block
         known = (one for one in self.pool if one.unknown != "dynamics")
         pool = leading([one for one in known if harmless(one, first, opened, block)], opened)
-        chances = ranked(pool, opened, block)
+        chances = ranked(pool, opened, block, ended=False)
         return [pool[i] for i in np.argsort(-chances, kind="stable").tolist()]
 
     def lead(self) -> Explanation:
@@ -827,7 +827,7 @@ class _Search:
             return
         count, opened = len(lead.parent.names), self.opened
         before = leading([one for one in self.pool if len(one.names) <= count], opened)
-        chances = ranked(before, opened, self.dealt.block).tolist()
+        chances = ranked(before, opened, self.dealt.block, ended=False).tolist()
         for rival, p in zip(before, chances, strict=True):
             others = set(rival.names)
             if rival.model.reach.name != lead.model.reach.name:  # its columns are others

@@ -444,6 +444,17 @@ def test_gains_are_divided_by_what_others_gain_beside_all_that_act(third, act):
     assert ranked(pool, OPEN, BLOCK) == pytest.approx(softmax(expected))
 
 
+def test_while_a_search_goes_on_the_rivals_of_a_last_effect_are_no_gains_of_chance():
+    """What mimics a second effect would keep it from being extended, which shows what is left beside it."""
+    nothing = explained()
+    head = explained("gate_head_effect", 30.0, MUCH, parent=nothing)
+    both = explained("seiche", 40.0, MUCH, parent=head)
+    rivals = [explained(name, 20.0, MUCH, parent=head) for name in ("clock_offset", "ice_cover")]
+    chances = ranked([nothing, head, both, *rivals], OPEN, BLOCK, ended=False)
+    scores = [0.0, 30.0 / (20.0 / THIRD), *(30.0 / (20.0 / THIRD) + gain for gain in (40.0, 20.0, 20.0))]
+    assert chances == pytest.approx(softmax(scores))
+
+
 def test_twins_beside_an_effect_are_one_gain_of_chance():
     nothing = explained()
     leak = explained("leakage", 30.0, MUCH, parent=nothing)
