@@ -101,7 +101,7 @@ def test_the_page_lists_reaches_that_had_days_and_no_answer_in_the_last_week(tmp
     found = write_fleet(tmp_path, [decided, prior, Outcome("c", 10, "no log")], "fleet")
     assert found["unanswered"] == ["b"]
     words = Page((tmp_path / "fleet.html").read_text()).words
-    assert "1 reach has no answer in the last week" in words and "Every reach has new logs" in words
+    assert "1 reach has no answer in the last week" in words and "No reach is silent" in words
 
 
 def test_the_exit_code_of_a_fleet_is_the_worst():
