@@ -137,7 +137,8 @@ def _verdict(study: Study, gap: Gap, remainder: Unknown | None) -> tuple[Verdict
         if study.unknown >= UNKNOWN:
             what = f": {remainder.drivers[0]}" if remainder is not None else ""
             kind = "Something is missing that no known effect explains"
-            if _likeliest_unknown(study) == "dynamics":
+            likeliest = _likeliest_unknown(study)
+            if likeliest is not None and likeliest.unknown == "dynamics":
                 kind = "No geometry near the configured length, width and depth makes this response"
             return "unknown", f"{kind}, with a probability of {study.unknown:.2f}{what}{first}."
         if any(study.beyond(study.ranking[0][0], days, MOST) for days in (study.opened, study.split.sealed)):
@@ -206,7 +207,8 @@ def breaker(effect: type[Effect] | Effect, tied: Iterable[type[Effect]]) -> str 
 def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> str | None:
     """What to measure next."""
     if verdict == "unknown":
-        kind = _likeliest_unknown(study)
+        one = _likeliest_unknown(study)
+        kind = "" if one is None else one.unknown
         if study.unfit or kind == "dynamics":
             return "Measure the reach's length, width and depth, and time one wave between the dams."
         return USUAL["level" if kind == "gauge" else "flow"]
@@ -216,9 +218,9 @@ def _next(study: Study, verdict: Verdict, classes: dict[str, type[Effect]]) -> s
     return None
 
 
-def _likeliest_unknown(study: Study) -> str:
-    """Kind of the most probable explanation by something unknown; empty where none competes."""
-    return next((one.unknown for one, _ in study.ranking if one.unknown), "")
+def _likeliest_unknown(study: Study) -> Explanation | None:
+    """The most probable explanation by something unknown; None where none competes."""
+    return next((one for one, _ in study.ranking if one.unknown), None)
 
 
 def _small(study: Study) -> tuple[str, ...]:
@@ -389,7 +391,7 @@ def _closed(base: Sequence[float], end: Sequence[float], floor: Sequence[float])
 
 def _of_noise(study: Study) -> Unknown | None:
     """The size of what is unknown, from the most probable explanation that holds it."""
-    one = next((one for one, _ in study.ranking if one.unknown), None)
+    one = _likeliest_unknown(study)
     if one is None:
         return None
     size = one.noise.level_sd if study.record.kind == "river" else one.noise.inflow_sd

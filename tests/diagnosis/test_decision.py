@@ -340,6 +340,9 @@ def test_unknown_dynamics_count_only_where_they_simulate_materially_better():
         study = study_of(nothing, flexible)
         assert [one for one, _ in study.ranking] == ([flexible, nothing] if counts else [nothing])
         assert study.unknown == pytest.approx(1.0 if counts else 0.0)
+        if counts:
+            assert "length, width and depth" in _verdict(study, gap_of(evidence_of(RECORD)), None)[1]
+            assert "length, width and depth" in _next(study, "unknown", dict(CATALOGUE))
 
 
 @pytest.mark.parametrize(("flexible", "tied"), [(100.0, True), (70.0, False), (20.0, False)])

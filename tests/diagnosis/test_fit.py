@@ -149,6 +149,22 @@ def test_columns_computed_anew_and_corrected_ones_lead_to_the_same_fit():
     assert posterior(few_, record) == pytest.approx(posterior(many, record), abs=1.0)
 
 
+def test_a_fit_ends_where_new_columns_gain_less_than_is_enough(monkeypatch):
+    record = columns(np.random.default_rng(3), 6, curvature=0.5)
+    start, computed, plain = Curve(two(a=0.5), curvature=0.5), [], Model.jacobian
+
+    def counted(*given):
+        computed[-1] += 1
+        return plain(*given)
+
+    monkeypatch.setattr(Model, "jacobian", counted)
+    found = []
+    for enough in (1.0, 1e9):
+        computed.append(0)
+        found.append(posterior(fit(start, record, fresh=20, enough=enough), record))
+    assert computed[1] < computed[0] and found[0] >= found[1] - 1e-6
+
+
 def posterior(found, record):
     """Log-posterior of a fitted model, all days alike."""
     left = np.where(record.used, found.residual, np.nan)
