@@ -1,8 +1,7 @@
 """From scores to a verdict: probabilities of the explanations, and what they change in the error.
 
 Set by hand are the probability to name alone, that of a group of names, and the least share of the squared
-error that counts; and, until the exam has calibrated them, the exponent of the scores and the least shift of
-fronts.
+error that counts; and, until the exam has calibrated it, the exponent of the scores.
 """
 
 from collections import Counter
@@ -37,9 +36,6 @@ earlier search lost two of three stretches of the bypass of Glen Canyon."""
 IMPROBABLE = 1e-3
 """Chance below which events are not compared with those of noise, which lowers it: fifty of these together
 are the doubt that a name may have."""
-BEYOND = 2.0
-"""Least shift of fronts by an effect on timing, over the misfit that is left: what is wrong in one way may be
-wrong in another. One that takes half of its square away from that of the misfit leaves hardly any instead."""
 THIRD = 1.3
 """Half the chi-square of one degree of freedom that 2.5 of 24 exceed: of the 24 effects of a pool, were none
 there, the third gains so much for each unit of variance. Of the 11 of a river it gains 0.8."""
@@ -70,49 +66,37 @@ def ranked(pool: Sequence[Explanation], chosen: Bools, blocks: Ints, *, ended: b
     """Probability of each explanation, shape (explanations,); `ended` where none will be extended any more.
 
     Where a response errs in the same way for days, scores scatter more than the noise model has it: with c
-    times the variance the gain of chance is c times as large. So what an effect gains over the best
-    explanation by something unknown, or over what it extends, is divided by the inflation of the likeliest
-    explanation with as many effects: those before it have a scatter of their own. An unknown has none, for
-    there the scatter is what is unknown: what predicts worse than it is compared with it as it is. What the
-    response has wrong in the same way on all days does not scatter: :func:`_gains_of_misfit` measures it.
+    times the variance the gain of chance is c times as large. The likeliest explanation with one effect, with
+    two and so on divide the gains over the best one by something unknown into steps, each divided by the
+    inflation of the explanation at its end: those before it have a scatter of their own. An explanation is on
+    the same scale as these whatever it extends: of two that predict equally well neither gains more. An
+    unknown has no inflation, for there the scatter is what is unknown: what predicts worse than it is
+    compared with it as it is. What the response has wrong in the same way on all days does not scatter:
+    :func:`_gains_of_misfit` measures it.
     """
     scores = np.stack([block_sums(_density(one), chosen, blocks) for one in pool])
     total = scores.sum(axis=1).tolist()
     bare = min(len(one.names) for one in pool)  # effects known from the start
     unknown = [i for i, o in enumerate(pool) if o.unknown in ("flow", "gauge") and len(o.names) == bare]
-    least = scores[max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))]
+    least = max(unknown, key=lambda i: total[i]) if unknown else int(np.argmin(total))
 
     def level(one: Explanation) -> int:
         """Number of its effects; what is unknown beside some is a rival of one more, and counts as it."""
         return len(one.names) + int(bool(one.unknown) and len(one.names) > bare)
 
-    doubt: dict[int, float] = {}  # of the likeliest, by level
     misfit = _gains_of_misfit(pool, total, ended)
-    for _, one in sorted(zip(total, pool, strict=True), key=lambda pair: pair[0]):
-        doubt[level(one)] = max(one.inflation, TEMPER * misfit.get(len(set(one.names)), 0.0))
-
-    def less(one: Explanation) -> list[Explanation]:
-        """What it extends, and all by some of its effects: an effect gains the same in any order."""
-        names, found, before = Counter(one.names), [], one.parent
-        while before is not None:
-            found.append(before)
-            before = before.parent
-        found += [o for o in pool if Counter(o.names) <= names and o.unknown in ("", one.unknown)]
-        return [o for o in found if bare < level(o) < level(one)]
-
-    def worth(one: Explanation) -> Floats:
-        """Scores of the blocks, what each effect gains divided."""
-        score, known, reduced = block_sums(_density(one), chosen, blocks), least, least
-        for before in less(one):
-            parent = block_sums(_density(before), chosen, blocks)
-            if parent.sum() > known.sum():
-                known, reduced = parent, worth(before)
-        gain = score - known
-        return np.asarray(reduced + (gain / doubt[level(one)] if gain.sum() > 0.0 else gain))
-
+    worth, known, reduced = scores.copy(), least, scores[least]
+    for step in sorted({level(one) for one in pool}):
+        lead = max((i for i, one in enumerate(pool) if level(one) == step), key=lambda i: total[i])
+        doubt = max(pool[lead].inflation, TEMPER * misfit.get(len(set(pool[lead].names)), 0.0))
+        for i in range(len(pool)):
+            if total[known] < total[i] <= total[lead]:
+                worth[i] = reduced + (scores[i] - scores[known]) / doubt
+        if total[lead] > total[known]:
+            known, reduced = lead, worth[lead]
     return probabilities(
-        np.stack([worth(one) for one in pool]), [one.log_prior for one in pool],
-        parts=chosen.sum() / scores.shape[1], temper=TEMPER, draws=DRAWS,
+        worth, [one.log_prior for one in pool], parts=chosen.sum() / scores.shape[1],
+        temper=TEMPER, draws=DRAWS,
     )  # fmt: skip
 
 
@@ -491,9 +475,7 @@ class Study:
             left = errors_without(one, effect, made, self.record)
             if not self._material(one, replace(one, errors=left), active):
                 return False
-        if not self._material(as_volume(one, less), less, active):
-            return False
-        return made is None or not _shifts(effect) or self._moves(one, less, made, active)
+        return self._material(as_volume(one, less), less, active)
 
     def _returns(self, one: Explanation, parent: Explanation) -> bool:
         """Whether an unknown flow that returns, pulses or waves make a share of the error that counts."""
@@ -503,22 +485,6 @@ class Study:
         if now[-1].found_as == "swing":
             return self._swings(now[-1])
         return self._material(one, parent, one.active(self.record, now[-1]))
-
-    def _moves(self, one: Explanation, parent: Explanation, made: Floats, active: Bools) -> bool:
-        """Whether an effect moves fronts by more than :data:`BEYOND` times what the response still misses.
-
-        Or by what it missed before, of which then less than :data:`MATERIAL` is left. In samples, as the
-        misfit: the changes that it makes from sample to sample over the activity.
-        """
-        activity, record = self.record.activity, self.record
-        if activity is None:
-            return True
-        counted = record.used[:, 1:] & (active & self.opened)[:, None]
-        moved = float((np.diff(made, axis=1)[counted] ** 2).sum())
-        before, left = (one.noise.misfit**2 * float(activity[:, :-1][counted].sum()) for one in (parent, one))
-        if before - left >= 0.5 * moved:  # it stands for the misfit: not for a part of it
-            return moved > 0.0 and left <= MATERIAL * before
-        return moved > BEYOND**2 * left
 
     def _swings(self, effect: Effect) -> bool:
         """Whether the variance of a seiche is a share that counts of the least squared error at a horizon.
@@ -664,12 +630,6 @@ class Study:
         return self.last is not self.first and worse_on(
             self.last, self.first, self.split.sealed, self.split.block
         )
-
-
-def _shifts(effect: Effect) -> bool:
-    """Whether an effect moves fronts: one on timing with a time as its parameter."""
-    units = [spec.unit.split("/")[0].split(" ")[0] for spec in effect.parameters().values()]
-    return effect.family == "timing" and "s" in units
 
 
 def difference(one: Explanation, other: Explanation) -> tuple[Effect, Effect] | None:

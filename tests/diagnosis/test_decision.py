@@ -14,7 +14,6 @@ from rivid.diagnosis.decision import (
     DOUBT,
     MATERIAL,
     THIRD,
-    _shifts,
     aligned,
     block_sums,
     is_material,
@@ -92,31 +91,6 @@ def test_a_horizon_that_grows_in_the_only_block_is_no_objection():
     one = explained("sensor_step", removes=[MUCH, 0.0, -MUCH, 0.0], parent=nothing)
     alone = OPEN & (BLOCK == BLOCK[OPEN][0])
     assert is_material(one, nothing, alone, BLOCK) and not is_material(one, nothing, OPEN, BLOCK)
-
-
-@pytest.mark.parametrize(
-    ("moved", "before", "left", "enough"),
-    [
-        (0.21, 0.1, 0.1, True), (0.19, 0.1, 0.1, False),  # twice the misfit that is left
-        (0.14, 0.15, 0.04, True), (0.14, 0.15, 0.05, False),  # where the misfit falls by it, a tenth is left
-        (0.15, 0.11, 0.1, False), (0.0, 0.1, 0.0, False),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("active", [1.0, 0.0])
-def test_a_front_is_moved_where_it_is_moved_by_more_than_the_misfit(moved, before, left, enough, active):
-    """Flows that never move have no fronts, and end no diagnosis."""
-    nothing = explained(noise=replace(QUIET, misfit=before))
-    one = explained("outflow_lag", 1.0, 0.1, parent=nothing, noise=replace(QUIET, misfit=left))
-    made = np.zeros(RECORD.time.shape)
-    made[:, 1::2] = moved * active
-    study = study_of(nothing, one)
-    study = replace(study, record=replace(study.record, activity=np.full(made.shape, active)))
-    assert study._moves(one, nothing, made, np.ones(len(made), bool)) == (enough and active > 0.0)
-
-
-def test_effects_with_a_time_as_parameter_move_fronts():
-    found = {name for name, effect in CATALOGUE.items() if _shifts(effect())}
-    assert found == {"flow_dependent_delay", "wave_attenuation", "outflow_lag", "clock_offset", "ice_cover"}
 
 
 def test_a_part_of_the_days_is_judged_alone():
@@ -428,6 +402,16 @@ def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effect
     assert {names.names: p for names, p in study_of(nothing, one, two).ranking} == pytest.approx(
         dict(zip([(), ("leakage",), ("leakage", "seiche")], expected, strict=True))
     )
+
+
+def test_two_effects_that_predict_worse_than_one_are_less_probable():
+    """Ice had 9 times its scatter; a well and the lag of a gate stood for it, of which the lag had twice."""
+    nothing = explained()
+    ice = explained("ice_cover", 60.0, MUCH, parent=nothing, inflation=9.0)
+    well = explained("stilling_well", 20.0, MUCH, parent=nothing, inflation=5.0)
+    both = explained("outflow_lag", 30.0, MUCH, parent=well, inflation=2.0)
+    chances = ranked([nothing, ice, well, both], OPEN, BLOCK)
+    assert chances == pytest.approx(softmax([0.0, 60.0 / 9.0, 20.0 / 9.0, 50.0 / 9.0]))
 
 
 @pytest.mark.parametrize("act", [1, 2])
