@@ -363,20 +363,33 @@ class Study:
         return tuple(sorted(zip(pool, chances, strict=True), key=lambda pair: -pair[1]))
 
     def _levelled(self, one: Explanation, lead: Explanation) -> Explanation:
-        """A twin of the lead a hair behind it, where unknown dynamics are ahead of the lead by more.
+        """A twin of the lead a hair behind it, where what the equations miss may be what separates them.
 
-        What the equations miss has a part along what separates two effects that are easily mistaken for each
-        other, of the same sign on all days: no scatter shows it. Unknown dynamics show how much they miss.
+        It has a part along what separates two effects that are easily mistaken for each other, of the same
+        sign on all days: no scatter shows it. Unknown dynamics show how much it is, and so does the misfit
+        of fronts that an effect on timing leaves.
         """
         flexible = [self.score(o) for o in self.pool if o.unknown == "dynamics"]
         behind = self.score(lead) - self.score(one)
         missed = max(flexible, default=-np.inf) - self.score(lead)
-        twin = HAIR < behind < missed and alike(one, lead) or behind > HAIR and self._balances(one, lead)
-        if one.unknown != lead.unknown or not twin:
+        twin = alike(one, lead) and (behind < missed or self._partly_right(lead, one))
+        if one.unknown != lead.unknown or behind <= HAIR or not (twin or self._balances(one, lead)):
             return one
         density = _density(lead) - HAIR / float(self.opened.sum())
         prior = min(one.log_prior, lead.log_prior)
         return replace(one, density=density, log_prior=prior, parent=lead.parent, inflation=lead.inflation)
+
+    def _partly_right(self, lead: Explanation, other: Explanation) -> bool:
+        """Whether an effect on timing, which `other` lacks, removes most of the misfit of fronts, not all.
+
+        What is left is a share that counts: as a clock, ice on a river took three quarters away.
+        """
+        differing = difference(other, lead)
+        if differing is None or differing[1].family != "timing":
+            return False
+        less = self._less(lead, differing[1])
+        before, left = (one.noise.misfit**2 for one in (less, lead))
+        return MATERIAL * before < left <= 0.5 * before
 
     def _balances(self, one: Explanation, lead: Explanation) -> bool:
         """Whether two explanations of a river differ by one shift of its balance each, as a rating may have.

@@ -68,7 +68,7 @@ LEAST = 8.0
 """Least worth of a candidate that is tried in the simulator [nats]: with the prior and the temper of the
 scores a name needs several times as much to be probable."""
 DEEP, DEEPEST = 3, 2
-"""Names tried with the response from its nominal start, on every sixth open day; and of these on all days."""
+"""Names first tried with the response from its nominal start, on every sixth open day; of these on all."""
 NEARBY = 1.25
 """Ratio within which a parameter in which the output changes in steps is tried again on all cells."""
 WINDOWS = 3
@@ -250,9 +250,9 @@ class _Search:
         """The likeliest coarse response of each kind on some days, from all its starts."""
         self.grown: dict[int, tuple[Library, Way]] = {}
         """How each explanation extends its parent, by its identity."""
-        self.deepened: dict[tuple[str, tuple[str, ...]], set[str]] = {}
-        """Names fitted with their own response, by kind of response and the names beside: a better fit of
-        these is no reason to scan again."""
+        self.deepened: dict[str, set[str]] = {}
+        """Names fitted with their own response, by kind of response: a better fit of what they extend is no
+        reason to scan again."""
         self.cores: Cores = {}
         self.tails: float | None = None
         self._report, self._done, self._until, self._round = report, 0.0, CALIBRATION, ""
@@ -446,9 +446,9 @@ class _Search:
         if not parent.unknown and parent.bonus is None:
             self._with_recurring(parent, found)
         tried = _worth_trying(found)
-        deepest = self._deepened(parent, library, tried)
-        # beside another effect the near fit may hold better
-        wanted = [_near(one, record) for one in tried if one not in deepest or parent.names]
+        # Beside another effect the near fit holds: the response no longer bends to it.
+        deepest = self._deepened(parent, library, tried) if parent.names == self.first.names else []
+        wanted = [_near(one, record) for one in tried if one not in deepest]
         wanted += [_near(one, record) for one in self._dated(parent, library) if one.effect.name not in taken]
         gauge = [one for one in latent if one.unknown == "gauge"]
         for name, effect in self.classes.items():
@@ -559,9 +559,9 @@ class _Search:
     def _deepened(self, parent: Explanation, library: Library, tried: Sequence[Candidate]) -> list[Candidate]:
         """The likeliest of some candidates on some days, after they were fitted to all with the response."""
         nominal = self._nominal(parent.model)
-        before = self.deepened.setdefault((nominal.name, parent.names), set())
+        before = self.deepened.setdefault(nominal.name, set())
         starts = [(one, nominal) for one in _firsts(tried)[:DEEP]]
-        if not parent.names and not before:
+        if not before:
             starts += self._scanned(parent, library)
         starts = [(one, reach) for one, reach in starts if one.effect.name not in before]
         found: dict[str, tuple[float, Candidate, Model]] = {}
@@ -662,11 +662,8 @@ class _Search:
         larger = replace(
             model, noise=None, effects=(*model.effects, effect), free=(*model.free, candidate.free)
         )
-        few, starts = self._some_days(parent), [larger, replace(larger, reach=reach)]
-        if effect.stepwise and parent.names:  # elsewhere the scan has tried all of them
-            rough = self._in_steps(replace(starts[1], reach=_coarse(reach)))
-            starts.append(replace(best_fits(rough, few, fresh=1)[0].one.model, reach=reach))
-        best = best_fits(starts, few, fresh=1)[0]
+        few = self._some_days(parent)
+        best = best_fits([larger, replace(larger, reach=reach)], few, fresh=1)[0]
         if effect.stepwise and (near := self._in_steps(best.one.model, NEARBY)):
             best = max(best, best_fits(near, few, fresh=1)[0])
         return best.likely, best.one.model

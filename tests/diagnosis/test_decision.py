@@ -404,6 +404,19 @@ def test_gains_are_divided_by_the_inflation_of_the_likeliest_with_as_many_effect
     )
 
 
+@pytest.mark.parametrize("left", [0.2, 0.5, 0.6, 0.8])
+@pytest.mark.parametrize("name", ["clock_offset", "leakage"])
+def test_a_timing_that_leaves_a_share_of_the_misfit_is_tied_with_its_twin(name, left):
+    """Ice on a river took three quarters of it away as a clock, 31 nats ahead of itself."""
+    twin = {"clock_offset": "ice_cover", "leakage": "gate_head_effect"}[name]
+    nothing = explained(noise=replace(QUIET, misfit=1.0))
+    lead = explained(name, 50.0, MUCH, parent=nothing, noise=replace(QUIET, misfit=left))
+    other = explained(twin, 30.0, MUCH, parent=nothing)
+    chances = {one.names: p for one, p in study_of(nothing, lead, other).ranking}
+    tied = chances[twin,] > 0.9 * chances[name,]
+    assert tied == (name == "clock_offset" and MATERIAL < left**2 <= 0.5)
+
+
 def test_two_effects_that_predict_worse_than_one_are_less_probable():
     """Ice had 9 times its scatter; a well and the lag of a gate stood for it, of which the lag had twice."""
     nothing = explained()
