@@ -507,6 +507,8 @@ class _Block:
         bad = motionless(self.yy, self.A)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
         alpha = self.s_w / self.s_h
+        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
+        elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
         astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
         columns: dict[str, NDArray[Any]] = {
             "delay": self.candidates[self.index].astype(float)[here],
@@ -522,14 +524,9 @@ class _Block:
             "iterations": np.where(bad, 0, self.iterations[here]),
             "condition": condition,
             "status": np.where(bad, "unidentifiable", np.where(astray, "degenerate", "ok")),
-            "prior_only": ~bad & self._prior_only(data_only)[here],
+            "prior_only": ~bad & (flat | elsewhere)[here],
             "trace": np.stack(self.rounds, axis=1)[here],
         }
-
-    def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
-        """Where the criterion without the d terms does not single out the delay that was chosen."""
-        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
-        return np.asarray(flat | (abs(np.argmin(data_only, axis=0) - self.index) > 1))
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""
