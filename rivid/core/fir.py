@@ -81,8 +81,7 @@ def blocks(n_days: int, most: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
 
 def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
     """The indices, the last one repeated up to a multiple of :data:`LANE_MULTIPLE`."""
-    missing = -len(take) % LANE_MULTIPLE
-    return np.concatenate([take, np.full(missing, take[-1])])
+    return np.pad(take, (0, -len(take) % LANE_MULTIPLE), mode="edge")
 
 
 def gram(
