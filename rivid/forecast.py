@@ -206,7 +206,7 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     origins = np.append(past, now)
     simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
-    y0 = series.output[_latest(series.output, origins)]
+    y0 = _hold(series.output)[origins]
     if len(past) >= FEWEST:
         target = series.output[past[:, None] + steps] - y0[:-1, None]
         quantiles = learnt_quantiles(X[:-1], target, sd[:-1], X[-1:], sd[-1:])[:, 0]
@@ -251,12 +251,6 @@ def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
     at = at[(gaps[np.minimum(at + ahead + 1, n)] == gaps[at - lead]) & np.isfinite(series.output[at])]
     targets = np.lib.stride_tricks.sliding_window_view(np.isfinite(series.output), ahead)[at + 1]
     return np.asarray(at[targets.mean(axis=1) > 0.9] if len(at) else at)
-
-
-def _latest(output: Floats, origins: Ints) -> Ints:
-    """Index of the last measured output until each origin."""
-    last = np.maximum.accumulate(np.where(np.isfinite(output), np.arange(len(output)), 0))
-    return np.asarray(last[origins])
 
 
 def run(
@@ -309,8 +303,8 @@ def run(
 
 def _hold(rows: Floats) -> Floats:
     """Rows with the last finite value where nothing finite follows."""
-    last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[1]), 0), axis=1)
-    return np.take_along_axis(rows, last, axis=1)
+    last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[-1]), 0), axis=-1)
+    return np.take_along_axis(rows, last, axis=-1)
 
 
 def simulations(
@@ -326,10 +320,11 @@ def simulations(
     if announced < ahead:
         repeated = run(model, series, origins, lead, ahead, announced, repeat=True)[0]
     day = round(DAY / model.sample_time)
-    y0 = series.output[_latest(series.output, origins)]
+    held = _hold(series.output)
+    y0 = held[origins]
     mean = float(np.nanmean(series.output[: series.now + 1]))
     before = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
-    ended = np.take(_hold(series.output[None])[0], np.maximum(before, 0))
+    ended = np.take(held, np.maximum(before, 0))
     change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
     rest = np.broadcast_to(left[:, None], change.shape)
