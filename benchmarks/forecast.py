@@ -17,7 +17,7 @@ from benchmarks.measure import table
 from rivid import forecast as core
 from rivid.config import load_config
 from rivid.diagnosis.calibrated import ReachModel
-from rivid.forecast import HINDCASTS, HISTORY, LEVELS, Learnt, Series
+from rivid.forecast import HINDCASTS, HISTORY, LEVELS, Series, learnt_quantiles
 from rivid.simulation.scenario import load_scenario
 from rivid.types import DAY, HOUR, Floats, Ints
 
@@ -105,9 +105,8 @@ def ours(c: Case, steps: Ints, announced: bool) -> Floats:
         now = int(c.test[rows[0]])
         known = np.flatnonzero((every + ahead < now) & (every > now - HISTORY * DAY / T))
         known = known[np.linspace(0, len(known) - 1, min(HINDCASTS, len(known))).astype(int)]
-        learnt = Learnt.of(X[known], target[known], sd[known])
         at = rows + len(c.train)
-        found[:, rows] = learnt.quantiles(X[at], sd[at])
+        found[:, rows] = learnt_quantiles(X[known], target[known], sd[known], X[at], sd[at])
     return found
 
 

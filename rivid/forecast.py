@@ -206,10 +206,10 @@ def forecast(model: ReachModel, series: Series, *, notes: Sequence[str] = ()) ->
     origins = np.append(past, now)
     simulated, X, sd, flows = simulations(model, series, origins, lead, ahead, announced)
     steps = np.arange(1, ahead + 1)
-    y0 = series.output[_latest(series.output, origins)]
+    y0 = _hold(series.output)[origins]
     if len(past) >= FEWEST:
         target = series.output[past[:, None] + steps] - y0[:-1, None]
-        quantiles = Learnt.of(X[:-1], target, sd[:-1]).quantiles(X[-1:], sd[-1:])[:, 0]
+        quantiles = learnt_quantiles(X[:-1], target, sd[:-1], X[-1:], sd[-1:])[:, 0]
     else:
         from scipy.special import ndtri
 
@@ -251,12 +251,6 @@ def _usable(series: Series, known: Bools, lead: int, ahead: int) -> Ints:
     at = at[(gaps[np.minimum(at + ahead + 1, n)] == gaps[at - lead]) & np.isfinite(series.output[at])]
     targets = np.lib.stride_tricks.sliding_window_view(np.isfinite(series.output), ahead)[at + 1]
     return np.asarray(at[targets.mean(axis=1) > 0.9] if len(at) else at)
-
-
-def _latest(output: Floats, origins: Ints) -> Ints:
-    """Index of the last measured output until each origin."""
-    last = np.maximum.accumulate(np.where(np.isfinite(output), np.arange(len(output)), 0))
-    return np.asarray(last[origins])
 
 
 def run(
@@ -309,8 +303,8 @@ def run(
 
 def _hold(rows: Floats) -> Floats:
     """Rows with the last finite value where nothing finite follows."""
-    last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[1]), 0), axis=1)
-    return np.take_along_axis(rows, last, axis=1)
+    last = np.maximum.accumulate(np.where(np.isfinite(rows), np.arange(rows.shape[-1]), 0), axis=-1)
+    return np.take_along_axis(rows, last, axis=-1)
 
 
 def simulations(
@@ -326,10 +320,11 @@ def simulations(
     if announced < ahead:
         repeated = run(model, series, origins, lead, ahead, announced, repeat=True)[0]
     day = round(DAY / model.sample_time)
-    y0 = series.output[_latest(series.output, origins)]
+    held = _hold(series.output)
+    y0 = held[origins]
     mean = float(np.nanmean(series.output[: series.now + 1]))
     before = origins[:, None] + np.arange(1, ahead + 1) - day * -(-np.arange(1, ahead + 1) // day)
-    ended = np.take(_hold(series.output[None])[0], np.maximum(before, 0))
+    ended = np.take(held, np.maximum(before, 0))
     change = np.where((before >= 0) & np.isfinite(ended), ended - y0[:, None], 0.0)
     away = np.broadcast_to((mean - y0)[:, None], change.shape)
     rest = np.broadcast_to(left[:, None], change.shape)
@@ -337,34 +332,23 @@ def simulations(
     return simulated, X, sd, flows
 
 
-@dataclass(frozen=True, eq=False)
-class Learnt:
-    """Coefficients by horizon, shape (H, 6), and quantiles of the standardised errors, shape (5, H)."""
+def learnt_quantiles(X: Floats, target: Floats, sd: Floats, at: Floats, sd_at: Floats) -> Floats:
+    """Quantiles of the change, shape (5, k, H), by least squares for each horizon from earlier forecasts.
 
-    coefficients: Floats
-    errors: Floats
-
-    @classmethod
-    def of(cls, X: Floats, target: Floats, sd: Floats) -> "Learnt":
-        """Least squares for each horizon, from forecasts at earlier times.
-
-        `X` are regressors (m, H, 6); `target`, (m, H), is what came, less the output at the origin, NaN where
-        it was not measured; `sd`, (m, H), is by the noise: errors are counted in these. Errors are those of a
-        fit to the other parts of the time: neighbours in time err alike.
-        """
-        weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
-        A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight
-        errors = np.full(target.shape, np.nan)
-        for part in np.array_split(np.arange(len(A)), FOLDS):
-            rest = np.setdiff1d(np.arange(len(A)), part)
-            left = b[part] - np.einsum("mhi,hi->mh", A[part], _solved(A[rest], b[rest]))
-            errors[part] = np.where(weight[part] > 0.0, left, np.nan)
-        return cls(_solved(A, b), np.nanquantile(errors, LEVELS, axis=0))
-
-    def quantiles(self, X: Floats, sd: Floats) -> Floats:
-        """Quantiles of the change, shape (5, m, H), for regressors (m, H, 6) and deviations (m, H)."""
-        middle = np.einsum("mhi,hi->mh", X, self.coefficients)
-        return np.asarray(middle + self.errors[:, None] * sd)
+    `X` are their regressors (m, H, 6); `target`, (m, H), is what came, less the output at the origin, NaN
+    where it was not measured; `sd`, (m, H), is by the noise: errors are counted in these. Errors are those of
+    a fit to the other parts of the time: neighbours in time err alike. `at`, (k, H, 6), and `sd_at`, (k, H),
+    are regressors and deviations of the forecasts that are wanted.
+    """
+    weight = np.where(np.isfinite(target), 1.0 / sd, 0.0)
+    A, b = X * weight[..., None], np.where(np.isfinite(target), target, 0.0) * weight
+    errors = np.full(target.shape, np.nan)
+    for part in np.array_split(np.arange(len(A)), FOLDS):
+        rest = np.setdiff1d(np.arange(len(A)), part)
+        left = b[part] - np.einsum("mhi,hi->mh", A[part], _solved(A[rest], b[rest]))
+        errors[part] = np.where(weight[part] > 0.0, left, np.nan)
+    middle = np.einsum("mhi,hi->mh", at, _solved(A, b))
+    return np.asarray(middle + np.nanquantile(errors, LEVELS, axis=0)[:, None] * sd_at)
 
 
 def _solved(A: Floats, b: Floats) -> Floats:

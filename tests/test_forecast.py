@@ -15,10 +15,10 @@ from rivid.diagnosis.response.base import kernels_of
 from rivid.errors import ConfigError, NoDataError
 from rivid.forecast import (
     LEVELS,
-    Learnt,
     Series,
     forecast,
     lead_of,
+    learnt_quantiles,
     simulations,
 )
 from tests.diagnosis.responses import river_record
@@ -79,8 +79,8 @@ def test_bands_hold_as_often_as_they_state():
             _, X, sd, _ = simulations(reach, series, at, lead, 48, 48)
             quantiles.append((X, sd))
         (X, sd), (X_test, sd_test) = quantiles
-        learnt = Learnt.of(X, series.output[train[:, None] + steps] - series.output[train, None], sd)
-        bands = learnt.quantiles(X_test, sd_test)
+        target = series.output[train[:, None] + steps] - series.output[train, None]
+        bands = learnt_quantiles(X, target, sd, X_test, sd_test)
         came = series.output[test[:, None] + steps] - series.output[test, None]
         inside.append([(came >= bands[0]) & (came <= bands[4]), (came >= bands[1]) & (came <= bands[3])])
         origins += len(test)

@@ -128,10 +128,7 @@ def _means_before(h: Floats, s: CusumSettings) -> Floats:
     """The mean before the change as each lag sees it, shape (M, days); lags 0 and 1 have and need none."""
     if s.mean is not None:
         return np.full(h.shape, s.mean)
-    means, total = np.zeros(h.shape), np.zeros(h.shape[1])
-    for k in range(2, len(h)):
-        n_lags = min(k - 1, s.mean_lags or k - 1)
-        if n_lags == k - 1:  # one more lag to count; later the mean stays
-            total += h[k - 1]
-        means[k] = total / n_lags
+    n_lags = np.minimum(np.arange(1, len(h) - 1), s.mean_lags or len(h))
+    means = np.zeros(h.shape)
+    means[2:] = np.cumsum(h[1:], axis=0)[n_lags - 1] / n_lags[:, None]
     return means

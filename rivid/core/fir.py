@@ -81,8 +81,7 @@ def blocks(n_days: int, most: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
 
 def padded(take: NDArray[np.intp]) -> NDArray[np.intp]:
     """The indices, the last one repeated up to a multiple of :data:`LANE_MULTIPLE`."""
-    missing = -len(take) % LANE_MULTIPLE
-    return np.concatenate([take, np.full(missing, take[-1])])
+    return np.pad(take, (0, -len(take) % LANE_MULTIPLE), mode="edge")
 
 
 def gram(
@@ -507,6 +506,8 @@ class _Block:
         bad = motionless(self.yy, self.A)[here] | ~(condition <= MAX_CONDITION)
         bad |= ~np.isfinite(self.fir[:, here]).all(axis=0)
         alpha = self.s_w / self.s_h
+        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
+        elsewhere = abs(np.argmin(data_only, axis=0) - self.index) > 1
         astray = (alpha[here] >= ALPHA_CAP * (1 - 1e-9)) | ~self.settled[here]
         columns: dict[str, NDArray[Any]] = {
             "delay": self.candidates[self.index].astype(float)[here],
@@ -522,14 +523,9 @@ class _Block:
             "iterations": np.where(bad, 0, self.iterations[here]),
             "condition": condition,
             "status": np.where(bad, "unidentifiable", np.where(astray, "degenerate", "ok")),
-            "prior_only": ~bad & self._prior_only(data_only)[here],
+            "prior_only": ~bad & (flat | elsewhere)[here],
             "trace": np.stack(self.rounds, axis=1)[here],
         }
-
-    def _prior_only(self, data_only: Floats) -> NDArray[np.bool_]:
-        """Where the criterion without the d terms does not single out the delay that was chosen."""
-        flat = np.ptp(data_only, axis=0) <= PRIOR_ONLY_SPREAD
-        return np.asarray(flat | (abs(np.argmin(data_only, axis=0) - self.index) > 1))
 
     def _table_v(self, alpha: float) -> None:
         """Uniform prior, fixed alpha: (28)-(29)."""

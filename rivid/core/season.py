@@ -58,7 +58,6 @@ class Chain:
     """Chains of B exponents and S drifts over K grid points."""
 
     exponents: Floats
-    drifts: Floats
     kernels: Floats  # drift from one grid point to another, (S, K, K); symmetric
     jump: float  # probability that a day's travel time is drawn anew
     edges: Floats  # between the grid points [samples], (K + 1,)
@@ -108,15 +107,13 @@ class Chain:
 def chain_of(d_min: int, D: int, flow: Floats | None, days: int, s: SeasonSettings) -> Chain:
     """The chain of a season; `flow` is the discharge of its days [m3/s], shape (days,), or None."""
     K = PARTS * D
-    drifts = np.array(s.drifts, float)
     exponents = np.array(s.exponents if flow is not None else (0.0,), float)
     edges = d_min + np.arange(K + 1) / PARTS
-    start = np.full(
-        (len(exponents), len(drifts), K), (1.0 - s.independent) / (len(exponents) * len(drifts) * K)
-    )
+    states = len(exponents), len(s.drifts), K
+    start = np.full(states, (1.0 - s.independent) / np.prod(states))
     kernels = np.stack([drift_kernel(K, PARTS * drift) for drift in s.drifts])
     log_flow = np.zeros(days) if flow is None else _log_flow(flow)
-    return Chain(exponents, drifts, kernels, s.jump, edges, d_min, D, log_flow, start, s.independent)
+    return Chain(exponents, kernels, s.jump, edges, d_min, D, log_flow, start, s.independent)
 
 
 def independent_likelihood(likely: Floats, observed: NDArray[np.bool_]) -> Floats:
@@ -174,8 +171,6 @@ class SeasonResult:
     in_set: Bools  # the smallest set of delays that holds 90 %, (days, D)
     observed: Bools  # the day had a probability of its own, (days,)
     independent: Floats  # probability that the days are independent, (days,)
-    exponent: Floats  # mean power of the discharge, given that the days are related, (days,)
-    drift: Floats  # mean drift [samples per day, standard deviation], given the same, (days,)
 
 
 _Belief = tuple[Floats, float]
@@ -293,20 +288,15 @@ def _backward(days: Days, chain: Chain, before: list[_Belief]) -> tuple[Floats, 
 def _result(
     answers: Floats, beliefs: list[_Belief], days: Days, chain: Chain, d_min: int, s: SeasonSettings
 ) -> SeasonResult:
-    """Normalise, and average the parameters over the models after each day."""
+    """Normalise, and weigh independent days against the chains after each day."""
     n, D = answers.shape
     _, likely, alike, observed = days
-    independent, exponent, drift = np.empty(n), np.empty(n), np.empty(n)
+    independent = np.empty(n)
     for t, (mass, alone) in enumerate(beliefs):
-        share = chain.cells(t)
-        models = (mass * (share @ likely[t])[:, None]).sum(axis=2)
-        related = float(models.sum())
+        models = (mass * (chain.cells(t) @ likely[t])[:, None]).sum(axis=2)
         alone *= alike[t]
-        independent[t] = alone / (alone + related)
-        exponent[t] = (models.sum(axis=1) @ chain.exponents) / related if related > 0.0 else np.nan
-        drift[t] = (models.sum(axis=0) @ chain.drifts) / related if related > 0.0 else np.nan
+        independent[t] = alone / (alone + float(models.sum()))
     p = answers / answers.sum(axis=1, keepdims=True)
     candidates, sure = np.arange(d_min, d_min + D), p.max(axis=1)
     delay = np.where(sure >= s.answer_above, candidates[np.argmax(p, axis=1)], np.nan)
-    in_set = smallest_set(p, p)
-    return SeasonResult(candidates, p, delay, sure, in_set, observed, independent, exponent, drift)
+    return SeasonResult(candidates, p, delay, sure, smallest_set(p, p), observed, independent)

@@ -13,27 +13,39 @@ from rivid.reach.changes import AddedFlow, Changes, Gate, Leak, Pond
 from rivid.types import DAY, HOUR, Floats
 
 
-def spread_over_dates(effect: Effect, key: str) -> None:
-    """Raise ConfigError where a parameter of several values has no dates to spread over, or no value."""
-    value = getattr(effect, key)
-    if isinstance(value, tuple) and (not value or (len(value) > 1 and effect.dates is None)):
-        came = f"{len(value)} values without dates" if value else "no value"
-        raise ConfigError(
-            f"{effect.name}: {key} has {came}: expected one number, or several spread over "
-            "dates = [first, last]"
-        )
+class _Flow(Effect):
+    """An effect on flows or storage."""
+
+    family = "flow"
 
 
-def over_dates(effect: Effect, sizes: Sizes, world: World) -> Floats:
-    """Size at each sample, shape of the time grid.
+class _FlowOverDates(_Flow):
+    """A flow that may have several sizes over its dates: its parameter `varies_with_date`."""
 
-    Several sizes are spread evenly from the start of the first date to the end of the last, with linear
-    interpolation between them.
-    """
-    if not isinstance(sizes, tuple) or effect.dates is None:
-        return np.full(world.time.shape, np.ravel(sizes)[0], float)
-    start, end = world.day_of(effect.dates[0]), world.day_of(effect.dates[1]) + DAY
-    return np.asarray(np.interp(world.time, np.linspace(start, end, len(sizes)), sizes))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        key = self.varies_with_date
+        value = getattr(self, key)
+        if isinstance(value, tuple) and (not value or (len(value) > 1 and self.dates is None)):
+            came = f"{len(value)} values without dates" if value else "no value"
+            raise ConfigError(
+                f"{self.name}: {key} has {came}: expected one number, or several spread over "
+                "dates = [first, last]"
+            )
+
+    def flow(self, world: World) -> Floats:
+        """Flow at each sample [m3/s], shape of the time grid; zero where dates and hours do not allow it.
+
+        Several sizes are spread evenly from the start of the first date to the end of the last, with linear
+        interpolation between them.
+        """
+        sizes: Sizes = getattr(self, self.varies_with_date)
+        if not isinstance(sizes, tuple) or self.dates is None:
+            size = np.full(world.time.shape, np.ravel(sizes)[0], float)
+        else:
+            start, end = world.day_of(self.dates[0]), world.day_of(self.dates[1]) + DAY
+            size = np.interp(world.time, np.linspace(start, end, len(sizes)), sizes)
+        return size * self.active(world)
 
 
 def check_given(effect: Any, *keys: str) -> None:
@@ -81,12 +93,16 @@ PLACE = "0 at the upstream dam, 1 at the downstream one"
 QUARTERS = (0.125, 0.375, 0.625, 0.875)
 """Places from which the diagnosis seeks the true one."""
 START = "when each begins, hours since the first day's midnight; none: drawn"
+STEADY = (
+    "Compare days of low and of high discharge held steady: a gain error grows with the flow, an inflow does "
+    "not; or gauge the {} dam once."
+)
 SHIFTS = ((5.0, 13.0), (13.0, 21.0), (21.0, 5.0))
 """Hours of the operators' shifts [h]: a gain error may belong to one of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LateralInflow(Effect):
+class LateralInflow(_FlowOverDates):
     """``flow at the place += inflow``.
 
     Several values lie evenly over the dates, the first at their beginning and the last at their end, with
@@ -94,7 +110,6 @@ class LateralInflow(Effect):
     """
 
     name = "lateral_inflow"
-    family = "flow"
     varies_with_date = "inflow"
     twins = ("sensor_drift",)
     confounded_with = {
@@ -102,14 +117,8 @@ class LateralInflow(Effect):
             "Read the gauge against a staff or a second sensor a few days apart: a drift shows, an "
             "inflow does not."
         ),
-        "inflow_gain_error": (
-            "Compare days of low and of high discharge held steady: a gain error grows with the flow, "
-            "an inflow does not; or gauge the upstream dam once."
-        ),
-        "outflow_gain_error": (
-            "Compare days of low and of high discharge held steady: a gain error grows with the flow, "
-            "an inflow does not; or gauge the downstream dam once."
-        ),
+        "inflow_gain_error": STEADY.format("upstream"),
+        "outflow_gain_error": STEADY.format("downstream"),
     }
     sentence = "Water that enters along the reach and is in no log: a tributary, a spring, seepage."
     looks = (
@@ -122,10 +131,6 @@ class LateralInflow(Effect):
     )
     place: float = quantity(0.5, "-", 0.0, 1.0, PLACE)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        spread_over_dates(self, "inflow")
-
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
         return [
@@ -133,16 +138,14 @@ class LateralInflow(Effect):
         ]
 
     def changes(self, world: World) -> Changes:
-        flow = over_dates(self, self.inflow, world) * self.active(world)
-        return Changes(added=(AddedFlow(self.place, flow),))
+        return Changes(added=(AddedFlow(self.place, self.flow(world)),))
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiurnalInflow(Effect):
+class DiurnalInflow(_Flow):
     """``flow at the place += amplitude cos(2 pi (hour of the day - hour) / 24 h)``."""
 
     name = "diurnal_inflow"
-    family = "flow"
     sentence = "Water that comes and goes with the hour: snow melt, evaporation, pumping by day."
     looks = (
         "A wave of 24 h in what the logs do not explain, at the same hours on working days and Sundays; "
@@ -173,14 +176,13 @@ class DiurnalInflow(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecurringFlow(Effect):
+class RecurringFlow(_Flow):
     """An unknown flow that returns with a period, by its waves of the period, a half and a third of it.
 
     It has no name: the diagnosis holds it against the effects that have one.
     """
 
     name = ""
-    family = "flow"
     sentence = "A flow that returns every day, or with another period."
     looks = "A wave of any shape and one period in what the logs do not explain."
 
@@ -198,14 +200,13 @@ class RecurringFlow(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RainInflow(Effect):
+class RainInflow(_Flow):
     """``flow at the place += peak x shape``: a straight rise, then ``exp(-t / recession)``.
 
     Dates and hours say when an event may begin; its recession runs on.
     """
 
     name = "rain_inflow"
-    family = "flow"
     found_as = "recession"
     confounded_with = {
         "unlogged_upstream_release": (
@@ -264,7 +265,7 @@ class RainInflow(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnloggedUpstreamRelease(Effect):
+class UnloggedUpstreamRelease(_FlowOverDates):
     """``real inflow = logged inflow + size`` within dates and hours.
 
     Several values lie evenly over the dates, the first at their beginning and the last at their end, with
@@ -272,7 +273,6 @@ class UnloggedUpstreamRelease(Effect):
     """
 
     name = "unlogged_upstream_release"
-    family = "flow"
     repeatable = True
     varies_with_date = "size"
     confounded_with = {
@@ -290,27 +290,22 @@ class UnloggedUpstreamRelease(Effect):
         20.0, "m3/s", 0.0, 1e5, "the release; several values spread over the dates", many=True
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        spread_over_dates(self, "size")
-
     @classmethod
     def trials(cls, world: World) -> list[Trial]:
         return [cls.linear_trial("size", 10.0, dates="between", sign=1), cls.hourly_trial("up")]
 
     def changes(self, world: World) -> Changes:
-        return Changes(added=(AddedFlow(0.0, over_dates(self, self.size, world) * self.active(world)),))
+        return Changes(added=(AddedFlow(0.0, self.flow(world)),))
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnloggedDownstreamRelease(Effect):
+class UnloggedDownstreamRelease(_Flow):
     """``real outflow = logged outflow + size`` during pulses, or all through dates and hours.
 
     Dates and hours say when a pulse may begin; it lasts its duration.
     """
 
     name = "unlogged_downstream_release"
-    family = "flow"
     acts_on_river = False
     repeatable = True
     found_as = "pulse"
@@ -390,11 +385,10 @@ class PassingFlow(LeavingFlow):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leakage(Effect):
+class Leakage(_Flow):
     """``outflow at the place += loss (level - usual level)``."""
 
     name = "leakage"
-    family = "flow"
     acts_on_river = False
     confounded_with = {
         "gate_head_effect": (
@@ -420,10 +414,8 @@ class Leakage(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _GainError(Effect):
+class _GainError(_Flow):
     """An error in proportion to a logged flow."""
-
-    family = "flow"
 
     error: float = quantity(0.05, "-", -0.9, 9.0, "relative error: real flow over logged flow, less 1")
 
@@ -471,11 +463,10 @@ class OutflowGainError(_GainError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GateHeadEffect(Effect):
+class GateHeadEffect(_Flow):
     """``real outflow = (1 + gain (level - usual level)) logged outflow``."""
 
     name = "gate_head_effect"
-    family = "flow"
     acts_on_river = False
     linear_trials = {"gain": 0.05}
     trial_sign = 1
@@ -492,11 +483,10 @@ class GateHeadEffect(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StorageAreaSlope(Effect):
+class StorageAreaSlope(_Flow):
     """``water surface = A (1 + slope (level - usual level))``."""
 
     name = "storage_area_slope"
-    family = "flow"
     windowed = False
     acts_on_river = False
     linear_trials = {"slope": 0.1}
@@ -513,11 +503,10 @@ class StorageAreaSlope(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SideStorage(Effect):
+class SideStorage(_Flow):
     """``area dz/dt = exchange (level - z)``, and the reach loses what the pond gains."""
 
     name = "side_storage"
-    family = "flow"
     acts_on_river = False
     confounded_with = {
         "storage_area_slope": (

@@ -53,12 +53,17 @@ def draw(model: Autoregression, world: World) -> Floats:
     return np.asarray(series[at])
 
 
+class _Level(Effect):
+    """An effect on the reading of the gauge."""
+
+    family = "level"
+
+
 @dataclass(frozen=True, kw_only=True)
-class SensorDrift(Effect):
+class SensorDrift(_Level):
     """``gauge = level + drift (t - first date)`` from the first date to the last."""
 
     name = "sensor_drift"
-    family = "level"
     acts_on_river = False
     twins = ("lateral_inflow",)
     linear_trials = {"drift": 0.005}
@@ -79,11 +84,10 @@ class SensorDrift(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorStep(Effect):
+class SensorStep(_Level):
     """``gauge = level + the steps that have started``, within dates and hours."""
 
     name = "sensor_step"
-    family = "level"
     acts_on_river = False
     found_as = "jump"
     sentence = "The gauge reads too high or too low from a moment on: it was moved, knocked or set anew."
@@ -127,14 +131,13 @@ _GAUGE_IT = "Gauge the discharge at the lower gauge once, at low and at high flo
 
 
 @dataclass(frozen=True, kw_only=True)
-class RatingShift(Effect):
+class RatingShift(_Level):
     """``read discharge = (1 + error) discharge + offset usual discharge``, within dates.
 
     The limits are a tenth: a larger shift of the balance is taken for water.
     """
 
     name = "rating_shift"
-    family = "level"
     acts_on_pool = False
     confounded_with = dict.fromkeys(
         ("inflow_gain_error", "lateral_inflow", "unlogged_upstream_release"), _GAUGE_IT
@@ -163,11 +166,10 @@ class RatingShift(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StillingWell(Effect):
+class StillingWell(_Level):
     """``lag d(reading)/dt = level - reading``, beside the lag that the gauge has always had."""
 
     name = "stilling_well"
-    family = "level"
     acts_on_river = False
     needs_dates = True
     sized_trials = {"lag": (60.0, 300.0, 900.0)}
@@ -190,14 +192,13 @@ class StillingWell(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tide(Effect):
+class Tide(_Level):
     """``output = output without it + two waves with periods of their own``, within dates.
 
     Periods are below 20 h: an outside level that returns every day looks like a flow that does.
     """
 
     name = "tide"
-    family = "level"
     confounded_with = {
         "seiche": "Compare the times of high water with a tide table, or with the level below the gauge.",
     }
@@ -238,11 +239,10 @@ class Tide(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindSetup(Effect):
+class WindSetup(_Level):
     """``gauge = level + x``, x an autoregression of first order with standard deviation `deviation`."""
 
     name = "wind_setup"
-    family = "level"
     acts_on_river = False
     found_as = "level noise"
     sentence = "Wind pushes the water towards the gauge or away from it."
@@ -264,14 +264,13 @@ class WindSetup(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seiche(Effect):
+class Seiche(_Level):
     """``gauge = level + x``, x a damped oscillation that noise keeps alive.
 
     The standard deviation of x is `amplitude` over the square root of 2, as of a lasting oscillation.
     """
 
     name = "seiche"
-    family = "level"
     acts_on_river = False
     found_as = "swing"
     sentence = "The reach swings to and fro in its own period, set going by gates, wind and ships."

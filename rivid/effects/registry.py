@@ -72,10 +72,7 @@ def changes_of(effects: Sequence[Effect], world: World) -> Changes:
 
     RividError where changes cannot be joined; see :func:`rivid.reach.changes.together`.
     """
-    parts = [changes for _, changes in _in_turn(effects, world)]
-    inflows = [part.inflow for part in parts if part.inflow is not None]
-    joined = together(replace(part, inflow=None) for part in parts)
-    return replace(joined, inflow=inflows[-1] if inflows else None)
+    return together(changes for _, changes in _in_turn(effects, world))
 
 
 def _in_turn(effects: Sequence[Effect], world: World) -> list[tuple[World, Changes]]:

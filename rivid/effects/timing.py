@@ -13,8 +13,14 @@ LAYERS = 64
 """Layers of the flow's range that :class:`FlowDependentDelay` delays one by one."""
 
 
+class _Timing(Effect):
+    """An effect on when flows are real."""
+
+    family = "timing"
+
+
 @dataclass(frozen=True, kw_only=True)
-class FlowDependentDelay(Effect):
+class FlowDependentDelay(_Timing):
     """``a flow Q comes delay (Q - usual flow) later``.
 
     The inflow is cut into thin layers of flow, each with its own delay: extremes and volume are kept, while
@@ -22,7 +28,6 @@ class FlowDependentDelay(Effect):
     """
 
     name = "flow_dependent_delay"
-    family = "timing"
     windowed = False
     sentence = "High water travels faster, or slower, than low water; the fitted delay is the usual flow's."
     looks = (
@@ -56,12 +61,11 @@ class FlowDependentDelay(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WaveAttenuation(Effect):
+class WaveAttenuation(_Timing):
     """``real inflow(t) = mean of logged inflow(t - spread X)``, X standard normal."""
 
     name = "wave_attenuation"
     sized_trials = {"spread": (300.0, 900.0)}
-    family = "timing"
     windowed = False
     sentence = "Waves flatten on their way: a step of the inflow arrives spread out, its middle on time."
     looks = (
@@ -76,13 +80,12 @@ class WaveAttenuation(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutflowLag(Effect):
+class OutflowLag(_Timing):
     """``lag d(real outflow)/dt = logged outflow - real outflow``."""
 
     name = "outflow_lag"
     trial_dates = "between"
     sized_trials = {"lag": (200.0, 600.0, 1500.0)}
-    family = "timing"
     acts_on_river = False
     confounded_with = {
         "clock_offset": (
@@ -106,12 +109,11 @@ class OutflowLag(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClockOffset(Effect):
+class ClockOffset(_Timing):
     """``real inflow(t) = logged inflow(t + offset + drift (t - first date))``."""
 
     name = "clock_offset"
     needs_dates = True
-    family = "timing"
     sentence = "The clock of the upstream log is wrong, often from a date on: daylight saving, a restart."
     looks = (
         "From one day to the next every inflow arrives earlier (offset above zero: that clock is fast) or "
@@ -140,7 +142,7 @@ class ClockOffset(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IceCover(Effect):
+class IceCover(_Timing):
     """``real inflow(t) = spread of logged inflow(t - late cover(t))``, `cover` from 0 to 1 and back to 0.
 
     The cover grows with the root of time over the first `growth` days of the dates, as the ice of a constant
@@ -149,7 +151,6 @@ class IceCover(Effect):
 
     name = "ice_cover"
     needs_dates = True
-    family = "timing"
     confounded_with = {
         "clock_offset": (
             "Compare the clock of the upstream log with a reference while the waves are late, or look at the "
@@ -199,12 +200,11 @@ class IceCover(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GateDeadband(Effect):
+class GateDeadband(_Timing):
     """``the gate stays where it is while |command - gate| < band``."""
 
     name = "gate_deadband"
     sized_trials = {"band": (3.0, 8.0)}
-    family = "timing"
     acts_on_river = False
     stepwise = ("band",)
     sentence = "Small changes of the outflow are logged, but the gate does not move for them."
@@ -220,12 +220,11 @@ class GateDeadband(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GateRateLimit(Effect):
+class GateRateLimit(_Timing):
     """``|d gate / dt| <= rate``."""
 
     name = "gate_rate_limit"
     sized_trials = {"rate": (0.02, 0.08)}
-    family = "timing"
     acts_on_river = False
     sentence = "The gate moves no faster than its drive allows, while the log holds the command at once."
     looks = (

@@ -129,16 +129,12 @@ NO_CHANGES = Changes()
 
 
 def together(changes: Iterable[Changes]) -> Changes:
-    """Several changes at once.
+    """Several changes at once, their maps of the inflow applied in turn: the last real inflow holds.
 
     Flows, leaks and ponds are collected; factors multiply; dead-bands, lags and slopes add; the slowest rate
-    holds. RividError where two changes set the real inflow (apply its maps one after the other instead), or
-    refer to different levels.
+    holds. RividError where two changes refer to different levels.
     """
     parts = list(changes)
-    inflows = [c.inflow for c in parts if c.inflow is not None]
-    if len(inflows) > 1:
-        raise RividError("two changes set the real inflow: expected one, with all maps applied in turn")
     gates = [c.gate for c in parts]
     reference = _one_level("head", [(g.reference, bool((g.head != 0).any())) for g in gates])
     result = Gate()
@@ -148,7 +144,7 @@ def together(changes: Iterable[Changes]) -> Changes:
             result.factor * gate.factor, result.head + gate.head, reference,
         )  # fmt: skip
     return Changes(
-        inflow=inflows[0] if inflows else None,
+        inflow=next((c.inflow for c in reversed(parts) if c.inflow is not None), None),
         gate=result,
         added=tuple(a for c in parts for a in c.added),
         leaks=tuple(a for c in parts for a in c.leaks),

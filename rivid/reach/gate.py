@@ -96,13 +96,10 @@ def gate_arrays(changes: Changes, shape: tuple[int, ...]) -> GateArrays:
 def exchange_arrays(changes: Changes, shape: tuple[int, ...]) -> ExchangeArrays:
     """The changes' leaks and ponds on a (days, n) grid."""
     leaks, ponds = changes.leaks, changes.ponds
-    loss, exchange = np.empty((len(leaks), *shape)), np.empty((len(ponds), *shape))
-    for j, leak in enumerate(leaks):
-        loss[j] = on_grid("a leak's loss", leak.loss, shape)
-    for j, pond in enumerate(ponds):
-        exchange[j] = on_grid("a pond's exchange", pond.exchange, shape)
-    references, areas = [a.reference for a in leaks], [a.area for a in ponds]
-    return ExchangeArrays(loss, np.array(references), exchange, np.array(areas, float))
+    loss = np.array([on_grid("a leak's loss", leak.loss, shape) for leak in leaks])
+    exchange = np.array([on_grid("a pond's exchange", pond.exchange, shape) for pond in ponds])
+    references, areas = np.array([a.reference for a in leaks]), np.array([a.area for a in ponds], float)
+    return ExchangeArrays(loss.reshape(-1, *shape), references, exchange.reshape(-1, *shape), areas)
 
 
 WANTED, SEEN, ERROR, SINCE, UNTIL, COMMAND, MEMORY = 0, 1, 2, 3, 4, 5, 6

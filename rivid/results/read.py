@@ -186,8 +186,8 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
         rows = delays.filter(names == name)
         columns = {c: rows[c].to_numpy(zero_copy_only=False) for c in rows.column_names}
         if assumed:
-            columns |= {f"bound_{wave}_s": np.full(len(rows), None) for wave in ("gravity", "kinematic")}
-        sure = _given(_floats(columns["probability"]))
+            columns |= {f"bound_{wave}_s": np.full(len(rows), np.nan) for wave in ("gravity", "kinematic")}
+        sure = _given(columns["probability"].astype(float))
         travel = columns.get("travel_time_s", columns["delay_s"])
         days = rows["date"].cast(pa.int32()).to_numpy()
         own = [table.filter(pc.equal(table["estimator"], name)) for table in (fir, criterion)]
@@ -195,14 +195,16 @@ def results_of(run: dict[str, Any], delays: "pa.Table", fir: "pa.Table", criteri
         estimators.append(
             EstimatorResults(
                 estimator=name, dates=rows["date"].to_pylist(), status=[str(s) for s in columns["status"]],
-                messages=[str(s or "") for s in columns["message"]], at_bound=_bools(columns["at_bound"]),
-                prior_only=_bools(columns["prior_only"]), fir=matrix(own[0], days, "lag", "value")[1],
+                messages=[str(s or "") for s in columns["message"]], 
+                at_bound=columns["at_bound"].astype(bool),
+                prior_only=columns["prior_only"].astype(bool),
+                fir=matrix(own[0], days, "lag", "value")[1],
                 fir_sd=_given(matrix(own[0], days, "lag", "sd")[1]) if "sd" in fir.column_names else None,
                 candidates=candidates, criterion=curve, probability=sure,
-                travel_s=None if sure is None else _given(_floats(travel)),
-                delay_low=_given(_floats(columns["delay_low"])),
-                delay_high=_given(_floats(columns["delay_high"])),
-                **{name: _floats(columns[column]) for name, column in NUMBERS.items()},
+                travel_s=None if sure is None else _given(travel.astype(float)),
+                delay_low=_given(columns["delay_low"].astype(float)),
+                delay_high=_given(columns["delay_high"].astype(float)),
+                **{name: columns[column].astype(float) for name, column in NUMBERS.items()},
             )
         )  # fmt: skip
     return Results(
@@ -232,14 +234,6 @@ def load_delays(out: Path | str) -> "pd.DataFrame":
     frame["date"] = pd.to_datetime(frame["date"])
     flags = ["at_bound", "prior_only"]  # with missing values, which plain bool cannot hold
     return frame.astype(dict.fromkeys(flags, "boolean"))
-
-
-def _floats(column: NDArray[np.generic]) -> Floats:
-    return np.array([np.nan if v is None else v for v in column], float)
-
-
-def _bools(column: NDArray[np.generic]) -> Bools:
-    return np.array([bool(v) for v in column], bool)
 
 
 def _given(values: Floats) -> Floats | None:

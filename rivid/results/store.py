@@ -348,16 +348,6 @@ class Rows:
         """Whether a row has a spread of its response."""
         return bool(pc.any(self.table["spread"]).as_py())
 
-    def and_new(self, segments: Path) -> tuple["Rows", list[tuple[Path, str]]]:
-        """These rows and those of segments written since, and the damaged of these."""
-        known = {path for path, _ in self.units}
-        paths = [p for p in sorted(segments.glob("*.parquet")) if p.is_file() and p not in known]
-        new, damaged = read_rows(segments, paths)
-        n = pa.scalar(len(self.units), pa.int64())
-        at = new.table.column_names.index("unit")
-        table = pa.concat_tables([self.table, new.table.set_column(at, "unit", pc.add(new.table["unit"], n))])
-        return Rows(table, self.units + new.units), damaged
-
     def arranged(self, keys: Sequence[str], estimators: Sequence[str]) -> "Rows":
         """The rows of the given keys, in order of the keys and then of the estimators.
 
@@ -415,17 +405,18 @@ def brief_results(rows: pa.Table, config: Config) -> Results:
     return results_of(run, rows, nothing, nothing)
 
 
-def read_rows(segments: Path, paths: Sequence[Path] | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
+def read_rows(segments: Path, before: Rows | None = None) -> tuple[Rows, list[tuple[Path, str]]]:
     """Read the rows of all sound segments; return them and the damaged segments with the reason.
 
-    Every page is read once, so that its checksum is verified. Nothing is changed.
+    Rows that were read `before` stay, and only segments written since are read. Every page is read once, so
+    that its checksum is verified. Nothing is changed.
     """
-    if paths is None:
-        paths = sorted(p for p in segments.glob("*.parquet") if p.is_file())
+    if before is None:
+        before = Rows(_short(SEGMENT.empty_table(), 0))
     damaged: list[tuple[Path, str]] = []
-    units: list[tuple[Path, int]] = []
-    short = [_short(SEGMENT.empty_table(), 0)]
-    for path in paths:
+    units, short = list(before.units), [before.table]
+    known = {path for path, _ in units}
+    for path in sorted(p for p in segments.glob("*.parquet") if p.is_file() and p not in known):
         try:
             file = _open(path)
             names = file.schema_arrow.names
@@ -559,7 +550,7 @@ class Store:
 
     def read(self, before: Rows | None = None) -> Rows:
         """Read all segments, or those written since `before` was read; drop and list damaged ones."""
-        rows, damaged = read_rows(self.segments) if before is None else before.and_new(self.segments)
+        rows, damaged = read_rows(self.segments, before)
         for path, reason in damaged:
             self.damaged.append(f"{path.name}: {reason}")
             path.unlink(missing_ok=True)
@@ -567,15 +558,14 @@ class Store:
 
     def forget(self, keys: Iterable[str]) -> None:
         """Drop the rows of some keys, so that they are computed again."""
-        self.read()  # and with it what is damaged
-        gone = pa.array(keys if isinstance(keys, list) else list(keys), pa.string())
-        for path in sorted(self.segments.glob("*.parquet")):
-            rows, _ = read_rows(self.segments, [path])
-            left = pc.invert(pc.is_in(rows.table["key"], value_set=gone))
-            if pc.all(left, min_count=0).as_py():
-                continue
-            rows = replace(rows, table=rows.table.filter(left))
-            kept = write_segment(self.segments, rows) if len(rows) else None
+        rows = self.read()
+        table, unit = rows.table, rows.table["unit"]
+        gone = pc.is_in(table["key"], value_set=pa.array(list(keys), pa.string()))
+        for path in sorted({rows.units[one][0] for one in pc.unique(unit.filter(gone)).to_pylist()}):
+            of_path = [one for one, (file, _) in enumerate(rows.units) if file == path]
+            left = pc.and_not(pc.is_in(unit, value_set=pa.array(of_path, pa.int64())), gone)
+            own = replace(rows, table=table.filter(left))
+            kept = write_segment(self.segments, own) if len(own) else None
             if path != kept:
                 path.unlink(missing_ok=True)
 

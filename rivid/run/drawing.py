@@ -5,6 +5,7 @@ A worker reads the results from OUT itself, so that this process does not hold t
 
 import datetime as dt
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 MOST_PAINTERS = 4
 """Most processes that draw: there are a few figures only, and each process reads the results itself."""
 
-_read: "tuple[Path, Results] | None" = None
-"""Results that this worker has read, for the next figure of the same run."""
-
 
 def draw_with(
     engine: Engine, out: Path, summary: Mapping[str, Any], day: dt.date | None = None
@@ -31,7 +29,6 @@ def draw_with(
     files. `day` is that of the impulse responses, a typical one by default. RividError if a file cannot be
     written, ConfigError if no estimator has a response on `day`.
     """
-    global _read
     try:
         # once for each worker, so that all read the results now
         wanted = [engine.submit(_wanted, out) for _ in range(min(engine.slots, MOST_PAINTERS))][0].result()
@@ -45,18 +42,16 @@ def draw_with(
         engine.renew()
         return draw_with(Engine(), out, summary, day)
     finally:
-        _read = None  # of an engine that is this process
+        read_once.cache_clear()  # of an engine that is this process
     return [*(file.path for file in files), page]
 
 
+@lru_cache(maxsize=1)
 def read_once(out: Path) -> "Results":
     """The results in OUT; they are kept until those of another directory are read."""
-    global _read
-    if _read is None or _read[0] != out:
-        from rivid.results.read import load_results
+    from rivid.results.read import load_results
 
-        _read = (out, load_results(out))
-    return _read[1]
+    return load_results(out)
 
 
 def _wanted(out: Path) -> "list[Job]":

@@ -216,8 +216,8 @@ def _under(settings: dict[str, Any]) -> Callable[[str, str | None], str]:
 
 
 Done = Callable[[int], None]
-Refused = tuple[int, int, str, DataError]
-"""A row without an estimate: number of its window and of its estimator, status, and reason."""
+Refused = tuple[int, int, DataError]
+"""A row without an estimate: number of its window and of its estimator, and the reason."""
 
 
 @dataclass(frozen=True)
@@ -240,8 +240,7 @@ def estimate_batch(batch: Batch) -> pa.Table:
         try:
             data = _read(batch, window)
         except DataError as error:
-            status = "pending" if isinstance(error, PendingError) else "failed"
-            refused += [(at, k, status, error) for k in range(len(names))]
+            refused += [(at, k, error) for k in range(len(names))]
         else:
             alike[len(data.inflow), data.outflow is None].append((at, data))
     tables = []
@@ -256,11 +255,11 @@ def estimate_batch(batch: Batch) -> pa.Table:
                         f"{len(sets[0].inflow)} samples are too few for {estimator.needed_for}: "
                         f"lower {estimator.key}, or {config.run.lengthen}"
                     )
-                    refused += [(at, k, "failed", reason) for at in places]
+                    refused += [(at, k, reason) for at in places]
                     continue
                 order += [at * len(names) + k for at in places]
                 tables.append(_rows(days, shared, notes, config, name, estimator))
-    order += [at * len(names) + k for at, k, _, _ in refused]
+    order += [at * len(names) + k for at, k, _ in refused]
     tables.append(_refused(batch, refused))
     return pa.concat_tables(tables).take(store.whole_numbers(np.argsort(order))).combine_chunks()
 
@@ -279,11 +278,11 @@ def _read(batch: Batch, window: Window) -> DataSet:
 
 def _refused(batch: Batch, refused: Sequence[Refused]) -> pa.Table:
     """Rows without an estimate, and the reason."""
-    windows = [batch.windows[at] for at, _, _, _ in refused]
+    windows = [batch.windows[at] for at, _, _ in refused]
     columns = _named(windows, batch.config) | {
-        "estimator": [batch.config.run.estimators[k] for _, k, _, _ in refused],
-        "status": [status for _, _, status, _ in refused],
-        "message": [printable(" ".join(str(reason).split())[:500]) for _, _, _, reason in refused],
+        "estimator": [batch.config.run.estimators[k] for _, k, _ in refused],
+        "status": ["pending" if isinstance(reason, PendingError) else "failed" for _, _, reason in refused],
+        "message": [printable(" ".join(str(reason).split())[:500]) for _, _, reason in refused],
     }
     return store.to_table(columns, store.SEGMENT)
 
@@ -459,7 +458,7 @@ def _alone(batch: Batch, segments: Path, engine: Engine, done: Done) -> None:
     except engine.died:
         if len(batch.windows) == 1:
             reason = DataError("the worker process died on this day (out of memory?)")
-            rows: list[Refused] = [(0, k, "failed", reason) for k in range(len(batch.config.run.estimators))]
+            rows: list[Refused] = [(0, k, reason) for k in range(len(batch.config.run.estimators))]
             store.write_segment(segments, _refused(batch, rows))
             done(1)
             return

@@ -262,15 +262,11 @@ def _combined(R: Floats, response: dict[int, float]) -> Floats:
 def _drifting(R: Floats, o: int) -> Floats:
     """The store's equation less rho times the same a sample before: outflow, response, u's lags."""
     rho, lead = DRIFT_MEMORY, o + 3
-    half = _drifted(R, o, rho, lead)
-    return _drifted(half.swapaxes(0, 1), o, rho, lead).swapaxes(0, 1)
-
-
-def _drifted(R: Floats, o: int, rho: float, lead: int) -> Floats:
-    """Rows ``o1 - rho o2``, ``y0 - (1 + rho) y1 + rho y2`` and ``u_l - rho u_(l+1)``."""
-    outflow = [(R[0] - rho * R[1])[None]] if o else []
-    response = R[o + 2] - (1.0 + rho) * R[o] + rho * R[o + 1]
-    return np.concatenate([*outflow, response[None], R[lead:-1] - rho * R[lead + 1 :]])
+    for _ in range(2):  # rows, then columns: o1 - rho o2, y0 - (1 + rho) y1 + rho y2, u_l - rho u_(l+1)
+        outflow = [(R[0] - rho * R[1])[None]] if o else []
+        response = R[o + 2] - (1.0 + rho) * R[o] + rho * R[o + 1]
+        R = np.concatenate([*outflow, response[None], R[lead:-1] - rho * R[lead + 1 :]]).swapaxes(0, 1)
+    return R
 
 
 def _scores(R: Floats, u_size: Floats, n: int, s: Structure, first: int, last: int) -> tuple[Floats, Floats]:

@@ -168,13 +168,12 @@ class RiverPosterior(PosteriorResult):
     """
 
     gain: Floats  # share of the inflow's change that arrives [-]
-    gain_sd: Floats  # its standard deviation
     lead: Floats  # how much sooner e times as much water arrives [samples], mean
 
 
 Grids = tuple[ResponseGrid, ...]
-_Window = tuple[Floats, float, float, float, float, Floats, Floats]
-"""Distribution of t50 over the grid, link, gain and its spread, lead, response and its spread."""
+_Window = tuple[Floats, float, float, float, Floats, Floats]
+"""Distribution of t50 over the grid, link, gain, lead, response and its spread."""
 
 
 def posterior_river(u: ArrayLike, y: ArrayLike, settings: RiverSettings | None = None) -> RiverPosterior:
@@ -230,12 +229,11 @@ def _places(grids: Grids) -> tuple[Floats, Floats]:
 
 def _averages(
     q: Floats, found: Evidence, leads: Floats, grids: Grids, s: RiverSettings
-) -> tuple[float, float, float, Floats, Floats]:
-    """Gain and its spread, lead, response and its spread."""
+) -> tuple[float, float, Floats, Floats]:
+    """Gain, lead, response and its spread."""
     _, mean, spread = found
     once = np.einsum("cbzst,cbzst->st", q, mean)
     twice = np.einsum("cbzst,cbzst->st", q, mean**2 + spread)
-    gain = float(once.sum())
     fir, square = np.zeros((2, s.n_lags + 1))
     begin = 0
     for grid in grids:
@@ -248,8 +246,7 @@ def _averages(
     t50 = float(q.sum(axis=(0, 1, 2, 3)) @ _places(grids)[0])
     moved = np.gradient(fir) * (s.spread + s.spread_share * t50)
     sd = np.sqrt(np.maximum(variance, 0.0) + moved**2)
-    gain_sd = float(np.sqrt(max(float(twice.sum()) - gain**2, 0.0)))
-    return gain, gain_sd, float(q.sum(axis=(1, 2, 3, 4)) @ leads), fir, sd
+    return float(once.sum()), float(q.sum(axis=(1, 2, 3, 4)) @ leads), fir, sd
 
 
 @lru_cache(maxsize=4)
@@ -264,9 +261,9 @@ def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
     """Travel times of the windows that have one, and the reasons of the others."""
     edges, table = _spread(s)
     no_fir = np.full(s.n_lags + 1, np.nan)
-    empty = np.full(len(table), np.nan), 0.0, np.nan, np.nan, np.nan, no_fir, no_fir
+    empty = np.full(len(table), np.nan), 0.0, np.nan, np.nan, no_fir, no_fir
     still = np.array([w is None for w in windows])
-    weight, link, gain, gain_sd, lead, fir, fir_sd = (
+    weight, link, gain, lead, fir, fir_sd = (
         np.stack(part) for part in zip(*(w or empty for w in windows), strict=True)
     )
     below = np.stack([row @ table for row in weight])
@@ -310,5 +307,5 @@ def _answer(windows: list[_Window | None], s: RiverSettings) -> RiverPosterior:
         delay=np.where(status == "ok", nearest, np.nan), right=right,
         in_set=smallest_set(np.nan_to_num(probability), probability) & ~still[:, None],
         place=t50, place_low=low, place_high=high, fir=fir, fir_sd=fir_sd, link=link, status=status,
-        message=message, gain=gain, gain_sd=gain_sd, lead=lead,
+        message=message, gain=gain, lead=lead,
     )  # fmt: skip

@@ -83,9 +83,8 @@ class Channel:
         >>> Channel.smooth(8000.0, 80.0, 1e-4, 0.03, 4).bed.round(3).tolist()
         [0.7, 0.5, 0.3, 0.1]
         """
-        for name, value in (("length", length), ("width", width)):
-            if not (np.isfinite(value) and value > 0):
-                raise ConfigError(f"{name} = {value} m: expected a positive number")
+        if not (np.isfinite(width) and width > 0):
+            raise ConfigError(f"width = {width} m: expected a positive number")
         if cells < MIN_CELLS:
             raise ConfigError(f"cells = {cells}: expected {MIN_CELLS} or more")
         x = (np.arange(cells) + 0.5) / cells

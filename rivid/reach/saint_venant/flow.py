@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from copy import deepcopy
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from multiprocessing import parent_process
@@ -38,10 +39,6 @@ class State:
     clock: Floats  # the last two time steps [s], and the wave speed [m/s] that sets the usual step, (days, 3)
     gate: Floats  # the downstream gate's target, position, and flow that follows it [m3/s], (days, 3)
     ponds: Floats  # levels of the ponds [m], (days, ponds)
-
-    def copy(self) -> "State":
-        """The same in arrays of its own."""
-        return State(*(getattr(self, part.name).copy() for part in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +130,7 @@ def simulate(
     share = _shares(channel.cells, [extra.place for extra in changes.added])
     days, c = shape[0], channel.cells
     if isinstance(start, State):
-        state, levels_0 = start.copy(), np.empty(0)
+        state, levels_0 = deepcopy(start), np.empty(0)
     else:
         state = State(
             np.empty((days, c)), np.zeros((days, 2, c + 1)), np.zeros((days, 2)), np.zeros((days, 3)),
