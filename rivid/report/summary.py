@@ -256,28 +256,20 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
-    These are `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`,
-    `last`, `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
-    `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags
-    are in samples, bounds in seconds.
+    These are `assumed`, `first`, `last`, `days`, `no_log` (first and last days of gaps), `missing` (days),
+    and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing
+    to report. Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), read.leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
     gone = missing(dates)
     return {
-        "reach": results.reach,
-        "note": results.note,
-        "sample_time": results.sample_time,
-        "unit": results.output_unit,
-        "river": river is not None,
-        "sigma_d": results.delay_scale,
         "assumed": results.assumed,
         "first": dates[0] if dates else None,
         "last": dates[-1] if dates else None,
         "days": len(dates),
         "missing": len(gone),
         "no_log": spans(gone),
-        "names": [e.estimator for e in results.estimators],
         "now": _now(results, recent) if recent else None,
         "moved": _moved(recent) if recent and np.isfinite(recent.values).any() else None,
         "prior": _prior(results, recent, lead) if recent else None,
@@ -309,16 +301,12 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
     return {
         "code": code,
         "quantity": recent.quantity,
-        "estimator": e.estimator,
         "first": max(recent.first, e.dates[0]),
-        "last": recent.last,
         "rows": len(e.dates),
         "days": int(recent.week.sum()),
         "given": int(given.sum()),
         "by_prior": recent.by_prior,
         "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,
-        "whole": recent.whole,
-        "median": recent.median,
         "delay": d,
         "range": _ends(recent.values[given]),
         "statuses": statuses,
@@ -431,7 +419,6 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "traits": ESTIMATORS[e.estimator],
         "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
