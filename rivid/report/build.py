@@ -85,7 +85,7 @@ def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> 
     return write_page(folder / "index.html", "paper", context)
 
 
-def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
+def _groups(figures: Sequence[FigureFile], lead: str) -> list[tuple[str, list[tuple[int, FigureFile, str]]]]:
     """Figures by estimator: the leading one first, those of all estimators after it, then the others."""
     names = dict.fromkeys(f.estimator for f in figures)
     order = sorted(names, key=lambda name: (name != lead, name != ""))
@@ -96,14 +96,8 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
         return len(ORDER) if last else ORDER.index(file.kind)
 
     shown = sorted(figures, key=lambda file: (order.index(file.estimator), read(file)))
-    return [
-        {
-            "name": name,
-            "words": ESTIMATORS[name].words if name else "",
-            "figures": [(k, f, data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
-        }
-        for name in order
-    ]
+    numbered = [(k, file, data_uri(file.path)) for k, file in enumerate(shown)]
+    return [(name, [one for one in numbered if one[1].estimator == name]) for name in order]
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:

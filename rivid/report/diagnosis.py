@@ -148,8 +148,10 @@ def _grown(gap: Gap) -> list[tuple[str, float]]:
     return found
 
 
-def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None) -> dict[str, Any]:
-    """The catalogue's description of an effect, and its parameters as (name, values, meaning)."""
+def _card(
+    effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None
+) -> tuple[NamedEffect, type[Effect] | None, list[tuple[str, str, str]], int]:
+    """An effect, its entry in the catalogue, its parameters (name, values, meaning), and how many more."""
     one = classes.get(effect.name)
     meanings = {} if one is None else {key: q.meaning for key, q in one.parameters().items()}
     rows = []
@@ -158,13 +160,7 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.da
         second = quantities.converted(of[0], first) if len(of) == 1 else "in the order of time"
         meaning = "; ".join(part for part in (second, meanings.get(base, "")) if part)
         rows.append((base.replace("_", " "), "; ".join(map(quantities.estimate, of)), meaning))
-    return {
-        "e": effect,
-        "sentence": "" if one is None else one.sentence,
-        "looks": "" if one is None else one.looks,
-        "parameters": rows,
-        "more": max(len(effect.parameters) - MOST_PARAMETERS, 0),
-    }
+    return effect, one, rows, max(len(effect.parameters) - MOST_PARAMETERS, 0)
 
 
 def _noise(noise: Mapping[str, float | None], output: str) -> list[tuple[str, str]]:
