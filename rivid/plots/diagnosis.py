@@ -221,7 +221,6 @@ def draw_inflow(
         ax.set_ylabel("inflow [m³/s]")
         step = "hourly means" if hours == 1 else f"means of {hours} h"
         style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
-    for ax in panels:
         style.date_axis(ax, dates[0], dates[-1], labels=ax is panels[-1])
     if windows:
         names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
