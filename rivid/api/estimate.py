@@ -3,7 +3,7 @@
 import datetime as dt
 from abc import abstractmethod
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -197,7 +197,7 @@ def jmap(
         about = {"sample_time": u.sample_time, "output_unit": u.config.reach.output_unit, "date": u.date}
     inflow, output = _series("jmap", u, y=y)
     found = jmap_of_arrays(inflow, output, settings, trace=trace, **changes)
-    return DelayEstimate(**{f.name: getattr(found, f.name) for f in fields(JmapResult)}, **about)
+    return DelayEstimate(**vars(found), **about)
 
 
 def _series(function: str, u: ArrayLike | Day, **others: ArrayLike | None) -> list[Floats]:

@@ -1,6 +1,7 @@
 """``rivid check``."""
 
 import datetime as dt
+import json
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, print_error
+from rivid.errors import ConfigError, RividError
 
 
 @click.command("check")
@@ -46,14 +48,11 @@ def command(
       wrong: 2008-03-12 to 2008-03-16 (5 days): u_Qo is 35.3 times u_Qi, and
         1 m3/s is 35.3 cfs: is u_Qo in cfs? Set [input.units] u_Qo = "cfs"
     """
-    import json
-
     from rivid.check import check
     from rivid.check import flags as of_values
     from rivid.check.findings import render
     from rivid.cli.locate import configuration, own
     from rivid.config import load_config
-    from rivid.errors import ConfigError
     from rivid.fleet.layout import find_fleet
     from rivid.logs.days import now_at
 
@@ -81,11 +80,8 @@ def command(
 
 def _fleet(reaches: Any, as_json: bool, quiet: bool, today: dt.date | None) -> int:
     """Check each reach by itself; an error of one does not stop the others."""
-    import json
-
     from rivid.check import check
     from rivid.check.findings import render, render_sound
-    from rivid.errors import RividError
     from rivid.fleet.outcome import worst
     from rivid.logs.days import now_at
     from rivid.logs.spec import shown

@@ -10,6 +10,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, print_error, wrap
+from rivid.errors import NoDataError, RividError
 
 if TYPE_CHECKING:
     from rivid.fleet.layout import Reach
@@ -21,7 +22,7 @@ MOST_LINES = 20
 """Reaches that are named on the terminal; the page has all of them."""
 
 
-@click.command("fleet", short_help="Report on all reaches of a fleet together.")
+@click.command("fleet")
 @shared.results
 @shared.as_json("fleet.json on stdout, in one line.")
 @shared.talk
@@ -39,7 +40,6 @@ def command(out: Path, as_json: bool, console: Console) -> int:
       rivid run sample_data --config configs/fleet --out out/fleet --shard 2/2
       rivid fleet out/fleet
     """
-    from rivid.errors import NoDataError
     from rivid.fleet.outcome import kept, worst
     from rivid.results.store import Store
     from rivid.run.workers import without_pandas
@@ -133,8 +133,6 @@ def print_summary(summary: dict[str, Any], computed: int | None, out: Path) -> N
 
 def plan(reaches: "Sequence[Reach]", out: Path) -> int:
     """Print what a run would do, reach by reach; return 0, or 2 where a configuration is wrong."""
-    from rivid.errors import RividError
-
     code = 0
     for reach in reaches:
         try:

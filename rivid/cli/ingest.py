@@ -26,7 +26,7 @@ from rivid.cli.console import Console, print_error, wrap
 )  # fmt: skip
 @shared.flag("--force", "Overwrite logs that are there and differ.")
 @shared.days("write")
-@shared.dry_run("Count, and write nothing.")
+@shared.flag("--dry-run", "Count, and write nothing.")
 @shared.as_json()
 @shared.talk
 @shared.today

@@ -100,19 +100,9 @@ logs_out = value(
 
 def days(verb: str) -> Decorator:
     """--from and --to."""
-
-    def both(command: Any) -> Any:
-        for name, target, word in (("--to", "last", "Last"), ("--from", "first", "First")):
-            help_text = f"{word} day to {verb}."
-            command = click.option(name, target, type=DATE, metavar="DATE", help=help_text)(command)
-        return command
-
-    return both
-
-
-def dry_run(text: str = "Print the plan, and stop.") -> Decorator:
-    """--dry-run."""
-    return flag("--dry-run", text)
+    first = click.option("--from", "first", type=DATE, metavar="DATE", help=f"First day to {verb}.")
+    last = click.option("--to", "last", type=DATE, metavar="DATE", help=f"Last day to {verb}.")
+    return lambda command: first(last(command))
 
 
 def as_json(text: str = "One JSON object on stdout.") -> Decorator:

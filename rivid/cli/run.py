@@ -43,7 +43,7 @@ SCALED = {"order", "d_min", "d_max", "sigma_d"}
     "What executes the work: processes or dask; default: processes.",
 )  # fmt: skip
 @shared.value("--scheduler", str, "URL", "A standing Dask scheduler, or its scheduler file; implies dask.")
-@shared.dry_run()
+@shared.flag("--dry-run", "Print the plan, and stop.")
 @shared.as_json("A JSON line per day, and one for the whole, on stdout.")
 @shared.talk
 @shared.today
@@ -79,7 +79,7 @@ def command(
     """
     from rivid.cli.locate import configuration, own, results
     from rivid.fleet.layout import find_fleet, holds_logs
-    from rivid.run.workers import DRAWING, cores, warm
+    from rivid.run.workers import DRAWING, cores, warm, without_pandas
 
     dask = _dask(engine, scheduler, workers)
     if dry_run and as_json:
@@ -89,8 +89,7 @@ def command(
     draws = not (dask or no_figures or dry_run or shard or (place / "report.html").exists())
     if draws and (workers or cores()) > 1 and holds_logs(data_dir):
         warm(DRAWING)  # while this process imports, reads and estimates
-    from rivid.run.run import Options, Shard
-    from rivid.run.workers import without_pandas
+    from rivid.run.run import Options, Shard, run
 
     without_pandas()
     console.begin(("logs", data_dir), ("settings", found or "Table I"), ("results", place))
@@ -115,7 +114,6 @@ def command(
         return code
 
     from rivid.cli.summary import print_json, print_summary
-    from rivid.run.run import run
 
     settings, notes = _settings(found, estimator)
     if settings.run.window:

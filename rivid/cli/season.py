@@ -7,6 +7,7 @@ import click
 
 from rivid.cli import options as shared
 from rivid.cli.console import Console, abbreviate, wrap
+from rivid.errors import ConfigError, NoDataError
 
 if TYPE_CHECKING:
     from rivid.core.law import DelayLaw
@@ -43,7 +44,6 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
     Of one reach of a fleet:
       rivid season out/fleet --reach basse_isere
     """
-    from rivid.errors import NoDataError
     from rivid.results.read import last_record
     from rivid.results.season import join, law_of, read_days, write_season
     from rivid.results.store import Store
@@ -74,7 +74,6 @@ def command(out: Path, both_ways: bool, reach: str | None, console: Console) -> 
 
 def _of_reach(out: Path, reach: str | None) -> Path:
     """OUT itself, or that of one reach of a fleet."""
-    from rivid.errors import ConfigError
     from rivid.results.read import last_record
 
     run = last_record(out)

@@ -30,7 +30,12 @@ SIGNED = LinearSegmentedColormap.from_list(
     "less and more water", ["#5A3A0B", "#A66F1E", "#DDBE86", "#FAFAF8", "#8CCBC1", "#22867D", "#033E37"], 255
 )
 """Brown where water of the logs is missing, teal where there is more than in the logs."""
-DASHES = (0, (5, 2))
+LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": style.INK, "lw": 1.6},
+    {"color": BEFORE, "lw": 1.4, "ls": (0, (5, 2))},
+    {"color": AFTER, "lw": 1.4},
+)
+"""Curves of a day: measured, simulated without and with the named effects."""
 
 NAME_LENGTH = 36
 """Characters of the name of a simulation next to its bar; the table of the page has the whole name."""
@@ -216,7 +221,6 @@ def draw_inflow(
         ax.set_ylabel("inflow [m³/s]")
         step = "hourly means" if hours == 1 else f"means of {hours} h"
         style.heading(ax, f"{words}, {step}" if len(shown) == 2 else f"{step} with the 95 % band")
-    for ax in panels:
         style.date_axis(ax, dates[0], dates[-1], labels=ax is panels[-1])
     if windows:
         names = "; ".join(dict.fromkeys(name for name, _, _ in windows))
@@ -295,11 +299,9 @@ def means(
     less one.
     """
     k = max(len(edges) - 1, 0)
-    there = used & np.isfinite(series) & np.isfinite(driver)
-    if k:
-        there &= (driver >= edges[0]) & (driver <= edges[-1])
-    if not k or not there.any():
-        return np.full(k, np.nan), np.full(k, np.nan), np.full(k, np.nan)
+    if not k:
+        return np.empty(0), np.empty(0), np.empty(0)
+    there = used & np.isfinite(series) & (driver >= edges[0]) & (driver <= edges[-1])
     number = np.unique(np.asarray(block), return_inverse=True)[1]
     J = int(number.max()) + 1
     into = np.digitize(driver[there], edges[1:-1])
@@ -341,27 +343,33 @@ def draw_day(folder: Path, evidence: Evidence, *, named: bool) -> FigureFile | N
     own = np.s_[i, r.lead :]  # without the samples of the day before
     clock, valid = r.hour[own], r.used[own]
     runs = [(WITHOUT, before), (WITH, after)] if named else [("", before)]
-    upper.plot(clock, measured[own], color=style.INK, lw=1.6, label="measured")
-    for (words, run), look in zip(runs, ({"color": BEFORE, "ls": DASHES}, {"color": AFTER}), strict=False):
+    upper.plot(clock, measured[own], label="measured", **LOOKS[0])
+    for (words, run), look in zip(runs, LOOKS[1:], strict=False):
         values = np.where(valid, run[own], np.nan)
-        upper.plot(clock, values, lw=1.4, label=f"simulated {words}".strip(), **look)  # type: ignore[arg-type]
+        upper.plot(clock, values, label=f"simulated {words}".strip(), **look)
     upper.set_ylabel("discharge at the lower end [m³/s]" if river else "level at the dam [m]")
     lower.plot(clock, r.inflow[own], color=style.INK, lw=1.2, label="inflow")
     if not river:
         lower.plot(clock, r.outflow[own], color=style.GREY, lw=1.2, ls=(0, (4, 1.5)), label="outflow")
     lower.set_ylabel("flow [m³/s]")
-    lower.set_xlabel("hour of the day")
     for ax in (upper, lower):
-        style.hour_axis(ax, 3)
-        style.few_ticks(ax, bins=6)
-        ax.grid(True)
         style.key(ax)
-    upper.tick_params(axis="x", labelbottom=False)
+    _hours_of_day([upper, lower], bins=6)
     others = error[apart & np.isfinite(error)]
     worse = int((others > error[i]).sum())
     return style.written(
         figure, folder / "diagnosis_day.png", title, output=name, days=len(others), worse=worse
     )
+
+
+def _hours_of_day(panels: Sequence[Axes], bins: int) -> None:
+    """Grids and a common axis of hours of panels below each other, with up to `bins` intervals of values."""
+    for ax in panels:
+        style.hour_axis(ax, 3)
+        style.few_ticks(ax, bins=bins)
+        ax.grid(True)
+        ax.tick_params(axis="x", labelbottom=ax is panels[-1])
+    panels[-1].set_xlabel("hour of the day")
 
 
 def errors(measured: Floats, simulated: Floats, used: Bools) -> Floats:
@@ -391,26 +399,17 @@ def draw_loop(folder: Path, day: LoopDay, words: str, *, named: bool) -> FigureF
         title, words, [1.6, 1.6, 1.0], gap=(0.0, 0.42), left=0.82, right=0.3, top=0.9, bottom=0.55
     )
     simulated = f"simulated {WITHOUT}" if named else "simulated"
-    looks: list[dict[str, Any]] = [
-        {"color": style.INK, "lw": 1.6},
-        {"color": BEFORE, "lw": 1.4, "ls": DASHES},
-        {"color": AFTER, "lw": 1.4},
-    ]
     lower.plot(hour, np.array(day.inflow), color=style.LIGHT, lw=1.1)
     lowest.axhline(0, color=style.INK, lw=1.0)
     names = ("measured", simulated, "with them")
-    for i, (name, look, high, flow) in enumerate(zip(names, looks, level, outflow, strict=False)):
+    for i, (name, look, high, flow) in enumerate(zip(names, LOOKS, level, outflow, strict=False)):
         upper.plot(hour, high, label=name, **look)
         lower.plot(hour, flow, **look)
         if i:
             lowest.plot(hour, hourly(flow - outflow[0], hour), **look)
     for ax, label in ((upper, "level at the dam [m]"), (lower, "outflow [m³/s]"), (lowest, "[m³/s]")):
-        style.hour_axis(ax, 3)
-        style.few_ticks(ax)
-        ax.grid(True)
-        ax.tick_params(axis="x", labelbottom=ax is lowest)
         ax.set_ylabel(label)
-    lowest.set_xlabel("hour of the day")
+    _hours_of_day([upper, lower, lowest], bins=5)
     style.key(upper)
     style.heading(lower, "grey: the logged inflow, the only input of the simulation", color=style.GREY)
     style.heading(lowest, "outflow, simulated less measured, mean of an hour", color=style.GREY)

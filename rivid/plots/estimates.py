@@ -369,22 +369,21 @@ def spread(n: int) -> Floats:
     return 0.6 * (np.arange(1, n + 1, dtype=np.float64) * GOLDEN % 1.0) - 0.3
 
 
-def flow_axis(ax: Axes, Q: Floats, label: str) -> None:
+def flow_axis(ax: Axes, Q: Floats) -> None:
     """The mean inflows of the days as the x axis."""
     low, high = float(Q.min()), float(Q.max())
     margin = 0.04 * (high - low) or max(0.1 * abs(high), 1.0)
     ax.set_xlim(low - margin, high + margin)
-    ax.set_xlabel(label)
 
 
 def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """First sample that moves, d + 1, against the mean inflow, with the bounds (5): d T_s to (d + 1) T_s."""
-    label = "mean inflow of the day [m³/s]"
     shown, tried = read.found(e) & np.isfinite(e.mean_inflow), read.candidates(e)
     n, Q = int(shown.sum()), e.mean_inflow
     if tried.size:
         style.lag_ticks(ax, float(tried[0]) + 0.2, float(tried[-1]) + 1.8, bins=16)
     ax.grid(True)
+    ax.set_xlabel("mean inflow of the day [m³/s]")
     ax.set_ylabel("first sample that moves, d + 1")
     if n:
         y = e.delay + 1 + (spread(len(Q)) if n > 12 else 0)
@@ -393,12 +392,11 @@ def delay_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
             if (days := kind & shown).any():
                 look = {"markeredgewidth": 0.7, "zorder": 3, "alpha": 0.75, **MARKS[name]}
                 style.marks(ax, Q[days], y[days], _class_label(name, e, days.sum(), True), size, **look)
-        flow_axis(ax, Q[shown], label)
+        flow_axis(ax, Q[shown])
         bounds_over_flow(ax, results, e, shown)
     else:
         style.message(ax, f"None of the {count(len(e.dates), 'day')} has a delay and a mean inflow.")
         style.no_ticks(ax)
-        ax.set_xlabel(label)
     if tried.size:
         style.second_axis(ax, results.sample_time, "(d + 1) T_s [minutes]")
     else:
@@ -452,15 +450,14 @@ def t50(ax: Axes, results: Results, e: EstimatorResults) -> None:
 
 def t50_discharge(ax: Axes, results: Results, e: EstimatorResults) -> None:
     """t50 against the mean inflow, with the median of each third of the days; as :func:`t50`."""
-    label = "mean inflow of the data set [m³/s]"
     shown = read.has_t50(e) & np.isfinite(e.mean_inflow)
     _t50_days(ax, results, e, shown, e.mean_inflow, grow=0.8)
+    ax.set_xlabel("mean inflow of the data set [m³/s]")
     if not shown.any():
         style.no_ticks(ax)
-        ax.set_xlabel(label)
         return
     ax.grid(True)
-    flow_axis(ax, e.mean_inflow[shown], label)
+    flow_axis(ax, e.mean_inflow[shown])
     if t := read.thirds(e):
         for first, last, middle in zip(t.edges, t.edges[1:], t.medians, strict=False):
             for colour, width in (("white", 3.0), (style.ACCENT, 1.8)):  # the white edge sets it off

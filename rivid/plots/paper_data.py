@@ -2,7 +2,6 @@
 
 import datetime as dt
 import json
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -61,14 +60,12 @@ class Year:
 
     def groups(self, least: int) -> Iterator[tuple[Ints, Days]]:
         """The data sets of one length at a time, with their numbers; those of `least` samples or more."""
-        by_length: dict[int, list[int]] = defaultdict(list)
-        for i, inflow in enumerate(self.inflow):
-            if len(inflow) >= least:
-                by_length[len(inflow)].append(i)
-        for days in by_length.values():
+        length = np.array([len(inflow) for inflow in self.inflow])
+        for N in np.unique(length[length >= least]):
+            days = np.flatnonzero(length == N)
             inflow, level = (np.stack([logged[i] for i in days]) for logged in (self.inflow, self.level))
             outflow = np.stack([self.outflow[i] for i in days]) if self.outflow else None
-            yield np.array(days, np.intp), Days.of(inflow, level, outflow, self.config.run.min_motion)
+            yield days, Days.of(inflow, level, outflow, self.config.run.min_motion)
 
 
 def year_of(config: Config, dates: Sequence[dt.date], inflow: Floats, outflow: Floats, level: Floats) -> Year:

@@ -92,19 +92,18 @@ def delay_law(ax: Axes, days: SeasonDays, law: DelayLaw) -> None:
     """Travel time of each day against the discharge, and the law with its intervals where there is one."""
     what, shown = "t50" if days.river else "travel time", _known(days)
     ax.set_ylabel(f"{what} [samples]")
-    label = "mean inflow [m³/s]"
+    ax.set_xlabel("mean inflow [m³/s]")
     if not shown.any():
         style.message(ax, f"None of the {count(len(days.dates), 'day')} has a travel time and a discharge.")
         style.no_ticks(ax)
         style.no_ticks(ax, "y")
-        ax.set_xlabel(label)
         return
     Q, T = days.discharge[shown], days.travel[shown] / days.sample_time
     low, high = (
         end(days.place(days.probability, share)[shown], T)
         for end, share in ((np.minimum, 0.05), (np.maximum, 0.95))
     )
-    flow_axis(ax, Q, label)
+    flow_axis(ax, Q)
     # all days and nearly all of their bars: one uncertain day must not compress the others
     bottom = min(float(T.min()), float(np.quantile(low, 0.02)))
     top = max(float(T.max()), float(np.quantile(high, 0.98)))

@@ -10,19 +10,13 @@ from rivid.report import strip
 from rivid.report.attention import SHOWN, attention, counted, dates_of
 from rivid.report.page import data_uri, write_page
 from rivid.report.summary import WEEKS, facts, last_week, summarise
-from rivid.results.read import CLEAR, Results, estimates_delay, passage
+from rivid.results.read import CLEAR, Results, passage
 
 if TYPE_CHECKING:
     from rivid.plots.paper_data import Year
 
 MOST = 400
 """Most rows of days to look at on the page, which a browser lays out at once; delays.csv has all days."""
-
-MOST_GAPS = 40
-"""Most gaps of days without a log that are listed, the latest."""
-
-NAMED = 6
-"""Most days to look at, and gaps, that are listed at the top of the page."""
 
 ORDER = ("t50", "t50_discharge", "tdr", "delay_map", "histogram", "delay_discharge")
 """Figures of an estimator in the order in which they are read; any other comes after."""
@@ -57,30 +51,20 @@ def write_report(
     represents = s["passage"] or s["record"]
     context = {
         "s": s,
+        "results": results,
+        "recent": recent,
         "look": counted(results, recent, rows) if recent else None,
         "strip": strip.strip(recent, results.sample_time, place) if recent else None,
         "frame": strip.FRAME,
         "rows": list(enumerate(rows[:MOST])),
         "unlisted": max(len(rows) - MOST, 0),
         "open": SHOWN,
-        "named": NAMED,
         "most": MOST,
-        "most_gaps": MOST_GAPS,
         "weeks": WEEKS,
         "clear": CLEAR,
-        "unit": results.output_unit.replace("m3", "m³"),
+        "probable": any(ESTIMATORS[e.estimator].has_probability for e in results.estimators if e.dates),
         "not_judged": any(ESTIMATORS[e.estimator].unjudged for e in results.estimators),
-        "estimators": [
-            {
-                "name": e.estimator,
-                "traits": ESTIMATORS[e.estimator],
-                "facts": facts(results, e),
-                "passage": passage(results, e),
-                "with_delay": estimates_delay(e),
-            }
-            for e in results.estimators
-            if e.dates
-        ],
+        "estimators": [(e, facts(results, e), passage(results, e)) for e in results.estimators if e.dates],
         "groups": _groups(figures, represents["estimator"] if represents else ""),
         "bad_files": [(str(f), str(why)) for f, why in summary.get("bad_files") or ()][:MOST],
         "settings": _settings(summary),
@@ -92,13 +76,7 @@ def write_report(
 def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> Path:
     """Write index.html, the page of the paper's figures, into the folder of the figures; return its path."""
     context = {
-        "reach": year.config.reach.name,
-        "note": year.config.reach.note,
-        "first": year.dates[0],
-        "last": year.dates[-1],
-        "days": len(year.dates),
-        "left_out": year.left_out,
-        "sample_time": year.sample_time,
+        "year": year,
         "parts": [
             (heading, f"part{i}", [f for f in figures if f.kind in numbers])
             for i, (heading, numbers) in enumerate(PARTS, 1)
@@ -107,7 +85,7 @@ def write_gallery(year: "Year", figures: Sequence[FigureFile], folder: Path) -> 
     return write_page(folder / "index.html", "paper", context)
 
 
-def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
+def _groups(figures: Sequence[FigureFile], lead: str) -> list[tuple[str, list[tuple[int, FigureFile, str]]]]:
     """Figures by estimator: the leading one first, those of all estimators after it, then the others."""
     names = dict.fromkeys(f.estimator for f in figures)
     order = sorted(names, key=lambda name: (name != lead, name != ""))
@@ -118,14 +96,8 @@ def _groups(figures: Sequence[FigureFile], lead: str) -> list[dict[str, Any]]:
         return len(ORDER) if last else ORDER.index(file.kind)
 
     shown = sorted(figures, key=lambda file: (order.index(file.estimator), read(file)))
-    return [
-        {
-            "name": name,
-            "words": ESTIMATORS[name].words if name else "",
-            "figures": [(k, f, data_uri(f.path)) for k, f in enumerate(shown) if f.estimator == name],
-        }
-        for name in order
-    ]
+    numbered = [(k, file, data_uri(file.path)) for k, file in enumerate(shown)]
+    return [(name, [one for one in numbered if one[1].estimator == name]) for name in order]
 
 
 def _settings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:

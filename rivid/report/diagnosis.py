@@ -25,7 +25,7 @@ from rivid.plots.style import drop_old, styled
 from rivid.report import quantities
 from rivid.report.page import data_uri, write_page
 from rivid.results.store import described, to_table, write_parquet
-from rivid.text import count, day_range, number, shown_in
+from rivid.text import count, shown_in
 
 BAND = 1.959964
 """Standard deviations to either side of a 95 % band."""
@@ -77,29 +77,28 @@ def write_diagnosis(
     shown, gap = quantities.as_shown(diagnosis), diagnosis.gap
     record = evidence.record if evidence is not None else None
     river = record is not None and record.kind == "river"
-    factor, unit = (1.0, "") if gap is None else quantities.scale(gap)
-    rows = [] if gap is None else quantities.gap_rows(gap, factor)
-    hours = () if gap is None else gap.horizon_h
     context = {
         "d": shown,
         "reach": reach or ("River reach" if river else "Reach"),
-        "period": f"{count(len(record.dates), 'day')}, {day_range(record.dates[0], record.dates[-1])}"
-        if record
-        else "",
-        "sample_time": number(record.sample_time) if record is not None else "",
+        "record": record,
         "output": "discharge" if river else "level",
-        "factor": factor,
-        "unit": unit,
-        "rows": rows,
         "ranking": quantities.explanations(diagnosis.ranking),
-        "horizon": hours.index(4.0) if 4.0 in hours else len(hours) // 2,  # what a sentence states
-        "grown": [] if gap is None else _grown(gap),
         "cards": [_card(e, known, record.dates[0] if record else None) for e in shown.effects],
         "noise": _noise(diagnosis.noise or {}, "m³/s" if river else "m"),
         "tables": [(e.name, _toml(e.table)) for e in diagnosis.effects if e.table],
         "figures": [(f, data_uri(f.path, "run the diagnosis again")) for f in files],
         "known": count(len(known), "effect"),
     }
+    if gap is not None:
+        factor, unit = quantities.scale(gap)
+        hours = gap.horizon_h
+        context |= {
+            "factor": factor,
+            "unit": unit,
+            "rows": quantities.gap_rows(gap),
+            "horizon": hours.index(4.0) if 4.0 in hours else len(hours) // 2,  # what a sentence states
+            "grown": _grown(gap),
+        }
     page = write_page(out / "diagnosis.html", "diagnosis", context)
     write_text(out / "diagnosis.json", diagnosis.to_json())
     return page
@@ -112,8 +111,7 @@ def draw_pictures(out: Path, diagnosis: Diagnosis, evidence: Evidence | None) ->
     gap, loop = diagnosis.gap, diagnosis.closed_loop
     with styled():
         if gap is not None and np.isfinite(gap.rmse_baseline).any():
-            factor, unit = quantities.scale(gap)
-            rows = quantities.gap_rows(gap, factor)
+            rows, (_, unit) = quantities.gap_rows(gap), quantities.scale(gap)
             files.append(plots.draw_gap(folder, rows, gap.horizon_h, unit, len(gap.heldout_dates)))
         if loop is not None and loop.shown is not None:
             words = quantities.sentence("loop", loop, named)
@@ -150,8 +148,10 @@ def _grown(gap: Gap) -> list[tuple[str, float]]:
     return found
 
 
-def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None) -> dict[str, Any]:
-    """The catalogue's description of an effect, and its parameters as (name, values, meaning)."""
+def _card(
+    effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.date | None
+) -> tuple[NamedEffect, type[Effect] | None, list[tuple[str, str, str]], int]:
+    """An effect, its entry in the catalogue, its parameters (name, values, meaning), and how many more."""
     one = classes.get(effect.name)
     meanings = {} if one is None else {key: q.meaning for key, q in one.parameters().items()}
     rows = []
@@ -160,13 +160,7 @@ def _card(effect: NamedEffect, classes: Mapping[str, type[Effect]], first: dt.da
         second = quantities.converted(of[0], first) if len(of) == 1 else "in the order of time"
         meaning = "; ".join(part for part in (second, meanings.get(base, "")) if part)
         rows.append((base.replace("_", " "), "; ".join(map(quantities.estimate, of)), meaning))
-    return {
-        "e": effect,
-        "sentence": "" if one is None else one.sentence,
-        "looks": "" if one is None else one.looks,
-        "parameters": rows,
-        "more": max(len(effect.parameters) - MOST_PARAMETERS, 0),
-    }
+    return effect, one, rows, max(len(effect.parameters) - MOST_PARAMETERS, 0)
 
 
 def _noise(noise: Mapping[str, float | None], output: str) -> list[tuple[str, str]]:
@@ -225,9 +219,9 @@ def _entry(key: str, text: str) -> list[str]:
 
 def _gap_lines(gap: Gap) -> list[str]:
     """The table of the gap: a row per simulation, a column per horizon."""
-    factor, unit = quantities.scale(gap)
+    _, unit = quantities.scale(gap)
     table = [(f"error [{unit}]", [f"{h:g} h" for h in gap.horizon_h])]
-    for row in quantities.gap_rows(gap, factor):
+    for row in quantities.gap_rows(gap):
         indent = "  " if row.kind == "described" else ""
         table.append((indent + row.name, [quantities.error(v) for v in row.sealed]))
     if gap.steps:

@@ -91,9 +91,8 @@ def write_page_of(found: Forecast, config: Config, out: Path) -> Path:
         rows.append((s.moment(at), (*output, *flows)))
     assumed = found.announced < q.shape[1]
     context = {
-        "reach": reach.name, "at": s.moment(s.now), "delay_s": found.delay_s, "rows": rows, "pool": pool,
+        "reach": reach, "found": found, "at": s.moment(s.now), "rows": rows, "pool": pool,
         "headline": headline(found, config), "figure": figure, "uri": data_uri(figure.path),
-        "unit": reach.output_unit.replace("m3", "m³"), "learnt": found.learnt, "notes": found.notes,
         "assumed": s.moment(s.now + 1 + found.announced) if assumed else None,
     }  # fmt: skip
     return write_page(out / "forecast.html", "forecast", context)

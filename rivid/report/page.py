@@ -59,10 +59,9 @@ def environment() -> "Environment":
     style = loader.get_source(made, "base.css")[0]
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     made.globals |= {name: word for name, word in vars(text).items() if isfunction(word)}
-    made.globals["seconds"] = text.duration
-    made.globals["ESTIMATORS"] = ESTIMATORS
     made.filters |= {"unbroken": unbroken, "caption": caption}
     made.globals |= {"style": Markup(style), "style_hash": f"sha256-{digest}", "version": __version__}
+    made.globals["ESTIMATORS"] = ESTIMATORS
     return made
 
 

@@ -187,8 +187,9 @@ def as_shown(diagnosis: Diagnosis) -> Diagnosis:
     return replace(diagnosis, effects=tuple(effects))
 
 
-def gap_rows(gap: Gap, factor: float = 1.0) -> list[Errors]:
-    """Return the simulations of a gap in their order, with errors multiplied by `factor`."""
+def gap_rows(gap: Gap) -> list[Errors]:
+    """Return the simulations of a gap in their order, with errors in the unit of :func:`scale`."""
+    factor, _ = scale(gap)
     rows = [Errors("baseline", "without any effect", gap.rmse_baseline, gap.rmse_open_baseline)]
     for i, step in enumerate(gap.steps, start=1):
         known = gap.rmse_open_augmented if i == len(gap.steps) else None

@@ -256,34 +256,26 @@ def missing(dates: Sequence[dt.date]) -> list[dt.date]:
 def summarise(results: Results, recent: LastWeek | None) -> dict[str, Any]:
     """Condense a run and its last week (:func:`last_week`) into one record of numbers, dates and codes.
 
-    These are `reach`, `note`, `sample_time` [s], `unit`, `river`, `sigma_d` [samples], `assumed`, `first`,
-    `last`, `days`, `no_log` (first and last days of gaps), `missing` (days), `names`, and the parts `now`,
-    `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is nothing to report. Lags
-    are in samples, bounds in seconds.
+    These are `assumed`, `first`, `last`, `days`, `no_log` (first and last days of gaps), `missing` (days),
+    and the parts `now`, `moved`, `prior`, `waves`, `record`, `passage`: mappings, or None where there is
+    nothing to report. Lags are in samples, bounds in seconds.
     """
     lead, river = leading(results), read.leading_response(results)
     dates = sorted({date for e in results.estimators for date in e.dates})
     gone = missing(dates)
     return {
-        "reach": results.reach,
-        "note": results.note,
-        "sample_time": results.sample_time,
-        "unit": results.output_unit,
-        "river": river is not None,
-        "sigma_d": results.delay_scale,
         "assumed": results.assumed,
         "first": dates[0] if dates else None,
         "last": dates[-1] if dates else None,
         "days": len(dates),
         "missing": len(gone),
         "no_log": spans(gone),
-        "names": [e.estimator for e in results.estimators],
         "now": _now(results, recent) if recent else None,
         "moved": _moved(recent) if recent and np.isfinite(recent.values).any() else None,
-        "prior": _prior(results, recent, lead) if recent else None,
+        "prior": _prior(results, recent, lead) if recent and lead else None,
         "waves": _waves(results, recent) if recent else None,
         "record": _record(results, lead) if lead else None,
-        "passage": _passage(results, river) if river else None,
+        "passage": _passage(results, river, lead) if river and lead else None,
     }
 
 
@@ -309,16 +301,12 @@ def _now(results: Results, recent: LastWeek) -> dict[str, Any]:
     return {
         "code": code,
         "quantity": recent.quantity,
-        "estimator": e.estimator,
         "first": max(recent.first, e.dates[0]),
-        "last": recent.last,
         "rows": len(e.dates),
         "days": int(recent.week.sum()),
         "given": int(given.sum()),
         "by_prior": recent.by_prior,
         "judged": recent.quantity != "t50" and not ESTIMATORS[e.estimator].unchecked,
-        "whole": recent.whole,
-        "median": recent.median,
         "delay": d,
         "range": _ends(recent.values[given]),
         "statuses": statuses,
@@ -358,18 +346,17 @@ def _moved(recent: LastWeek) -> dict[str, Any]:
     }
 
 
-def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) -> dict[str, Any] | None:
+def _prior(results: Results, recent: LastWeek, lead: EstimatorResults) -> dict[str, Any] | None:
     """How many days the prior, or chance, decides; or how probable the delays are."""
     e, given = recent.estimator, recent.given
     n = int(given.sum())
     if recent.quantity == "t50":
-        part: dict[str, Any] = {"code": "response", "estimator": e.estimator, "lead": None}
-        part["jump"] = read.estimates_delay(e)
-        if lead is not None and read.estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
+        part: dict[str, Any] = {"code": "response", "jump": read.estimates_delay(e), "lead": None}
+        if read.estimates_delay(lead) and not ESTIMATORS[lead.estimator].unchecked:
             f = facts(results, lead)
             if f["with_delay"]:
                 part |= {"lead": lead.estimator, "record": (f["prior_only"], f["with_delay"])}
-        return part | {"rayleigh": lead is not None and ESTIMATORS[lead.estimator].rayleigh, "decides": None}
+        return part | {"rayleigh": ESTIMATORS[lead.estimator].rayleigh, "decides": None}
     f = facts(results, e)
     if not f["with_delay"]:
         return None
@@ -380,12 +367,10 @@ def _prior(results: Results, recent: LastWeek, lead: EstimatorResults | None) ->
         decides = ("record", f["prior_only"], f["with_delay"])
     part = {
         "code": "prior",
-        "estimator": e.estimator,
         "rayleigh": ESTIMATORS[e.estimator].rayleigh,
         "week": None if recent.whole or not n else (recent.by_prior, n),
         "record": (f["prior_only"], f["with_delay"]),
         "decides": decides,
-        "days": f["prior_only"],
     }
     if ESTIMATORS[e.estimator].unjudged:
         part["code"] = "not_judged"
@@ -431,7 +416,6 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "reasons": reasons.most_common(MOST_REASONS),
         "gravity": _ends(e.bound_gravity_s[days]),
         "kinematic": _ends(e.bound_kinematic_s[days]) if results.output_unit != "m" else None,
-        "traits": ESTIMATORS[e.estimator],
         "uniform": None,
     }
     if ESTIMATORS[e.estimator].rayleigh and f["with_delay"]:
@@ -446,9 +430,8 @@ def _record(results: Results, e: EstimatorResults) -> dict[str, Any]:
     return record
 
 
-def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
-    p, lead = read.passage(results, e), leading(results)
-    f = facts(results, lead) if lead is not None else None
+def _passage(results: Results, e: EstimatorResults, lead: EstimatorResults) -> dict[str, Any]:
+    p, f = read.passage(results, e), facts(results, lead)
     return {
         "estimator": e.estimator,
         "numbers": p,
@@ -457,6 +440,6 @@ def _passage(results: Results, e: EstimatorResults) -> dict[str, Any]:
         "no_sum": int((e.answered & ~np.isfinite(e.t50)).sum()),
         "gravity": _ends(e.bound_gravity_s[read.has_t50(e)]),
         "kinematic": _ends(e.bound_kinematic_s[read.has_t50(e)]),
-        "jump_of_little_use": f is not None
-        and (f["prior_only"] >= LITTLE * f["with_delay"] or f["high"] - f["low"] > 2 * (p.high - p.low)),
+        "jump_of_little_use": f["prior_only"] >= LITTLE * f["with_delay"]
+        or f["high"] - f["low"] > 2 * (p.high - p.low),
     }
