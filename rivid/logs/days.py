@@ -14,7 +14,6 @@ from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -75,11 +74,6 @@ class FileFacts:
     settings: str = ""  # digest of the settings that this was found with
     # of `days`, those of which the file holds no more than the row at one of their midnights
     edges: list[str] = field(default_factory=list)
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> "FileFacts":
-        """From the attributes as JSON holds them."""
-        return cls(**{**value, "days": None if value["days"] is None else dict(value["days"])})
 
 
 @dataclass(frozen=True)
@@ -284,13 +278,7 @@ def make_grid(start: int, end: int, period: float, zone: dt.tzinfo) -> Grid:
     650
     """
     count = -int(-(end - start) // (period * MICRO))
-    return Grid(start, end, start + _instants(count, period), zone)
-
-
-@lru_cache(maxsize=16)
-def _instants(count: int, period: float) -> Ints:
-    """k T_s [us], shape (count,)."""
-    return np.asarray(np.rint(np.arange(count) * (period * MICRO)), np.int64)
+    return Grid(start, end, start + np.rint(np.arange(count) * (period * MICRO)).astype(np.int64), zone)
 
 
 def sampled(

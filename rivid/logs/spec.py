@@ -23,7 +23,7 @@ from rivid.config import Config
 from rivid.errors import ConfigError, DataError
 from rivid.input_config import FLOWS, UNITS, InputConfig
 from rivid.logs import suffix_of
-from rivid.types import Ints
+from rivid.types import ONE_DAY, Ints
 
 MICRO = 1_000_000
 """Microseconds in a second: times are whole microseconds of UTC since 1970, exact and fast to compare."""
@@ -198,13 +198,9 @@ LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
 @lru_cache(maxsize=4096)
 def day_bounds(date: dt.date, zone: dt.tzinfo) -> tuple[int, int]:
     """First instant of a local day and of the next one [us UTC]; 23 or 25 h apart when clocks change."""
-    return _midnight(date, zone), _midnight(date + dt.timedelta(days=1), zone)
-
-
-@lru_cache(maxsize=4096)
-def _midnight(date: dt.date, zone: dt.tzinfo) -> int:
-    midnight = dt.datetime(date.year, date.month, date.day, tzinfo=zone)
-    return round(midnight.timestamp()) * MICRO
+    midnights = (dt.datetime.combine(day, dt.time(), zone) for day in (date, date + ONE_DAY))
+    start, end = (round(midnight.timestamp()) * MICRO for midnight in midnights)
+    return start, end
 
 
 def local(time: int, zone: dt.tzinfo) -> dt.datetime:
