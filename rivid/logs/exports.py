@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import reduce
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -170,8 +171,7 @@ def _piece(name: str, columns: Columns, times: Ints, file: str, spec: Spec) -> _
     for row, text in columns.why.get(name, {}).items():
         of_text = ValueStatus.MISSING if text in EMPTY else ValueStatus.STATUS
         statuses[row] = ValueStatus.FLAG if text.startswith(FLAG) else of_text
-    if spec.input.sentinels:
-        statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
+    statuses[np.isin(values, spec.input.sentinels)] = ValueStatus.SENTINEL
     return file, columns, times, np.where(statuses == ValueStatus.USED, values, np.nan), statuses
 
 
@@ -325,14 +325,11 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
         for part, there in zip(parts[1:], rows[1:], strict=True):
             common = np.intersect1d(common, part.times[there], assume_unique=True)
         kept = [there[np.isin(part.times[there], common)] for part, there in zip(parts, rows, strict=True)]
-        total = parts[0].values[kept[0]]
-        for part, there in zip(parts[1:], kept[1:], strict=True):
-            total = total + part.values[there]
-        for part, there in zip(parts, kept, strict=True):
-            matched[part.name][there] = True
-        values = total * signal.factor if signal.factor != 1.0 else total
         origins = list(zip(parts, kept, strict=True))
-        columns.append(Canonical(signal, common - signal.shift, values, origins))
+        for part, there in origins:
+            matched[part.name][there] = True
+        total = reduce(np.add, [part.values[there] for part, there in origins])
+        columns.append(Canonical(signal, common - signal.shift, total * signal.factor, origins))
     for name, found in matched.items():
         alone = ~found & (series[name].statuses == ValueStatus.USED)
         series[name].statuses[alone] = ValueStatus.UNMATCHED

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -267,9 +267,7 @@ def _as_numbers(table: pa.Table, spec: Spec) -> Table:
         _mark(np.isinf(numbers[name]), bad, f"column {name!r} holds an infinite number")
     good = np.ones(table.num_rows, bool)
     good[list(bad)] = False
-    empty = np.zeros(len(good), bool)
-    if all(column.null_count for column in table.columns):
-        empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
+    empty = np.all([column.is_null().to_numpy() for column in table.columns], axis=0)
     for i in np.flatnonzero(empty).tolist():
         bad.pop(i, None)
     rows, before = np.flatnonzero(good), np.cumsum(good)
@@ -584,17 +582,15 @@ def in_utc(columns: Columns, zone: dt.tzinfo, spec: Spec) -> tuple[Ints, list[Fa
 
 def _total(signal: Signal, columns: Columns, spec: Spec, events: dict[str, list[int]]) -> Floats:
     """A canonical column from those of the log: sentinels masked, summed, in SI units."""
-    total: Floats | None = None
+    parts = []
     for source in signal.sources:
         values = columns.numbers[source]
-        if spec.input.sentinels:
-            masked = np.isin(values, spec.input.sentinels)
-            if masked.any():
-                events.setdefault("sentinels masked", []).extend(np.flatnonzero(masked).tolist())
-                values = np.where(masked, np.nan, values)
-        total = values if total is None else total + values
-    assert total is not None
-    return total if signal.factor == 1.0 else total * signal.factor
+        masked = np.isin(values, spec.input.sentinels)
+        if masked.any():
+            events.setdefault("sentinels masked", []).extend(np.flatnonzero(masked).tolist())
+            values = np.where(masked, np.nan, values)
+        parts.append(values)
+    return reduce(np.add, parts) * signal.factor
 
 
 def repeated(
