@@ -565,9 +565,7 @@ def _read(root: Path, sources: Sequence[DaySource], spec: Spec, span: Span | Non
             if b - a == ONE_DAY:
                 raise DataError(f"{a} and {b} {OFFSETS}")
             raise DataError(f"{a} and {b} are not consecutive days")
-    series = days[0][0]
-    if len(days) > 1:
-        series = {name: _join([day[name] for day, _ in days]) for name in series}
+    series = {name: _join([day[name] for day, _ in days]) for name in days[0][0]}
     start, end = span or (bounds[0][0], bounds[-1][1])
     if span:
         series = {name: _within(*column, span, spec.tolerance) for name, column in series.items()}

@@ -235,16 +235,13 @@ def ledger_of(tables: Sequence[Table], series: Iterable[Series]) -> dict[str, An
 def ledger_lines(ledger: dict[str, Any]) -> Iterable[str]:
     """The account as a table."""
     names, sources = [name[:24] for name in ledger["sources"]], list(ledger["sources"].values())
-    dropped = {word: [source["dropped"].get(word, 0) for source in sources] for word in REASONS}
-    rows = {"read": [source["read"] for source in sources]}
-    rows |= {word: counts for word, counts in dropped.items() if any(counts)}
-    rows["used"] = [source["used"] for source in sources]
-    if any(source["sorted"] for source in sources):
-        rows["out of order, sorted"] = [source["sorted"] for source in sources]
     widths = [max(len(name), 9) for name in names]
     yield "  ".join([f"{'values':28s}", *(f"{n:>{w}s}" for n, w in zip(names, widths, strict=True))])
-    for word, counts in rows.items():
-        yield "  ".join([f"{word:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
+    for word in ("read", *REASONS, "used", "sorted"):
+        counts = [source.get(word, source["dropped"].get(word, 0)) for source in sources]
+        if word in ("read", "used") or any(counts):
+            label = "out of order, sorted" if word == "sorted" else word
+            yield "  ".join([f"{label:28s}", *(f"{n:>{w},d}" for n, w in zip(counts, widths, strict=True))])
 
 
 Origins = list[tuple[Series, Ints]]

@@ -440,19 +440,17 @@ def load(path: Path, name: str, spec: Spec, *, fresh: bool = False) -> Log:
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
     key = (path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, spec)
-    log = None if fresh else _kept.get(key)
+    log = None if fresh else _kept.pop(key, None)
     if log is None:
         try:
-            table = read_table(path, name, spec, DAY if is_day_file(path.name) else MANY)
-            log = _kept[key] = make_log(table, spec)
+            log = make_log(read_table(path, name, spec, DAY if is_day_file(path.name) else MANY), spec)
         except MemoryError:
             raise DataError(f"{name} does not fit into memory ({status.st_size / 1e6:,.0f} MB)") from None
-        while len(_kept) > KEPT_FILES or (
-            len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
-        ):
-            del _kept[next(iter(_kept))]
-    else:
-        _kept[key] = _kept.pop(key)
+    _kept[key] = log
+    while len(_kept) > KEPT_FILES or (
+        len(_kept) > 2 and sum(len(kept.times) for kept in _kept.values()) > KEPT_ROWS
+    ):
+        del _kept[next(iter(_kept))]
     return log
 
 

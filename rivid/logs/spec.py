@@ -354,7 +354,6 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
             packed = _in_chunks(file, status.st_size + 1, most)
     except OSError as error:
         raise DataError(f"{name} cannot be read: {error.strerror}") from None
-    refuse_size(name, len(packed), most)
     content = packed
     if packed and name.lower().endswith(".gz"):
         try:
@@ -364,7 +363,7 @@ def read_bytes(path: Path, name: str, most: int) -> tuple[bytes, str]:
             raise CutError(f"{name} is cut off: the gzip stream does not end") from None
         except (OSError, zlib.error) as error:
             raise DataError(f"{name} is not a sound gzip file: {error}") from None
-        refuse_size(name, len(content), most)
+    refuse_size(name, len(content), most)
     if not content:
         raise CutError(f"{name} is empty")
     return content, sha256(packed).hexdigest()
