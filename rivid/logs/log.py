@@ -329,11 +329,8 @@ NEAR = 0.1
 """A number that is off by less than the range of the values and this part of the largest is taken as data."""
 FARTHER = 2.0
 """Number of such distances by which a number of :data:`ROUND` must be off."""
-_NEGATIVE = frozenset(s for s in SENTINELS if s < 0)
-_POSITIVE = frozenset(s for s in SENTINELS if s > 0)
-_LEAST, _MOST = max(_NEGATIVE), min(_POSITIVE)
+_LEAST, _MOST = max(s for s in SENTINELS if s < 0), min(s for s in SENTINELS if s > 0)
 _HOUR = 3600 * MICRO
-_LONGEST_DAY = 26 * _HOUR
 
 _kept: dict[tuple[object, ...], "Log"] = {}  # the oldest first; an OrderedDict hashes keys to list its values
 KEPT_FILES, KEPT_ROWS = 40, 1_000_000
@@ -604,14 +601,6 @@ def repeated(
     return again, faults
 
 
-def may_hold(values: Floats) -> bool:
-    """Whether sentinels may be among the values; fast, as every column of every log is checked.
-
-    A sentinel far from all other values is the least or the greatest of them.
-    """
-    return float(np.fmin.reduce(values)) in _NEGATIVE or float(np.fmax.reduce(values)) in _POSITIVE
-
-
 def sentinels_in(values: Floats) -> list[float]:
     """Well-known sentinels, ascending, among values (n,) of a day, far from all others; NaN is no value."""
     known = np.isin(values, SENTINELS)
@@ -634,7 +623,6 @@ def _is_far(sentinel: float, others: Floats) -> bool:
 
 def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[Fault]:
     """Faults at rows: values beyond any river, and each day's undeclared sentinels; times (n,) [us UTC]."""
-    many_days = int(times.max()) - int(times.min()) > _LONGEST_DAY
     given, found, faults = spec.input, [], []
     for source in spec.sources:
         if source not in columns.numbers:
@@ -648,9 +636,8 @@ def suspect(columns: Columns, times: Ints, spec: Spec, zone: dt.tzinfo) -> list[
                 size = f"{source} = {values[row] * signal.factor:.3g} {unit}"
                 text = f"{columns.place(row)}: {size} is beyond any river: check [input.units], or add the "
                 faults.append(Fault(row, f"{text}value to [input] sentinels"))
-        small = low > _LEAST and high < _MOST
-        if small or not (many_days or may_hold(values)):
-            continue
+        if low > _LEAST and high < _MOST:
+            continue  # no sentinel lies between
         there = ~np.isin(values, given.sentinels)
         suspects = there & np.isin(values, SENTINELS)
         hours = np.unique(times[suspects] // _HOUR) * _HOUR
