@@ -304,12 +304,8 @@ class Config(Section):
         if reach is None:
             return value  # its own error is raised
         roles = ("time", "u_Qi", "u_Qo", "h_L") if reach.kind == "pool" else ("time", "u_Qi", "Q_L")
-        given = {}
-        for role in roles:
-            columns = getattr(value, role)
-            given[role] = {columns or role} - {""} if not isinstance(columns, list) else set(columns)
-        if value.u_Qo == "":
-            given.pop("u_Qo", None)
+        named = {role: columns for role in roles if (columns := getattr(value, role)) != ""}
+        given = {role: set(c) if isinstance(c, list) else {c or role} for role, c in named.items()}
         for one, other in combinations(given, 2):
             shared = given[one] & given[other]
             # two discharges may share a part, such as a bypass; nothing else may

@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Column = str | list[str]
-Stamp = Literal["instant", "start", "end"]
 FLOWS = ("u_Qi", "u_Qo", "Q_L")
 """Canonical columns that are discharges [m3/s]; ``h_L`` is the level [m]."""
 
@@ -139,7 +138,7 @@ class InputConfig(Section):
         dict[str, str], Means("of a column: `m3/s`, `cfs`, `kcfs`, `L/s`, `m3/h`; `m`, `cm`, `mm`, `ft`")
     ] = {}
     stamp: Annotated[
-        dict[str, Stamp],
+        dict[str, Literal["instant", "start", "end"]],
         Means("what the time of a value stands for: `instant`, `start` or `end` of its interval"),
     ] = {}
     interval: Annotated[

@@ -24,7 +24,6 @@ from rivid.logs import SUFFIXES, suffix_of
 from rivid.logs.log import Log, load
 from rivid.logs.spec import (
     DAY,
-    LAST_ZONE,
     MICRO,
     CutError,
     Signal,
@@ -428,6 +427,8 @@ def _span(micros: int) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
+LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
+"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
 OFFSETS = "have different UTC offsets: set [input] time_zone to the zone whose days are meant"
 
 

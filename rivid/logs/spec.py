@@ -191,10 +191,6 @@ UNIX = {"unix": MICRO, "unix_ms": 1000}
 """Time formats that count seconds or milliseconds of UTC since 1970, as [us]."""
 
 
-LAST_ZONE = dt.timezone(dt.timedelta(hours=-12))
-"""Where a day ends last: what is not yet over there may not be over at a clock of unknown zone."""
-
-
 @lru_cache(maxsize=4096)
 def day_bounds(date: dt.date, zone: dt.tzinfo) -> tuple[int, int]:
     """First instant of a local day and of the next one [us UTC]; 23 or 25 h apart when clocks change."""
