@@ -318,10 +318,9 @@ def canonical(series: dict[str, Series], spec: Spec) -> list[Canonical]:
                 matched[part.name][:] = True
             continue
         rows = [np.flatnonzero(part.statuses == ValueStatus.USED) for part in parts]
-        common = parts[0].times[rows[0]]
-        for part, there in zip(parts[1:], rows[1:], strict=True):
-            common = np.intersect1d(common, part.times[there], assume_unique=True)
-        kept = [there[np.isin(part.times[there], common)] for part, there in zip(parts, rows, strict=True)]
+        stamps = [part.times[there] for part, there in zip(parts, rows, strict=True)]
+        common = reduce(np.intersect1d, stamps)
+        kept = [there[np.isin(times, common)] for times, there in zip(stamps, rows, strict=True)]
         origins = list(zip(parts, kept, strict=True))
         for part, there in origins:
             matched[part.name][there] = True
@@ -400,19 +399,17 @@ def judge(
     if own:
         more = f" (and {len(own) - 1} more)" if len(own) > 1 else ""
         day.status, day.reason = "refused", f"{own[0].text}{more}"
-        begin, end = day_bounds(date, zone)
-        still = end == begin + 86_400 * MICRO and clocks_change(date)  # else the zone sets its own back
+        # on a longer day the zone sets its own clock back
+        still = grid.end == grid.start + 86_400 * MICRO and clocks_change(date)
         if given and still and " is logged twice " in own[0].text:
             day.reason += f"; if the clock is set back that night, its [input] time_zone is not {given}"
-        return day, rows
-    if not whole:
-        return day, rows
-    try:
-        _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
-    except DataError as error:
-        unfinished = isinstance(error, TrailingGap) and date >= today
-        day.status = "pending" if unfinished else "refused"
-        day.reason = str(error) + _advice(columns, series, grid)
+    elif whole:
+        try:
+            _, day.filled = sampled(series, grid, [column.signal for column in columns], spec)
+        except DataError as error:
+            unfinished = isinstance(error, TrailingGap) and date >= today
+            day.status = "pending" if unfinished else "refused"
+            day.reason = str(error) + _advice(columns, series, grid)
     return day, rows
 
 

@@ -99,14 +99,12 @@ def _parquet(times: Ints, columns: Mapping[str, Floats], zone: dt.tzinfo) -> byt
     unit = "us" if (times % 1000).any() else "ms"
     name = getattr(zone, "key", None) or local(int(times[0]), zone).isoformat()[19:]
     stamp = pa.timestamp(unit, tz=name)
-    arrays = [pa.array(times if unit == "us" else times // 1000).cast(stamp)]
-    fields = [pa.field("time", stamp, nullable=False)]
-    for column, values in columns.items():
-        arrays.append(pa.array(values, from_pandas=True))  # NaN becomes null
-        fields.append(pa.field(column, pa.float64()))
+    clock = pa.array(times if unit == "us" else times // 1000).cast(stamp)
+    numbers = [pa.array(values, from_pandas=True) for values in columns.values()]  # NaN becomes null
+    schema = [pa.field("time", stamp, nullable=False), *((name, pa.float64()) for name in columns)]
     sink = io.BytesIO()
     pq.write_table(
-        pa.table(arrays, schema=pa.schema(fields)),
+        pa.table([clock, *numbers], pa.schema(schema)),
         sink,
         compression="zstd",
         compression_level=9,
