@@ -294,8 +294,7 @@ def sampled(
             _refuse_supposed(times, signal, spec)
         samples[signal.name], bridged = on_grid(times, values, grid, signal, spec)
         filled |= bridged
-    if filled.any():
-        _refuse_filled(filled, series, spec)
+    _refuse_filled(filled, series, spec)
     return samples, int(filled.sum())
 
 
